@@ -36,8 +36,8 @@ Point = tuple[float, float, float]
 
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
-    """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and its length as a share of a
-    step, for engines that cannot divide a kick."""
+    """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
+    share of a step, for engines that cannot divide a kick."""
     total = lengths.sum()
     shares = lengths / total
     whole = 1.0 if abs(total - 1.0) < ROUNDING else float(total)
@@ -51,15 +51,15 @@ class Model(Protocol):
     links: tuple[str, ...]
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg): mass matrix of the moving joints. For a floating robot, the base is free to accelerate."""
+        """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m: joint torques that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
+        """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m: joint torques that give `accelerations`, on a fixed base; inputs (n,)."""
+        """Joint torques (n,) in N m that give `accelerations`, on a fixed base; the arguments have the shape (n,)."""
 
     def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
         """Kinetic and gravitational energy of the links in J, on a fixed base."""
@@ -72,13 +72,13 @@ class Scene(NamedTuple):
     """Bodies and contacts of a world."""
 
     bodies: Mapping[str, tuple[float, ...]]
-    """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
+    """Poses (x, y, z, qx, qy, qz, qw) of the world's objects, and of the robot's root link if this link floats, by name."""
     contacts: Mapping[str, tuple[float, float, float]]
-    """"object/other" -> contact force on the object in N, world frame, summed over points."""
+    """Contact forces on objects in N, world frame, summed over points; the key "object/other" names both bodies."""
 
 
 class Record(NamedTuple):
-    """The robot's numbers and the work space of a native step. Each thread needs a record of its own."""
+    """Parameters of the robot and work space for a native step. Each thread needs a record of its own."""
 
     address: int
     memory: Any
@@ -104,7 +104,7 @@ class Engine(Protocol):
     version: str
     """Name and version of the engine's library, for the log."""
     model: Model | None
-    """None if the motion of the links is prescribed."""
+    """Model of the robot; None if the motion of the links is prescribed."""
     state: Any
     """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
 
@@ -141,12 +141,13 @@ class EngineEntry:
     """A registered engine."""
 
     make: Callable[..., tuple[Engine, tuple[Any, ...]]]
-    """Function (scenario, robot) -> engine and warnings. The robot has the scenario's modes and parameters already."""
+    """Function that takes a scenario and a robot, and returns the engine and its warnings. The robot has the scenario's modes
+    and parameters already."""
     doc: str
     module: str = ""
     """Python module that the engine needs; empty if it needs none."""
     prescribed: bool = False
-    """The scenario's `motion` prescribes the motion of the links."""
+    """Whether the scenario's `motion` prescribes the motion of the links."""
     faster: str = ""
     """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
 

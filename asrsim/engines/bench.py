@@ -26,9 +26,9 @@ class Table(NamedTuple):
     """The whole prescribed motion, for native steps."""
 
     places: Array
-    """(n, joints) rad, m: positions at whole steps; NaN in the last row, since the motion ends with the scenario."""
+    """Positions (n, joints) at whole steps, rad or m; NaN in the last row, since the motion ends with the scenario."""
     speeds: Array
-    """(n, joints) rad/s, m/s: mean velocities over the step before each position."""
+    """Mean velocities (n, joints) over the step before each position, rad/s or m/s."""
 
 
 def move(table: Any, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:

@@ -48,7 +48,7 @@ class BulletEngine(RigidEngine):
         super().__init__(room, home)
 
     def _turned(self, configuration: Array) -> Array:
-        """(3, 3) rotation of the base link."""
+        """Rotation matrix (3, 3) of the base link."""
         w, *vector = configuration[3:7].tolist()
         return self.model.matrix((*vector, w))
 

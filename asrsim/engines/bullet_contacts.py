@@ -32,11 +32,11 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
 BEYOND = 1e-9
-"""rad or m: a joint that rests on its stop is this far beyond the stop."""
+"""Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 REACH = 2.0
-"""Number of steps: a stop is near if the joint could reach it within them, moving 1 rad/s faster than it does."""
+"""A stop counts as near if the joint, moving 1 rad/s faster than now, could reach the stop within this number of steps."""
 ARREST = 1e9
-"""N m: largest torque of the motor that stops a joint at its stop; above the torque of any impact."""
+"""Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
@@ -93,7 +93,7 @@ class BulletContacts:
         set_inertias(p, client, body, places, merged)
         free_of_losses(p, client, body)
         p.setGravity(*scenario.gravity, physicsClientId=client)
-        # erp 0: a stop takes a joint's velocity and does not push it back; see _reach_stops.
+        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see _reach_stops.
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
         )
@@ -108,9 +108,9 @@ class BulletContacts:
         count = len(self._indices)
         self._before = np.zeros(self._base + count)
         self._rotation: Array | None = None
-        """(3, 3) of the base link, if it floats."""
+        """Rotation matrix (3, 3) of the base link, if the base floats."""
         self._frictions: list[float | None] = [None] * count
-        """N m, torque limits of the motors that act as friction; None: unknown."""
+        """Torque limits in N m of the motors that act as friction; None: unknown."""
         self._room = make_room(
             self.robot, np.zeros(4), qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
             joint_v=range(self._base, self._base + count), free=bool(self._base),

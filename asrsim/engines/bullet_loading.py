@@ -18,7 +18,7 @@ from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
 NO_CLAMP = 1e9
-"""rad/s: limit at which Bullet clips joint velocities (100 by default); so large that it never acts."""
+"""Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:

@@ -103,7 +103,7 @@ class BulletModel(RigidModel):
     # -- for stepping ------------------------------------------------------------------------------------------------
 
     def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
-        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the axes
+        """Mass matrix (v, v) of all degrees of freedom, a floating base first: translation of its centre of mass along the axes
         of the world, rotation about the axes of the base link.
 
         rotation: (3, 3) rotation of a floating base; None for a fixed base.
@@ -116,7 +116,7 @@ class BulletModel(RigidModel):
         return matrix
 
     def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
-        """(v,) N m: gravity, Coriolis and centrifugal forces, in the order of `matrix_at`; velocity: (v,)."""
+        """Gravity, Coriolis and centrifugal forces (v,) in N m, in the order of `matrix_at`. velocity: velocities (v,)."""
         q = self._ordered(positions)
         if rotation is None:
             return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
@@ -127,7 +127,7 @@ class BulletModel(RigidModel):
         return bias
 
     def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
-        """(v,) N m: generalised forces of the wrenches; values: (w, 6) their forces (N) and torques (N m)."""
+        """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
         total = np.zeros(self.free + len(self.indices))
         # The base of this model keeps the pose of the start.
         turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
@@ -145,11 +145,11 @@ class BulletModel(RigidModel):
         return total
 
     def _standing_frame(self) -> Array:
-        """(3, 3) rotation of the base link's frame at the start."""
+        """Rotation matrix (3, 3) of the base link's frame at the start."""
         return self._standing @ self.axes.T
 
     def _mass(self, positions: list[float]) -> Array:
-        """(v, v) mass matrix along Bullet's axes, in the order of asrsim."""
+        """Mass matrix (v, v) along Bullet's axes, with degrees of freedom in asrsim's order."""
         matrix = self._sum(self._p.calculateMassMatrix, positions)
         return matrix if self._ours else matrix[self._block]
 
@@ -161,8 +161,8 @@ class BulletModel(RigidModel):
         return np.asarray(sum(part * np.array(routine(body, *arguments, physicsClientId=client)) for part, body in self._parts))
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
-        """(v,) N m: forces that give the accelerations, along Bullet's axes, in the order of asrsim. turned: (3, 3) principal
-        axes of the base in the world."""
+        """Generalised forces (v,) in N m that give the accelerations, along Bullet's axes, in asrsim's order of degrees of
+        freedom. turned: (3, 3) principal axes of the base in the world."""
         states = [positions, velocities, accelerations]
         if self.free:
             # The position of the base has no effect; its velocity must have six numbers.
@@ -180,13 +180,13 @@ class BulletModel(RigidModel):
     # -- the model ---------------------------------------------------------------------------------------------------
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(v, v) mass matrix, a floating base first, along the principal axes of the base's inertia."""
+        """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
         return self._mass(self._ordered(positions))
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
+        """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         states = [self._ordered(values) for values in (positions, velocities, accelerations)]
         return self._forces_at(self._standing, *states)[self.free :]
 
@@ -225,12 +225,12 @@ class BulletModel(RigidModel):
             self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
 
     def matrix(self, quaternion: Sequence[float]) -> Array:
-        """(3, 3) rotation matrix of a quaternion x, y, z, w."""
+        """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
         return _matrix(self._p, quaternion)
 
 
 def places_of(p: Any, client: int, body: int) -> dict[str, int]:
-    """Link of a robot -> Bullet's number of the link; -1 for the base."""
+    """Bullet's number of each link of a robot, by name of the link; -1 for the base."""
     places = {p.getBodyInfo(body, client)[0].decode(): -1}
     for index in range(p.getNumJoints(body, client)):
         places[p.getJointInfo(body, index, client)[12].decode()] = index
@@ -252,5 +252,5 @@ def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Arr
 
 
 def _matrix(p: Any, quaternion: Sequence[float]) -> Array:
-    """(3, 3) rotation matrix of a quaternion x, y, z, w."""
+    """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
     return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

@@ -15,7 +15,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import World, WorldObject
 
 GROUND_SIZE = 100.0
-"""m: edge of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
+"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
 """Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 
@@ -26,7 +26,7 @@ class BulletWorld:
     def __init__(self, p: Any, client: int, body: int, world: World, *, fixed: bool) -> None:
         self._p, self._client, self._body = p, client, body
         self.objects: dict[str, int] = {}
-        """Name of an object -> Bullet's number of its body."""
+        """Bullet's body number of each object, by name of the object."""
         self._moving = [item.name for item in world.objects if item.mass]
         self._ground = self._lay_ground(world, fixed) if world.ground else None
         for item in world.objects:
@@ -72,7 +72,7 @@ class BulletWorld:
         return body
 
     def poses(self) -> dict[str, tuple[float, ...]]:
-        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame."""
+        """Pose (x, y, z, qx, qy, qz, qw) of each object, by name; m, world frame."""
         poses = {}
         for name, body in self.objects.items():
             position, orientation = self._p.getBasePositionAndOrientation(body, self._client)
@@ -99,7 +99,8 @@ class BulletWorld:
         names = {body: name for name, body in self.objects.items()} | {self._body: ROBOT}
         if self._ground is not None:
             names[self._ground] = GROUND
-        # All points are read in one call: asked for one pair, Bullet reverses the normal forces but not the friction.
+        # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in self._p.getContactPoints(physicsClientId=self._client) or ()

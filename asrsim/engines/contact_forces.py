@@ -19,7 +19,7 @@ def contact_forces(
     """Contact forces in N, world frame. "object/other": force on the object by the other body; "robot/ground": force of the
     ground on the robot; 0 without contact.
 
-    points: of each contact point, both bodies and the force (3,) on the first body.
+    points: for each contact point, both bodies and the force (3,) on the first body.
     """
     others = [*objects, *([GROUND] if ground else []), ROBOT]
     total: dict[str, Any] = {f"{name}/{other}": NOTHING for name in objects for other in others if other != name}

@@ -85,7 +85,7 @@ class MujocoEngine(RigidEngine):
         self._mujoco.mj_setConst(m, data)
 
     def _shift(self, link: str) -> Array:
-        """(3,) m: origin of the link's MuJoCo body, in the frame of the link."""
+        """Origin (3,) of the link's MuJoCo body in m, in the frame of the link."""
         return self._centre if link == self.base else np.zeros(3)
 
     def _places(self, merged: MergedRobot) -> dict[str, tuple[int, Array, Array]]:

@@ -15,7 +15,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
 GROUND_HALF = 50.0
-"""m: half the edge of the box that serves as the ground."""
+"""Half the edge length in m of the box that serves as the ground."""
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot collides with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
@@ -61,7 +61,7 @@ def link_body(name: str) -> str:
 
 
 def base_centre(scenario: Scenario, robot: Robot) -> Array:
-    """(3,) m: origin of the root link's MuJoCo body in the frame of the link; the centre of mass if the base floats.
+    """Origin (3,) of the root link's MuJoCo body in m, in the frame of the link; the centre of mass if the base floats.
 
     The linear velocity of the base is then that of its centre of mass, as in PyBullet, and both engines compute equal steps.
     """

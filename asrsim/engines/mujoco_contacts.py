@@ -21,7 +21,7 @@ NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
 LIGHTER = 1e-2
 """Factor on the inverse inertia that regularises friction. With it, velocities were measured to be exact within 5e-8 rad/s."""
 REACH = 2.0
-"""Number of steps: a stop is near if the joint could reach it within them, moving 1 rad/s faster than it does."""
+"""A stop counts as near if the joint, moving 1 rad/s faster than now, could reach the stop within this number of steps."""
 TOLERANCE = 1e-12
 """MuJoCo's solver ends when the scaled improvement of its cost falls below this value."""
 SEARCH = 1000
@@ -62,7 +62,7 @@ class MujocoContacts:
 
     def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance by one step as `asrsim.engines.mujoco_step.step` does, but MuJoCo computes friction, stops and contacts, with
-        the means over the pieces of the kick. The state has the accelerations from which the solver starts in the place of
+        the means over the pieces of the kick. The state has the accelerations from which the solver starts, instead of
         `regime`."""
         mj, m, d, room = self._mujoco, self._m, self._d, record.room
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
@@ -71,7 +71,7 @@ class MujocoContacts:
         lagging = state[first : first + size].copy()
         damping = loads[:, DAMPING]
         m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
-        # Friction may vary from step to step. MuJoCo makes a constraint of it only where it is not 0.
+        # Friction may vary from step to step. MuJoCo makes a constraint of friction only where the friction is not 0.
         m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
         d.qpos[:] = state[:first]
         d.qvel[:] = lagging
@@ -109,8 +109,8 @@ class MujocoContacts:
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def poses(self, state: Array) -> dict[str, tuple[float, ...]]:
-        """Object -> pose (x, y, z, qx, qy, qz, qw), m, world frame. The poses follow from the configuration, since the poses
-        that MuJoCo stores lag by one step."""
+        """Pose (x, y, z, qx, qy, qz, qw) of each object, by name; m, world frame. The poses follow from the configuration,
+        since the poses that MuJoCo stores lag by one step."""
         poses = {}
         for name in self._objects:
             body = self._m.body(f"object/{name}")

@@ -17,7 +17,7 @@ from asrsim.rebind import rebind
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
 """File names of MuJoCo's C library in the folder of the Python package: Linux, macOS, Windows."""
 PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
-"""Packages that install files into the folder `mujoco`: name of the metadata folder -> name for pip."""
+"""Packages that install files into the folder `mujoco`: pip's name of each package, by name of its metadata folder."""
 
 
 def load() -> Any:

@@ -15,7 +15,8 @@ from asrsim.samples import Array
 class MujocoModel(RigidModel):
     """MuJoCo's `asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are not joints of the robot.
 
-    places: link -> MuJoCo body, position (3,) and rotation (3, 3) of the link in the body (fixed links are merged into it).
+    places: for each link, its MuJoCo body, and position (3,) and rotation (3, 3) of the link in the body (fixed links are
+    merged into it).
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class MujocoModel(RigidModel):
         self._known = None
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(v, v) mass matrix of a floating base and the moving joints."""
+        """Mass matrix (v, v) of a floating base and the moving joints."""
         data = self._place(positions)
         full = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, data, full)
@@ -64,7 +65,7 @@ class MujocoModel(RigidModel):
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
+        """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
         data.qacc[:] = 0.0

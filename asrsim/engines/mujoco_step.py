@@ -41,22 +41,23 @@ class Record(NamedTuple):
     at_force: int
     at_vectors: int
     vectors: Numbers
-    """(3, 3) work space; the rows are a force, a torque and a point."""
+    """Work space (3, 3); the rows are a force, a torque and a point."""
     xpos: Numbers
     xmat: Numbers
     wrench_body: Numbers
     wrench_point: Numbers
-    """(w, 3) m: point at which each wrench acts, in the frame of its body."""
+    """Point (m) at which each wrench acts, in the frame of the wrench's body; shape (w, 3)."""
     wrench_turn: Numbers
-    """(w, 3, 3): rotation of the frame of each wrench's link, in the frame of its body."""
+    """Rotation of the frame of each wrench's link, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
     wrench_local: Numbers
-    """(w,): 1 for wrenches that are given in the frame of their link."""
+    """Flags (w,): 1 for wrenches that are given in the frame of their link."""
 
 
 def make_record(
     model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]]
 ) -> Record:
-    """Work space of a step. places: link -> MuJoCo body, position (3,) m and rotation (3, 3) of the link in the body."""
+    """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
+    the body."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))

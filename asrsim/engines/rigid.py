@@ -40,23 +40,24 @@ class Room(NamedTuple):
     """Work space of a step, with n joints, v degrees of freedom and q values of a configuration."""
 
     scheme: Numbers
-    """(4,): constants of the integration scheme; see `STEP`."""
+    """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
     """1 if the base floats."""
     qpos: Numbers
-    """(q,): configuration at which the library evaluates matrix and bias."""
+    """Configuration (q,) at which the library evaluates mass matrix and bias."""
     qvel: Numbers
-    """(v,): velocity at which the library evaluates matrix and bias."""
+    """Velocity (v,) at which the library evaluates mass matrix and bias."""
     matrix: Numbers
-    """(v, v) kg m^2: mass matrix."""
+    """Mass matrix (v, v), kg m^2."""
     bias: Numbers
-    """(v,) N m: torques that balance gravity, Coriolis and centrifugal forces."""
+    """Torques (v,) in N m that balance gravity, Coriolis and centrifugal forces."""
     force: Numbers
-    """(v,) N m: generalised forces of the wrenches in a piece of the kick."""
+    """Generalised forces (v,) of the wrenches in a piece of the kick, N m."""
     inertia: Numbers
-    """(n,) kg m^2: diagonal of the mass matrix, without damping."""
+    """Diagonal (n,) of the mass matrix, without damping, kg m^2."""
     velocity: Numbers
-    """(v,): velocity before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this and the next ten."""
+    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next ten
+    fields."""
     impulse: Numbers
     bound: Numbers
     slowest: Numbers
@@ -67,13 +68,13 @@ class Room(NamedTuple):
     places: Numbers
     square: Numbers
     joint_q: Numbers
-    """(n,): index of each joint in a configuration."""
+    """Index of each joint in a configuration, (n,)."""
     joint_v: Numbers
-    """(n,): index of each joint in the velocities."""
+    """Index of each joint in the velocities, (n,)."""
     lower: Numbers
-    """(n,) rad or m: lower stops of the joints."""
+    """Lower stops of the joints (n,), rad or m."""
     upper: Numbers
-    """(n,) rad or m: upper stops of the joints."""
+    """Upper stops of the joints (n,), rad or m."""
 
 
 def make_room(
@@ -154,7 +155,8 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         total += lengths[piece]
     for i in range(size):
         before, after = state[first + i], room.velocity[i]
-        # For a first, shorter kick: the velocity before it as if it had been a full kick.
+        # After a first, shorter kick, the stored old velocity is the velocity from which a full kick would have led to the new
+        # velocity.
         state[first + size + i] = before + (1.0 - 1.0 / total) * (after - before)
         state[first + i] = after
         state[first + 2 * size + i] = float(room.regime[i])
@@ -249,7 +251,7 @@ class RigidEngine:
     """
 
     def __init__(self, room: Room, home: Array) -> None:
-        """home: (q,) configuration at the start; the values of the joints are not used."""
+        """home: configuration (q,) at the start; the values of the joints are not used."""
         self._room, self._home = room, home
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
@@ -314,13 +316,13 @@ class RigidModel:
     """Number of degrees of freedom of a floating base, which precede the joints; 0 for a fixed base."""
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(v, v) mass matrix of all degrees of freedom."""
+        """Mass matrix (v, v) of all degrees of freedom."""
         raise NotImplementedError
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
+        """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         raise NotImplementedError
 
     def potential(self, positions: Sequence[float] | Array) -> float:
@@ -328,7 +330,7 @@ class RigidModel:
         raise NotImplementedError
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg): mass matrix of the moving joints. For a floating robot, the base is free to accelerate."""
+        """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
         matrix = self.full_matrix(positions)
         if not self.free:
             return matrix
@@ -336,7 +338,7 @@ class RigidModel:
         return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m: joint torques that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
+        """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
         return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
 
     def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:

@@ -118,7 +118,7 @@ class Comparer:
 
 
 def _series_of(samples: Samples, rows: slice) -> dict[tuple[str, str, str | None, int], Array]:
-    """(kind, name, joint, column) -> series (n,) in these rows."""
+    """Series (n,) in these rows, by (kind, name, joint, column)."""
     found: dict[tuple[str, str, str | None, int], Array] = {("time", "time", None, 0): samples.time[rows]}
     for name, table in samples.values.items():
         found |= {("value", name, joint, 0): table[rows, j] for j, joint in enumerate(samples.joints)}

@@ -27,9 +27,9 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 UNREPEATABLE = "unrepeatable"
-"""Metadata key: names of the changes that no document can express."""
+"""Metadata key under which a log stores the names of the changes that no document can express."""
 LIVE = "live"
-"""Metadata key: the run was live, and its log contains the commands from outside."""
+"""Metadata key that marks the log of a live run, which contains the commands from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
     "resolved", "lines", "joint_order", "namespace", "desired",

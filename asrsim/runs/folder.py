@@ -31,7 +31,7 @@ _NAMES = {
     r"report\.html": "page",
     r"(joints|joints_\d+|energy|overview|objects)\.(png|pdf|svg)": "picture",
 }
-"""Regular expression for the name of a file that `asrsim run` writes -> kind of file."""
+"""Kind of each file that `asrsim run` writes, by a regular expression for the file's name."""
 
 
 def default_folder(scenario: Scenario) -> Path:

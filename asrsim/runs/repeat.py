@@ -40,7 +40,7 @@ class Repetition:
     differences: tuple[Difference, ...]
     """Differing series, in the order of their first difference."""
     versions: Mapping[str, tuple[str, str]]
-    """Library -> (version that wrote the log, installed version), where they differ."""
+    """Version that wrote the log, and installed version, of each library for which these versions differ."""
 
     @property
     def identical(self) -> bool:
@@ -167,7 +167,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
         raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
-        # The names come from a hostile file: only their last part is used, each in a separate folder.
+        # The names come from a file that may be malicious: only the last part of each name is used, in a separate folder.
         own_folder = folder / "files" / str(number)
         own_folder.mkdir(parents=True)
         files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
@@ -175,7 +175,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
-    # Meshes are read from the folder that they had when the log was written.
+    # Meshes are read from the folder in which they were when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
     # Claims do not change a run, and may refer to recordings that do not exist on this computer.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}

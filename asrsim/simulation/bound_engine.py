@@ -16,7 +16,7 @@ from asrsim.simulation.layout import E_VELOCITY
 
 NO_RECORD = Record(0, None)
 NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
-"""Wrenches of a kick without wrenches, and the length of a kick of one piece."""
+"""Empty table of wrenches, and table of lengths for a kick that consists of one piece."""
 
 
 class BoundEngine:
@@ -26,15 +26,15 @@ class BoundEngine:
         self.engine = engine
         self._exchange = np.zeros((0, len(engine.joints), 5))
         self._parts: list[Array] = []
-        """The exchange for kicks of 0, 1, ... pieces."""
+        """Exchange arrays, indexed by the number of pieces of the kick."""
         self._world: int | None = None
-        """Number of the world whose state the engine contains; None if it is no world's."""
+        """Number of the world whose state the engine contains; None if this state belongs to no world."""
         self.watch: Callable[[], None] | None = None
         """Function that is called before each step of the engine."""
 
     @property
     def step(self) -> Any:
-        """Address of its step."""
+        """Address of the engine's step function."""
         return self._step
 
     def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
@@ -63,7 +63,7 @@ class BoundEngine:
         self._world = world
 
     def enter(self, states: Any, world: int) -> None:
-        """Let the engine have a world's state."""
+        """Load the state of a world into the engine."""
         if self._world != world:
             self.leave(states, world)
             self.engine.state = states[world]
@@ -97,7 +97,7 @@ class CalledEngine(BoundEngine):
 
     @property
     def step(self) -> Any:
-        """Address of its step."""
+        """Address of the engine's step function."""
         return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
@@ -112,7 +112,7 @@ class CalledEngine(BoundEngine):
         self._exchange[..., E_VELOCITY] = np.nan
 
     def give_back(self, record: Any) -> None:
-        """The call is over."""
+        """End a call of the kernel."""
         if self._raised is not None:
             error, self._raised = self._raised, None
             raise error
@@ -136,7 +136,7 @@ class NativeEngine(BoundEngine):
 
     @property
     def step(self) -> Any:
-        """Address of its step."""
+        """Address of the engine's step function."""
         return self._address
 
     def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
@@ -145,7 +145,7 @@ class NativeEngine(BoundEngine):
         return np.zeros((pieces, self._joints, 5)), record
 
     def give_back(self, record: Any) -> None:
-        """The call is over."""
+        """End a call of the kernel."""
         self._records.append(record)
 
     def leave(self, states: Any, world: int | None) -> None:
@@ -156,7 +156,7 @@ class NativeEngine(BoundEngine):
         states[world] = self.engine.state
 
     def enter(self, states: Any, world: int) -> None:
-        """Let the engine have a world's state."""
+        """Load the state of a world into the engine."""
         self.engine.state = states[world]
 
     def state(self, states: Any, world: int) -> Any:

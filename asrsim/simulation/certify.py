@@ -21,7 +21,8 @@ BLOCK = 65_536
 ORDER_TOLERANCE = 0.35
 """Largest difference between the order of the scheme and the measured order that is not reported."""
 RESOLVED = 1e-12
-"""rad and N m: differences below this value are rounding errors and give no order of convergence."""
+"""Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
+differences."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +116,7 @@ def certify(
 
 
 def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
-    """The scenario with a step `finer` times finer, logged at the same times."""
+    """The scenario with a step that is smaller by the factor `finer`, and with unchanged logging times."""
     if STEPPINGS.get(scenario.stepping).released:
         return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
     resolution = run.resolution
@@ -123,7 +124,8 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
 
 
 def _order(first: float, second: float) -> float:
-    """Measured order of convergence, from the differences that halving the step once and twice makes; NaN at rounding level."""
+    """Measured order of convergence, computed from the differences between runs with the whole, half and quarter step; NaN if
+    these differences are rounding errors."""
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
@@ -136,7 +138,7 @@ class Comparison:
         self._samples, self._count = scenario.steps // scenario.log_every + 1, 0
         self._stored: Array | None = None
         self._sums: list[tuple[Array, Array, Array]] = []
-        """For each earlier motion: largest difference, sum of squares and number of differences."""
+        """Largest difference, sum of squared differences and number of differences, for each earlier motion."""
 
     def write(self, samples: Samples) -> None:
         """Compare the next samples."""

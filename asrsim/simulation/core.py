@@ -23,11 +23,11 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
 
 SECONDS_SAVED = 6e-6
-"""s: time that compiled code saves per joint and motor substep (measured: 4 to 30 microseconds)."""
+"""Time in s that compiled code saves per joint and motor substep (measured: 4 to 30 microseconds)."""
 SECONDS_TO_LOAD = 0.6
-"""s: time to import Numba and load the compiled kernel. The first compilation after an installation takes 8 s more."""
+"""Time in s to import Numba and load the compiled kernel. The first compilation after an installation takes 8 s more."""
 SECONDS_WHEN_LOADED = 0.05
-"""s: time to load the compiled kernel if Numba is already imported."""
+"""Time in s to load the compiled kernel if Numba is already imported."""
 
 
 def is_worth_compiling(joints: int, substeps: int) -> bool:
@@ -66,7 +66,7 @@ class Core:
         }
         kinds, constants = tables(drives, prepared.sensors, self.shape, **self._options)
         self._kinds: Any = kinds if compiled else kinds.tolist()
-        """Table K; for the Python loop a list, in which the addresses are functions."""
+        """Table K of `asrsim.simulation.layout`; for the Python loop, a list that contains functions instead of addresses."""
         self._owners: list[Any] = []
         self._bind_laws(drives)
         if compiled:
@@ -74,13 +74,13 @@ class Core:
 
             self._run = compiled_run()
         self.S = np.zeros((worlds, len(drives), self.shape.state))
-        """(worlds, joints, columns): state; see `asrsim.simulation.layout`."""
+        """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
-        """(worlds, joints, columns): parameters; see `asrsim.simulation.layout`."""
+        """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.layout`."""
         self.done = np.zeros(worlds, dtype=np.int64)
-        """(worlds,): number of substeps done."""
+        """Number of completed substeps of each world, (worlds,)."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        """(worlds, 2): state of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`), and the joint at fault."""
+        """Health of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`) and number of the joint at fault, (worlds, 2)."""
         self._pieces = 1
         """Largest number of pieces of a kick so far."""
         self._engines = [self._bound(engine, prepared)] * worlds
@@ -167,7 +167,7 @@ class Core:
         return int(self.done[world]), self.S[world].copy(), self.P[world].copy(), engine
 
     def put(self, world: int, state: tuple[int, Array, Array, Any]) -> None:
-        """Set the complete state of a world, which then continues with identical bits."""
+        """Set the complete state of a world. Continuing from this state gives bitwise identical results."""
         self.done[world], self.S[world], self.P[world], engine = state
         self.fault[world] = HEALTHY
         bound = self._engines[world]
@@ -176,7 +176,7 @@ class Core:
         bound.entered(self.X, world)
 
     def engine_of(self, world: int) -> Engine:
-        """The engine of a world; its state may be that of another world."""
+        """The engine of a world; the engine may contain the state of another world."""
         return self._engines[world].engine
 
     def look(self, world: int) -> Engine:
@@ -239,10 +239,11 @@ def make_core(
     prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1,
     watch: Callable[[], None] | None = None,
 ) -> tuple[Core, str]:  # fmt: skip
-    """The core, and why it is the plain one where compiled code would pay; empty where it would not.
+    """A core, and the reason why its loop runs in Python although compiled code would be faster (empty if there is no such
+    reason).
 
-    compiled: whether it is; None: the scenario's choice, else where it is_worth_compiling in a run of so many substeps. Raises
-    SimulationError where it cannot be had and is asked for. worlds, watch: as of `Core`.
+    compiled: whether the loop is compiled; None: as the scenario states, else according to `is_worth_compiling` for this number
+    of substeps. worlds, watch: as in `Core`. Raises SimulationError if compiled code is requested but not available.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
     if wanted or (

@@ -20,11 +20,13 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 LIMIT = 1e-8
-"""rad (m): largest difference at which engines agree on motion without contacts (differences of about 1e-12 were measured)."""
+"""Largest difference in rad (m) at which engines agree on motion without contacts (differences of about 1e-12 were
+measured)."""
 NUDGE = 1e-12
-"""rad (m): change of the start positions by which the sensitivity of the motion is measured."""
+"""Change of the start positions in rad (m) by which the sensitivity of the motion is measured."""
 SENSITIVE = 100.0
-"""Factor on the effect of `NUDGE` up to which engines may differ: they round in every step, not only at the start."""
+"""Allowed difference between engines, as a multiple of the effect of `NUDGE`: engines round in every step, not only at the
+start."""
 
 
 def other_engine(engine: str) -> str | None:

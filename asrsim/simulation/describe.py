@@ -75,8 +75,8 @@ WORLD, MAP = "world", "map"
 
 
 def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
-    """Frame of each link in its parent; of a fixed root link, in the world. A floating root link is among the bodies
-    instead."""
+    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
+    listed among the bodies instead."""
     frames = [
         Frame(
             parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),

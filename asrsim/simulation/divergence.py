@@ -15,7 +15,7 @@ from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3
-"""J: energies below this value are not checked."""
+"""Energies below this value, in J, are not checked."""
 
 
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
@@ -33,7 +33,8 @@ class EnergyGuard:
     """Checks the energy balances of the links and of each actuator.
 
     If the step does not resolve a spring, the energy balance of the links still closes, but that of the actuator does not. In
-    stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs it exceeds it.
+    stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs the residual
+    exceeds this bound.
     """
 
     def __init__(self, energy: float) -> None:
@@ -55,7 +56,7 @@ class EnergyGuard:
         positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         created = model.energy(positions, velocities) - self._start - float(given.sum()) - float(residual.sum())
-        # The kinetic energy is known half a step late: an exchange with potential energy looks like a gain.
+        # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
         kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
         self._fastest = max(self._fastest, kinetic)
         if created > FLOOR + SHARE * (float(turnover.sum()) + self._fastest):

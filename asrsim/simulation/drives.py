@@ -72,7 +72,8 @@ class SteppedJoint:
 
     @property
     def hysteresis(self) -> tuple[float, float] | None:
-        """Level (N m) and length (rad) of the springs' hysteresis; None without hysteresis, as always in the released order."""
+        """Torque level (N m) and deflection length (rad) of the springs' hysteresis; None without hysteresis and in the
+        released order."""
         return self.drive.hysteresis if self.drive and not self.stepping.released else None
 
     def electric(self, index: int) -> Electric:

@@ -50,7 +50,7 @@ class Imperfect(Signal):
     of: Signal
     effects: Effects
     step: float
-    """s: sampling interval of noise that has no rate."""
+    """Sampling interval in s of noise without a declared rate."""
     seed: tuple[int, ...]
 
     def values(self, time: Array) -> Array:

@@ -18,15 +18,15 @@ from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
 
 BALANCED = 1e-10
-"""N m (N): largest residual torque of a joint at equilibrium."""
+"""Largest residual torque of a joint at equilibrium, N m (N)."""
 NUDGE = 1e-6
-"""rad (m): step of the finite differences that give the stiffness."""
+"""Step of the finite differences that give the stiffness, rad (m)."""
 LONGEST = 0.2
-"""rad (m): largest step of Newton's method, since springs and gravity are strongly nonlinear."""
+"""Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
 FLAT = 1e-3
-"""N m/rad (N/m): smallest stiffness that Newton's method assumes, so that its steps stay finite."""
+"""Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 SHOVE = 1e-2
-"""rad (m): displacement by which the search leaves an unstable equilibrium."""
+"""Displacement by which the search leaves an unstable equilibrium, rad (m)."""
 ROUNDS = 200
 """Largest number of steps of Newton's method."""
 
@@ -51,12 +51,13 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
-        """(joints,) N m: torques of gravity. They are 0 for a robot in free fall; a robot on the ground has a fixed base."""
+        """Torques of gravity (joints,) in N m. The torques are 0 for a robot in free fall; a robot on the ground has a fixed
+        base."""
         falls = not scenario.fixed_base and scenario.world.empty
         return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
 
     def balance(positions: Array) -> Array:
-        """(joints,) N m: residual torque of each joint."""
+        """Residual torque of each joint (joints,) in N m."""
         held = external - weight(positions)
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])

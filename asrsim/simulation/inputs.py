@@ -47,17 +47,17 @@ class Given(NamedTuple):
     of inputs and references; worlds with equal signals and times share a set of the other tables."""
 
     inputs: Array
-    """(sets, rows, joints, columns): external torques, references mapped to motors, and for each sensor whether it takes a
-    sample, and its noise."""
+    """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample, and
+    the noise); shape (sets, rows, joints, columns)."""
     references: Array
-    """(sets, rows, joints, columns): external torques and references, as they are given."""
+    """External torques and references before the reference map; shape (sets, rows, joints, columns)."""
     wrenches: Array
-    """(sets, rows, w, 6) N, N m: forces and torques of the wrenches."""
+    """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
-    """(sets, rows): length of a kick that is not split, 1, or of a piece, as a share of a substep."""
+    """Length of each kick or piece of a kick as a fraction of a substep, 1 for a kick that is not split; shape (sets, rows)."""
     cuts: NDArray[np.int64]
-    """(sets, c, 4): split kicks; row of the kick, first row and last row + 1 of its pieces, row of the piece that begins at the
-    time of the substep. -1: no more."""
+    """Split kicks, shape (sets, c, 4): row of the kick, first row and last row + 1 of its pieces, row of the piece that begins
+    at the time of the substep. Unused entries are -1."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class Chunk:
 
     count: int
     sensors: Array
-    """(rows, joints, columns): whether each sensor takes a sample, and its noise."""
+    """Two columns for each sensor: whether the sensor takes a sample, and the noise; shape (rows, joints, columns)."""
     given: Given
-    """The inputs without overridden references, one set."""
+    """One set of inputs, without references that the caller has set."""
 
 
 class Inputs:
@@ -142,7 +142,8 @@ class Inputs:
         return values
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        """Table of inputs (sets, n, joints, columns), made from references (sets, n, joints, columns) and sensors (n, joints,
+        columns)."""
         inputs = np.empty((*references.shape[:3], references.shape[3] + self._sensed))
         inputs[..., : references.shape[3]] = references
         inputs[..., references.shape[3] :] = sensors
@@ -182,7 +183,8 @@ class Inputs:
     def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
         """Rows `begin` to `end` of a chunk, with their pieces.
 
-        held: (sets, joints, columns) values that override the scenario's; NaN: no override. None: one set without overrides.
+        held: values (sets, joints, columns) that override the scenario's inputs; NaN: no override. None: one set without
+        overrides.
         """
         given, sensors = chunk.given, chunk.sensors
         if end - begin < chunk.count:

@@ -95,7 +95,8 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
     """Compute the errors of the measured positions and velocities. Measurements are delayed and held until the next sample;
     positions are also noisy and quantised.
 
-    A ring buffer stores past positions and velocities. The index of the newest entry and the last measurement follow it.
+    A ring buffer stores past positions and velocities. The buffer is followed by the index of its newest entry and by the last
+    measurement.
     """
     size = int(p[P_DELAY]) + 2
     for i in range(k[CONTROLLERS]):
@@ -105,7 +106,8 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
             x, lagging = s[POSITION], z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
             gain = p[P_DERIVATIVE]
         else:
-            # The sensor measures at the kick: the motor's position is extrapolated by this share of a step.
+            # The sensor measures at the time of the kick, to which the motor's position is extrapolated by this fraction of a
+            # step.
             ahead = z[FIRST_DRIFT]
             lagging = s[m + MOTOR_VELOCITY]
             x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
@@ -130,9 +132,9 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
 def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
     """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set s[TORQUE].
 
-    note: first column in which the torques on each motor are stored; DRIVE_TORQUE also stores the other recorded values; 0:
-    nothing is stored. With motor substeps, the values are those of the middle substep. With h = 0 nothing moves. whole:
-    whether stiffness and energy of the springs are computed too.
+    note: first of the columns in which the torques on each motor are stored; 0: no torques are stored. With DRIVE_TORQUE, the
+    other recorded values are stored too. With motor substeps, the stored values are those of the middle motor substep. With h =
+    0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
     """
     kind = k[KIND]
     if k[JOINT_STEP]:
@@ -142,7 +144,7 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
     elif kind == SPRUNG:
         _advance_springs(s, p, k, z, u, h, note, whole)
     elif kind == CONTROLLED:
-        # A PID controller on the rigid link (paper eq. 11); its derivative action is a brake: see `limit`.
+        # A PID controller on the rigid link (paper eq. 11); its derivative action acts as damping: see `limit`.
         error = u[GOALS] - s[FIRST_MOTOR + READ_ERROR] - s[POSITION]
         more = p[P_INTEGRAL] * h * error
         s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[FIRST_MOTOR + READ_PUSH] + 0.5 * more
@@ -161,7 +163,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
     turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
-    # An odd number, of which one is in the middle, also in a piece of a kick.
+    # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
     turns += 1 - turns % 2
     step = h / turns
     before = z[FIRST_DRIFT] * step
@@ -261,7 +263,8 @@ def push_of(s: Any, p: Any, external: float) -> float:
 
 
 def damping_of(s: Any, p: Any) -> float:
-    """Viscous damping of the link in N m s/rad: c + 2 D sqrt(I k) where it follows the stiffness k (paper section 4.2.2)."""
+    """Viscous damping of the link in N m s/rad. A damping that varies with the stiffness k is c + 2 D sqrt(I k), with constant
+    part c, damping ratio D and inertia I (paper section 4.2.2)."""
     if p[P_DAMPING_RATIO] == 0.0:
         return p[P_DAMPING]  # type: ignore[no-any-return]
     return p[P_DAMPING] + 2.0 * p[P_DAMPING_RATIO] * sqrt(max(p[P_DAMPING_INERTIA] * s[STIFFNESS], 0.0))  # type: ignore[no-any-return]
@@ -275,8 +278,9 @@ def find_state(s: Any, p: Any, k: Any) -> None:
 
 
 def friction_of(s: Any, p: Any, v: float) -> float:
-    """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), where tau is the actuator's torque on
-    the link. Friction dissipates energy at any level."""
+    """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with Coulomb friction tau_c, load
+    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy
+    at any level."""
     bound: float = p[P_COULOMB] + p[P_SHARE] * abs(s[APPLIED] - s[BRAKE] * v)
     if p[P_STRIBECK] > 0.0:
         ratio = v * p[P_FADE]

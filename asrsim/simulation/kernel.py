@@ -62,9 +62,9 @@ from asrsim.simulation.layout import (
 from asrsim.simulation.ledger import count_limits, update_energies
 
 FASTEST = 1e4
-"""rad/s (m/s): link speed above which a world counts as diverged."""
+"""Link speed above which a world counts as diverged, rad/s (m/s)."""
 ENDLESS = 1e300
-"""N m: torque from which on a torque counts as infinite."""
+"""Torque above which a torque counts as infinite, N m."""
 
 
 def run(
@@ -108,7 +108,8 @@ def run(
                 if jumped:
                     _clear_means(s, k)
                 total = torque = applied = push = drag = stiffness = energy = 0.0
-                # A split kick has one more turn at the time of the substep: h = 0 stores values to record, and nothing moves.
+                # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing
+                # moves.
                 for turn in range(begin, end + 1 if jumped else end):
                     row, h, note = turn, z[STEP], DRIVE_TORQUE
                     whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]

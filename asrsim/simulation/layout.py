@@ -12,58 +12,58 @@ from __future__ import annotations
 # S: columns of the joint. The torques that do work on the link form blocks of four columns: their values at the whole substep,
 # and their means over half kicks.
 (
-    POSITION,  # rad; position of the link
-    ENGINE_VELOCITY,  # rad/s; velocity of the link in the engine: half a substep late in staggered steppings
-    LAST_ENGINE_VELOCITY,  # rad/s; velocity of the link in the engine one substep before
-    VELOCITY,  # rad/s; velocity of the link at the whole substep
-    INTEGRAL,  # N m; integral action of the link's controller (mode 1)
-    LAST_POSITION,  # rad; position of the link one substep before
-    BRAKE,  # N m s/rad; derivative gain of the link's controller that acts in this kick; 0 beyond the effort limit
-    DRAG,  # N m s/rad; viscous damping of the link in this kick
-    JUMPED,  # 1; 1 if an input jumped in the last substep
-    APPLIED,  # N m; torque of the actuator on the link, after the effort limit
-    TORQUE,  # N m; torque of the actuator on the link, before the effort limit
-    DAMPING,  # N m; torque of the link's damping
-    PUSH,  # N m; sum of the external torque and the torque of the passive spring
-    APPLIED_BEFORE,  # N m; mean over the half kick before: applied, torque, damping, push
+    POSITION,  # position of the link, rad
+    ENGINE_VELOCITY,  # velocity of the link in the engine, rad/s: half a substep late in staggered steppings
+    LAST_ENGINE_VELOCITY,  # velocity of the link in the engine one substep before, rad/s
+    VELOCITY,  # velocity of the link at the whole substep, rad/s
+    INTEGRAL,  # integral action of the link's controller (mode 1), N m
+    LAST_POSITION,  # position of the link one substep before, rad
+    BRAKE,  # derivative gain of the link's controller that acts in this kick, N m s/rad; 0 beyond the effort limit
+    DRAG,  # viscous damping of the link in this kick, N m s/rad
+    JUMPED,  # flag: 1 if an input jumped in the last substep, else 0
+    APPLIED,  # torque of the actuator on the link, after the effort limit, N m
+    TORQUE,  # torque of the actuator on the link, before the effort limit, N m
+    DAMPING,  # torque of the link's damping, N m
+    PUSH,  # sum of the external torque and the torque of the passive spring, N m
+    APPLIED_BEFORE,  # means over the half kick before the whole substep, N m: applied, torque, damping, push
     _,
     _,
     _,
-    APPLIED_NEXT,  # N m; mean over the half kick after: applied, torque, damping, push
+    APPLIED_NEXT,  # means over the half kick after the whole substep, N m: applied, torque, damping, push
     _,
     _,
     _,
-    APPLIED_LAST,  # N m; APPLIED_NEXT of the previous kick: applied, torque, damping, push
+    APPLIED_LAST,  # APPLIED_NEXT of the previous kick, N m: applied, torque, damping, push
     _,
     _,
     _,
-    FREE,  # 1; 1 if the brake acts at the time of the whole substep
-    FREE_BEFORE,  # 1; share of the half kick before in which the brake acts
-    FREE_AFTER,  # 1; share of the half kick after in which the brake acts
-    LINK_WORK,  # J; work of the actuator on the link since the start
-    LIMIT_LOSS,  # J; work that the effort limit prevented
-    DAMPING_LOSS,  # J; energy lost in the link's damping
-    MOTOR_WORK,  # J; work of the motors
-    FRICTION_LOSS,  # J; energy lost by the motors' friction and damping, and at their limits
-    WINDING_LOSS,  # J; heat of the windings
-    HYSTERESIS_LOSS,  # J; energy lost in the springs' hysteresis
-    SPRING_ENERGY,  # J; energy stored in the springs
-    MOTOR_ENERGY,  # J; kinetic energy of the motors
-    START_ENERGY,  # J; energy of springs and motors at the start
-    RESIDUAL,  # J; motor work - losses - change of the stored energy - link work
-    NET_LINK_WORK,  # J; work of actuator and external torques on the link, minus the damping loss of the link
-    TURNOVER,  # J; sum of the magnitudes of all work at the joint
-    EXCESS,  # J; largest value so far of |RESIDUAL| - asrsim.simulation.ledger.SHARE * TURNOVER
-    STIFFNESS,  # N m/rad; stiffness of the spring
-    LAW_ENERGY,  # J; result of the spring's energy law in its last call, without hysteresis
-    STIFFEST,  # N m/rad; largest stiffness so far
-    EFFORT_COUNT,  # 1; substeps in which the effort limit clipped the torque
-    VELOCITY_COUNT,  # 1; substeps beyond the link's velocity limit
-    SATURATION_COUNT,  # 1; substeps with a motor at its torque limit
-    MOTOR_STOP_COUNT,  # 1; substeps with a motor at its position stop
-    MOTOR_SPEED_COUNT,  # 1; substeps with a motor at its speed limit
-    DEFLECTION_COUNT,  # 1; substeps with a spring beyond its largest deflection
-    STOP_COUNT,  # 1; substeps with the link at its position stop
+    FREE,  # flag: 1 if the derivative action (BRAKE) acts at the time of the whole substep, else 0
+    FREE_BEFORE,  # fraction of the half kick before the whole substep in which the derivative action acts
+    FREE_AFTER,  # fraction of the half kick after the whole substep in which the derivative action acts
+    LINK_WORK,  # work of the actuator on the link since the start, J
+    LIMIT_LOSS,  # work that the effort limit prevented, J
+    DAMPING_LOSS,  # energy lost in the link's damping, J
+    MOTOR_WORK,  # work of the motors, J
+    FRICTION_LOSS,  # energy lost by the motors' friction and damping, and at their limits, J
+    WINDING_LOSS,  # heat of the windings, J
+    HYSTERESIS_LOSS,  # energy lost in the springs' hysteresis, J
+    SPRING_ENERGY,  # energy stored in the springs, J
+    MOTOR_ENERGY,  # kinetic energy of the motors, J
+    START_ENERGY,  # energy of springs and motors at the start, J
+    RESIDUAL,  # motor work - losses - change of the stored energy - link work, J
+    NET_LINK_WORK,  # work of actuator and external torques on the link, minus the damping loss of the link, J
+    TURNOVER,  # sum of the magnitudes of all work at the joint, J
+    EXCESS,  # largest value so far of |RESIDUAL| - asrsim.simulation.ledger.SHARE * TURNOVER, J
+    STIFFNESS,  # stiffness of the spring, N m/rad
+    LAW_ENERGY,  # result of the spring's energy law in its last call, without hysteresis, J
+    STIFFEST,  # largest stiffness so far, N m/rad
+    EFFORT_COUNT,  # number of substeps in which the effort limit clipped the torque
+    VELOCITY_COUNT,  # number of substeps beyond the link's velocity limit
+    SATURATION_COUNT,  # number of substeps with a motor at its torque limit
+    MOTOR_STOP_COUNT,  # number of substeps with a motor at its position stop
+    MOTOR_SPEED_COUNT,  # number of substeps with a motor at its speed limit
+    DEFLECTION_COUNT,  # number of substeps with a spring beyond its largest deflection
+    STOP_COUNT,  # number of substeps with the link at its position stop
     FIRST_MOTOR,  # column at which the block of the first motor begins
 ) = range(53)
 PUSHES = 4
@@ -71,40 +71,40 @@ PUSHES = 4
 
 # S: columns of a motor. The torques that do work on it form blocks of three columns.
 (
-    MOTOR_POSITION,  # rad; position of the motor at the beginning of the next substep
-    MOTOR_VELOCITY,  # rad/s; velocity of the motor after the last kick
-    ANCHOR,  # rad; position at which the bristles of the friction stick (Dahl's w)
-    MOTOR_INTEGRAL,  # N m; integral action of the motor's controller, in units of the command
-    KICK_POSITION,  # rad; position of the motor at the kick
-    MEAN_VELOCITY,  # rad/s; mean velocity of the motor over the kick
-    DRIVE_TORQUE,  # N m; torque of the motor after its limit
-    FRICTION,  # N m; friction torque on the motor
-    LOAD,  # N m; torque of the motor's spring
-    DRIVE_BEFORE,  # N m; mean over the half kick before: drive, friction, load
+    MOTOR_POSITION,  # position of the motor at the beginning of the next substep, rad
+    MOTOR_VELOCITY,  # velocity of the motor after the last kick, rad/s
+    ANCHOR,  # position at which the bristles of the friction stick (Dahl's w), rad
+    MOTOR_INTEGRAL,  # integral action of the motor's controller, in units of the command, N m
+    KICK_POSITION,  # position of the motor at the kick, rad
+    MEAN_VELOCITY,  # mean velocity of the motor over the kick, rad/s
+    DRIVE_TORQUE,  # torque of the motor after its limit, N m
+    FRICTION,  # friction torque on the motor, N m
+    LOAD,  # torque of the motor's spring, N m
+    DRIVE_BEFORE,  # means over the half kick before the whole substep, N m: drive, friction, load
     _,
     _,
-    DRIVE_NEXT,  # N m; mean over the half kick after: drive, friction, load
+    DRIVE_NEXT,  # means over the half kick after the whole substep, N m: drive, friction, load
     _,
     _,
-    DRIVE_LAST,  # N m; DRIVE_NEXT of the previous kick: drive, friction, load
+    DRIVE_LAST,  # DRIVE_NEXT of the previous kick, N m: drive, friction, load
     _,
     _,
-    DRIVE_PIECE,  # N m; values in one piece of a kick that is split by a jump of an input: drive, friction, load
+    DRIVE_PIECE,  # values in one piece of a kick that is split by a jump of an input, N m: drive, friction, load
     _,
     _,
-    LAST_KICK_POSITION,  # rad; position of the motor at the previous kick
-    LAST_MEAN_VELOCITY,  # rad/s; mean velocity of the motor over the previous kick
-    AT_LIMIT,  # 1; 1 if a stop or the speed limit of the motor acted in this kick
-    LAST_AT_LIMIT,  # 1; 1 if a stop or the speed limit of the motor acted in the previous kick
-    CURRENT,  # A; current of the winding
-    VOLTAGE,  # V; voltage of the winding
-    LAST_POWER,  # W; heat loss of the winding at the previous kick
-    HYSTERESIS,  # N m; hysteresis torque of the motor's spring
-    DEFLECTION,  # rad; deflection of the motor's spring at the last kick; NaN before the first kick
-    LAST_HYSTERESIS,  # N m; hysteresis torque of the motor's spring at the previous kick
-    LAST_DEFLECTION,  # rad; deflection of the motor's spring at the previous kick
-    READ_ERROR,  # rad; position error of the motor's sensor: measured minus true position
-    READ_PUSH,  # N m; torque caused by the error of the measured velocity, in units of the command
+    LAST_KICK_POSITION,  # position of the motor at the previous kick, rad
+    LAST_MEAN_VELOCITY,  # mean velocity of the motor over the previous kick, rad/s
+    AT_LIMIT,  # flag: 1 if a stop or the speed limit of the motor acted in this kick, else 0
+    LAST_AT_LIMIT,  # flag: 1 if a stop or the speed limit of the motor acted in the previous kick, else 0
+    CURRENT,  # current of the winding, A
+    VOLTAGE,  # voltage of the winding, V
+    LAST_POWER,  # heat loss of the winding at the previous kick, W
+    HYSTERESIS,  # hysteresis torque of the motor's spring, N m
+    DEFLECTION,  # deflection of the motor's spring at the last kick, rad; NaN before the first kick
+    LAST_HYSTERESIS,  # hysteresis torque of the motor's spring at the previous kick, N m
+    LAST_DEFLECTION,  # deflection of the motor's spring at the previous kick, rad
+    READ_ERROR,  # position error of the motor's sensor, rad: measured minus true position
+    READ_PUSH,  # torque caused by the error of the measured velocity, in units of the command, N m
     PER_MOTOR,  # number of columns per motor
 ) = range(35)
 MOTOR_PUSHES = 3
@@ -126,7 +126,7 @@ LOGGED = {
     RESIDUAL: "energy_residual",
     STIFFNESS: "stiffness",
 }
-"""Column of a joint -> name of the quantity in logs."""
+"""Name in logs of the quantity in each column of a joint."""
 LOGGED_OF_MOTORS = {
     KICK_POSITION: "motor_{}_position",
     MEAN_VELOCITY: "motor_{}_velocity",
@@ -136,61 +136,61 @@ LOGGED_OF_MOTORS = {
     CURRENT: "motor_{}_current",
     VOLTAGE: "motor_{}_voltage",
 }
-"""Column of a motor -> name of the quantity in logs; {} stands for the number of the motor."""
+"""Name in logs of the quantity in each column of a motor; {} stands for the number of the motor."""
 
 # P: columns of the link.
 (
-    P_EFFORT,  # N m; effort limit
-    P_FASTEST,  # rad/s; velocity limit
-    P_CUTOFF,  # 1; 1 if torque beyond the velocity limit is zeroed, as Gazebo does
-    P_LOWEST,  # rad; largest position at which the link counts as being at its lower stop
-    P_HIGHEST,  # rad; smallest position at which the link counts as being at its upper stop
-    P_DAMPING,  # N m s/rad; constant damping of the link
-    P_DAMPING_RATIO,  # 1; damping ratio of a damping that varies with the stiffness (paper section 4.2.2)
-    P_DAMPING_INERTIA,  # kg m^2; inertia to which the damping ratio refers
-    P_BRAKE,  # N m s/rad; derivative gain of the link's controller (mode 1)
-    P_SPRING,  # N m/rad; stiffness of the passive spring
-    P_REST,  # rad; rest position of the passive spring
-    P_COULOMB,  # N m; Coulomb friction of the joint
-    P_STRIBECK,  # N m; Stribeck excess: static friction of the joint minus Coulomb friction
-    P_FADE,  # s/rad; reciprocal of the Stribeck velocity
-    P_SHARE,  # 1; share of the actuator's torque that adds to the friction
-    P_PROPORTIONAL,  # N m/rad; proportional gain of the link's controller
-    P_INTEGRAL,  # N m/(rad s); integral gain of the link's controller
-    P_DERIVATIVE,  # N m s/rad; derivative gain of the link's controller, for sensors
-    P_SUBSTEPS,  # 1; number of motor substeps per substep of the engine, an odd number
-    P_MAX_DEFLECTION,  # rad; largest deflection of the springs
-    P_LEVEL,  # N m; level of the springs' hysteresis torque
-    P_LENGTH,  # rad; deflection over which the hysteresis torque reverses
-    P_DELAY,  # 1; delay of the sensors in substeps
-    P_QUANTUM,  # rad; resolution of the sensors
+    P_EFFORT,  # effort limit, N m
+    P_FASTEST,  # velocity limit, rad/s
+    P_CUTOFF,  # flag: 1 if torque beyond the velocity limit is zeroed, as Gazebo does, else 0
+    P_LOWEST,  # largest position at which the link counts as being at its lower stop, rad
+    P_HIGHEST,  # smallest position at which the link counts as being at its upper stop, rad
+    P_DAMPING,  # constant damping of the link, N m s/rad
+    P_DAMPING_RATIO,  # damping ratio of a damping that varies with the stiffness (paper section 4.2.2)
+    P_DAMPING_INERTIA,  # inertia to which the damping ratio refers, kg m^2
+    P_BRAKE,  # derivative gain of the link's controller (mode 1), N m s/rad
+    P_SPRING,  # stiffness of the passive spring, N m/rad
+    P_REST,  # rest position of the passive spring, rad
+    P_COULOMB,  # Coulomb friction of the joint, N m
+    P_STRIBECK,  # Stribeck excess, N m: static friction of the joint minus Coulomb friction
+    P_FADE,  # reciprocal of the Stribeck velocity, s/rad
+    P_SHARE,  # fraction of the actuator's torque that adds to the friction
+    P_PROPORTIONAL,  # proportional gain of the link's controller, N m/rad
+    P_INTEGRAL,  # integral gain of the link's controller, N m/(rad s)
+    P_DERIVATIVE,  # derivative gain of the link's controller, for sensors, N m s/rad
+    P_SUBSTEPS,  # number of motor substeps per substep of the engine, an odd number
+    P_MAX_DEFLECTION,  # largest deflection of the springs, rad
+    P_LEVEL,  # level of the springs' hysteresis torque, N m
+    P_LENGTH,  # deflection over which the hysteresis torque reverses, rad
+    P_DELAY,  # delay of the sensors in substeps
+    P_QUANTUM,  # resolution of the sensors, rad
     FIRST_DRIVE,  # column at which the block of the first motor begins
 ) = range(25)
 
 # P: columns of a motor, beginning with the parameters of asrsim.actuators.motor.motor_kick in the order of that function.
 (
-    D_PROPORTIONAL,  # command/rad; proportional gain of the controller; 1 if the reference is the command
-    D_INTEGRAL,  # command/(rad s); integral gain of the controller
-    D_DERIVATIVE,  # command s/rad; derivative gain of the controller, on the negative velocity
-    D_HOLD,  # 1; 1 if a controller compares the reference with the position
-    D_INERTIA,  # kg m^2; inertia at the link's side of the gear
-    D_DAMPING,  # N m s/rad; viscous damping
-    D_GAIN,  # N m/command; torque per unit of the command
-    D_LAG,  # N m s/rad; damping by the back-EMF if the command is a voltage
-    D_EMF,  # N m s/rad; damping by the back-EMF at full voltage
-    D_STALL,  # N m; torque at full voltage and rest
-    D_LIMIT,  # N m; largest torque
-    D_COULOMB,  # N m; Coulomb level of the friction
-    D_EXCESS,  # N m; Stribeck excess: static friction minus Coulomb friction
-    D_FADE,  # s/rad; reciprocal of the Stribeck velocity
-    D_SHARE,  # 1; share of the spring's torque that adds to the Coulomb level
-    D_BRISTLES,  # N m/rad; stiffness of the friction's bristles
-    D_LOW,  # rad; lower stop
-    D_HIGH,  # rad; upper stop
-    D_MOST,  # rad/s; speed limit
-    D_MAX_TORQUE,  # N m; smallest torque at which the motor counts as saturated
-    D_CONSTANT,  # N m/A; torque constant at the output; 0: the motor is not electric
-    D_RESISTANCE,  # ohm; resistance of the winding
+    D_PROPORTIONAL,  # proportional gain of the controller, command/rad; 1 if the reference is the command
+    D_INTEGRAL,  # integral gain of the controller, command/(rad s)
+    D_DERIVATIVE,  # derivative gain of the controller, on the negative velocity, command s/rad
+    D_HOLD,  # flag: 1 if a controller compares the reference with the position, else 0
+    D_INERTIA,  # inertia at the link's side of the gear, kg m^2
+    D_DAMPING,  # viscous damping, N m s/rad
+    D_GAIN,  # torque per unit of the command, N m/command
+    D_LAG,  # damping by the back-EMF if the command is a voltage, N m s/rad
+    D_EMF,  # damping by the back-EMF at full voltage, N m s/rad
+    D_STALL,  # torque at full voltage and rest, N m
+    D_LIMIT,  # largest torque, N m
+    D_COULOMB,  # Coulomb level of the friction, N m
+    D_EXCESS,  # Stribeck excess, N m: static friction minus Coulomb friction
+    D_FADE,  # reciprocal of the Stribeck velocity, s/rad
+    D_SHARE,  # fraction of the spring's torque that adds to the Coulomb level
+    D_BRISTLES,  # stiffness of the friction's bristles, N m/rad
+    D_LOW,  # lower stop, rad
+    D_HIGH,  # upper stop, rad
+    D_MOST,  # speed limit, rad/s
+    D_MAX_TORQUE,  # smallest torque at which the motor counts as saturated, N m
+    D_CONSTANT,  # torque constant at the output, N m/A; 0: the motor is not electric
+    D_RESISTANCE,  # resistance of the winding, ohm
     PER_DRIVE,  # number of columns per motor
 ) = range(23)
 
@@ -223,4 +223,4 @@ velocities belong to half steps."""
 """Columns of the array that joints and engine exchange; see `asrsim.engines.base`."""
 
 HEALTHY, NO_VALUE, RAN_AWAY = range(3)
-"""State of a world: it can continue; a law gave a value that is not finite; a link became impossibly fast."""
+"""Health of a world: the world can continue; a law gave a value that is not finite; a link became impossibly fast."""

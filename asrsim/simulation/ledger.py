@@ -94,7 +94,7 @@ from asrsim.simulation.layout import (
 )  # fmt: skip
 
 AT_STOP = 1e-12
-"""rad or m: distance from a stop below which a motor counts as being at the stop, as a margin for rounding."""
+"""Distance in rad or m from a stop below which a motor counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
 """Residual of the energy balance, as a share of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
@@ -104,7 +104,7 @@ FULL = 1.0 - 1e-9
 def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
     """Add the energy flows since the last substep to the energies of the joint, and store values for the next substep.
 
-    first: whether this is the first substep, from which energies count. jumped: whether an input jumps in this kick, so that
+    first: whether this is the first substep of the run. jumped: whether an input jumps in this kick, so that
     the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
     of the present state are needed.
     """
@@ -177,7 +177,8 @@ def _motors(s: Any, p: Any, dynamic: int, before: int, step: float) -> float:
 
 def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, jump: bool) -> float:
     """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
-    positions at their means. If an input jumps, it is the energy that the springs absorbed (J) plus their work on the link."""
+    positions at their means. If an input jumps, the work is the energy that the springs absorbed (J) plus their work on the
+    link."""
     half = 0.5 * (s[POSITION] - s[LAST_POSITION])
     if jump:
         work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half

@@ -82,7 +82,8 @@ torques = stiffness = energy = positions = parameters = row = whole_row = own_st
 
 @cache
 def _pointers() -> dict[str, Any]:
-    """Name of a function in `asrsim.simulation.laws` -> its replacement in compiled code, which calls through a pointer."""
+    """Replacements in compiled code for the functions of `asrsim.simulation.laws`, by name. Each replacement calls through a
+    pointer."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic

@@ -57,7 +57,7 @@ class Snapshot:
 
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
-    """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: in s."""
+    """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of a substep in s."""
     motors = np.full((4, *state.shape[:-1]), np.nan)
     dynamic = [drive.dynamic_motors for drive in drives]
     lag = drives[0].stepping.first_drift * substep if drives else 0.0

@@ -55,8 +55,9 @@ def prepare(
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
-    largest value that may be set while it runs, beside those that the scenario declares; substeps are chosen for them.
+    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: smallest and largest value of each reference
+    that callers may set during the run, by joint (or "*") and reference, in addition to the ranges that the scenario declares;
+    the number of substeps is chosen for these ranges.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
 
@@ -111,7 +112,7 @@ def prepare(
 
 
 def resolution_of(prepared: Prepared) -> Resolution:
-    """The substeps that a run with these numbers takes: `Prepared.vary` keeps those of the numbers before. Raises as
+    """Numbers of substeps for a run with these parameters; `Prepared.vary` does not compute them again. Raises the errors of
     `prepare`.
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]

@@ -81,7 +81,7 @@ class Prepared:
 
     @property
     def velocity_cutoff(self) -> bool:
-        """Whether torque beyond a joint's velocity limit is zeroed when it drives further, as Gazebo does with URDF files."""
+        """Whether torques that accelerate a joint beyond its velocity limit are set to 0, as Gazebo does with URDF files."""
         given = self.scenario.velocity_cutoff
         return self.stepping.released if given is None else given
 
@@ -90,13 +90,13 @@ class Prepared:
         return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
-        """Smallest and largest value that callers may set; infinite if the scenario declares no range."""
+        """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
         given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
         return given.get(reference, (-math.inf, math.inf))
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
-        """Number of the joint, and the column of an input row of the reference of that name in its mode, or of
-        `external_torque`; raises InputError."""
+        """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
+        unknown names."""
         if joint not in self._slots:
             names = tuple(self._slots)
             hint = did_you_mean(joint, names)
@@ -109,7 +109,7 @@ class Prepared:
 
     @cached_property
     def _slots(self) -> dict[str, tuple[int, dict[str, int]]]:
-        """Joint -> number of the joint, and reference -> column of an input row."""
+        """Number of each joint, and the columns of its references in an input row, by name."""
         found = {}
         for j, drive in enumerate(self.drives):
             names = references_of(drive) or (drive.mode.references if drive.mode else ())
@@ -161,8 +161,8 @@ class Prepared:
             yield Problem(message, key=f"motors.{name}", value=values, hint=hint, code="start")
 
     def with_references(self, signals: Mapping[str, Mapping[str, Signal]]) -> Prepared:
-        """A copy with other signals: joint -> reference, or `external_torque` -> signal. No file is read again; substeps and
-        start are unchanged.
+        """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
+        again; substeps and start are unchanged.
 
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals.
@@ -182,9 +182,10 @@ class Prepared:
     def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
-        parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
-        mass) or `ixx` .. `izz` (about it, in the inertial frame). A start at equilibrium is sought again. Raises RobotError
-        naming what is unknown or not physical, ScenarioError for an arm that nothing holds.
+        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`), or by link and name
+        (`mass`; `x`, `y`, `z` of the centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start
+        at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
+        arm without equilibrium.
         """
         varied = self.with_numbers(parameters)
         if not self.scenario.initial_equilibrium:

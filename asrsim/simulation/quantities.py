@@ -20,7 +20,7 @@ WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WO
 
 
 def columns_of(motors: int) -> dict[str, int]:
-    """Quantity -> column of S, for joints with room for so many motors."""
+    """Column of S for each quantity, in rows with this number of motor blocks."""
     found = {name: column for column, name in LOGGED.items()}
     for i in range(motors):
         found |= {name.format(i + 1): FIRST_MOTOR + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
@@ -28,7 +28,7 @@ def columns_of(motors: int) -> dict[str, int]:
 
 
 def inputs_of(motors: int) -> dict[str, int]:
-    """Quantity -> column of an input row."""
+    """Column of an input row for each quantity."""
     return {EXTERNAL_TORQUE: EXTERNAL, **{f"reference_{i + 1}": GOALS + i for i in range(motors)}}
 
 
@@ -76,10 +76,10 @@ class Selection:
         self._stated = {name: place for place, name in enumerate(stated)}
         self._given = {name: given[name] for name in self.names if name in given}
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
-        """Quantity -> numbers of the joints that do not record it."""
+        """Numbers of the joints that do not record a quantity, by quantity."""
 
     def of(self, drives: Sequence[SteppedJoint]) -> Selection:
-        """A selection of the same quantities for joints with other parameters, which may record other quantities."""
+        """This selection for joints with other parameters; such joints may record other quantities."""
         other = copy.copy(self)
         recorded = [recorded_quantities(drive) for drive in drives]
         other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
@@ -98,8 +98,8 @@ class Selection:
             raise InputError(problems)
 
     def values(self, out: Array, references: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
-        """Quantities (rows, joints) by name, all or those named; NaN where a joint does not record one. They may be views of
-        out: (rows, joints, columns), and references: (input columns, joints, rows)."""
+        """Quantities (rows, joints) by name, all or those named; NaN where a joint does not record one. The arrays may be views
+        of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
         wanted = self.names if names is None else names
         return {name: self._values_of(name, out, references) for name in wanted}
 

@@ -15,7 +15,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 
 TURN = math.pi
-"""rad: range in both directions of a joint without limits."""
+"""Range of a joint without limits in each direction, rad."""
 LEVER_SHARE = 0.5
 """Largest position of an adjuster, as a share of the lever length at which the stiffness becomes infinite."""
 
@@ -23,8 +23,8 @@ Range = tuple[float, float]
 
 
 def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
-    """Joint -> reference -> least and largest value: the scenario's, else the robot's limits. External torques are offered
-    where the robot's file subscribes to them, or the scenario declares their range.
+    """Smallest and largest value of each reference, by joint and reference: from the scenario, else from the robot's limits.
+    External torques are included if the robot's file subscribes to them or the scenario declares their range.
     """
     return {drive.name: _of(drive, prepared.scenario) for drive in prepared.drives}
 
@@ -85,7 +85,8 @@ def with_ranges(scenario: Scenario) -> Prepared:
 
 
 def finite(ranges: Mapping[str, Mapping[str, Range]]) -> dict[str, dict[str, Range]]:
-    """The ranges without infinite ones, which are torques of joints without limits; substeps do not depend on them."""
+    """The finite ranges. Only torques of joints without limits have infinite ranges; the number of substeps does not depend on
+    these torques."""
     return {
         joint: {name: pair for name, pair in given.items() if all(map(math.isfinite, pair))} for joint, given in ranges.items()
     }

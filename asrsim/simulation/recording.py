@@ -151,7 +151,7 @@ class Recording:
         )
 
     def put_back(self, state: Any) -> None:
-        """Continue from a state; samples that the sinks have received stay there."""
+        """Continue from a saved state. Samples that the sinks have already received are not withdrawn."""
         if state is not None:
             going_on, rows, kept = state
             self._guard, self._bodies, self._contacts = copy.deepcopy(going_on)

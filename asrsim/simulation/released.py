@@ -1,8 +1,9 @@
 """The released toolbox's order of a step, reproduced bit for bit where it is defined, to reproduce old runs.
 
-Semi-implicit Euler motors; in modes 5 and 6 the motors get the spring's torque at their old positions and the link the
-torque at their new ones (not passive). One-motor actuators carry the second motor that the released code integrates too:
-for the SEA it drives nothing, for AwAS-II it moves the adjuster, with the class's own constants.
+The semi-implicit Euler method integrates the motors. In modes 5 and 6, the spring's torque on a motor is computed from the
+motors' old positions, and the torque on the link from their new positions; this scheme is not passive. Actuators with one motor
+also have the second motor that the released code integrates. In the SEA the second motor drives nothing; in AwAS-II the second
+motor moves the adjuster, with constants of the released class.
 
 Faults of the released code that are *not* reproduced, since they are undefined or useless: references are 0 and not random
 memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4 does
@@ -61,11 +62,13 @@ from asrsim.simulation.layout import (
 )  # fmt: skip
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "max_torque": 6.0, "min_position": -math.inf, "max_position": math.inf}
-"""Constants of the released DCMotor class: kg m^2, N m s/rad, N m, rad."""
+"""Constants of the released DCMotor class. Units: inertia kg m^2, damping N m s/rad, torque N m, positions rad."""
 PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
-"""Constants of the second motor that the released SEA plugin also updates: N m, N m/rad, N m/(rad s), N m s/rad."""
+"""Constants of the second motor that the released SEA plugin also updates: friction in N m, PID gains in N m/rad, N m/(rad s)
+and N m s/rad."""
 PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
-"""Constants of the second motor that the released AwAS-II plugin updates: N m, N m/rad, N m/(rad s), N m s/rad."""
+"""Constants of the second motor that the released AwAS-II plugin updates: friction in N m, PID gains in N m/rad, N m/(rad s)
+and N m s/rad."""
 MOTORS = 2
 """Number of motors that every released actuator integrates."""
 

@@ -49,7 +49,7 @@ from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.sensors import Sensor
 
 AT_STOP = 1e-12
-"""rad or m: distance from a stop below which a link counts as being at the stop, as a margin for rounding."""
+"""Distance in rad or m from a stop below which a link counts as being at the stop, as a margin for rounding."""
 
 
 @dataclass(frozen=True)

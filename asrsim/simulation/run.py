@@ -72,11 +72,12 @@ def simulate(
         stop: Called every few thousand substeps; the run ends when it returns True.
         commands: References that are set during the run, in the order of time.
         duration: Duration in s, instead of the scenario's.
-        alike: Number of similar runs, this one included, for which compiling the loop must be worth its time.
+        alike: Number of similar runs, including this run. The loop is compiled if compiling saves time in all of these runs
+        together.
 
     Raises:
         InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.
-        DivergenceError: The motion diverged; the run up to then is in `.run`.
+        DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     with blame_laws():
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)

@@ -76,7 +76,7 @@ class Simulation:
         """Number of substeps per step."""
         sinks = list(sinks(scenario.info) if callable(sinks) else sinks)
         self.last = scenario.last_substep(duration)
-        """Substep at which the scenario's duration ends, and of the last sample."""
+        """Substep at which the scenario's duration ends and the last sample is taken."""
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
         self._peeking = self._closed = False
@@ -106,7 +106,8 @@ class Simulation:
         return self._core.compiled
 
     def advance(self, steps: int = 1) -> None:
-        """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to then."""
+        """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to the
+        divergence."""
         if index(steps) < 0:
             raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
         self.advance_to(self.substep + steps * self.substeps)
@@ -170,8 +171,8 @@ class Simulation:
     def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
         """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the value set.
 
-        value: is clamped to the declared range. None: the scenario's signal acts again. Raises InputError for unknown names
-        and values that are not finite.
+        value: new value, which is clamped to the declared range; None: the scenario's signal acts again. Raises InputError for
+        unknown names and values that are not finite.
         """
         self._check_open()
         held = self._world.set_reference(joint, reference, value)
@@ -215,7 +216,7 @@ class Simulation:
         return Snapshot(self._owner, self._world.snapshot(), self.recording.state())
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Continue from a snapshot of this simulation. Samples that the sinks have received stay there.
+        """Continue from a snapshot of this simulation. Samples that the sinks have already received are not withdrawn.
 
         Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
         """

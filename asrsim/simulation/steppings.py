@@ -18,15 +18,16 @@ class Stepping:
     """Order of convergence where forces are smooth; 1 with Coulomb friction or impacts."""
     doc: str
     implicitness: float = 0.5
-    """Implicitness of damping and derivative action: 1/2 midpoint rule, 0 explicit."""
+    """Implicitness of damping and derivative action: 1/2 for the midpoint rule, 0 for the explicit rule."""
     first_drift: float = 0.5
     """Share of a motor's step before its kick."""
     staggered: bool = True
-    """Velocities live at half steps: the first kick is half, damping and controllers extrapolate the velocity, the Coriolis
-    lag is corrected, kicks split where an input jumps, and logged velocities are centred."""
+    """Whether velocities belong to half steps. Then the first kick lasts half a step, damping and controllers use an
+    extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
+    velocities are converted to whole steps."""
     joint_step: Callable[..., None] | None = None
-    """A joint's step in place of `asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
-    steppings that are not staggered."""
+    """Function that advances a joint instead of `asrsim.simulation.joint.advance`, for steppings that are not staggered. Numba
+    must be able to compile this function."""
     released: bool = False
     """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""
 

@@ -1,7 +1,7 @@
 """Number of substeps that a run needs, from the mass matrix and the largest stiffness that the springs can reach.
 
-The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default keeps
-omega h <= 0.2, where the frequency is right to (omega h)^2 / 24 = 0.17 %.
+The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default substep h satisfies
+omega h <= 0.2, where the relative error of the frequency is (omega h)^2 / 24 = 0.17 %.
 """
 
 from __future__ import annotations
@@ -20,25 +20,28 @@ from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 
 TARGET = 0.2
-"""omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
+"""Largest omega h with the automatic number of substeps, chosen for accuracy; above 2 the step is unstable."""
 MOTOR_TARGET = 0.3
-"""omega h that the automatic number of motor substeps keeps, for motor and spring with a fixed link."""
+"""Largest omega h of motor and spring with a fixed link, with the automatic number of motor substeps."""
 OVERSHOOT = 2.0
-"""A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
+"""Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
+speeds of the references."""
 UNSTABLE = 2.0
-"""omega h from which a spring gains energy at every step."""
+"""omega h above which a spring gains energy in every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
 FADING = 0.1
-"""Rate times h that the automatic number of substeps keeps where friction falls with speed."""
+"""Largest product of growth rate and h with the automatic number of substeps, where friction decreases with speed."""
 STEEPEST = math.sqrt(2.0 / math.e)
-"""Steepest slope of exp(-x^2)."""
+"""Largest magnitude of the slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
-"""Parameters of a motor that make friction; with any of them above 0, the stiffness of the bristles counts."""
+"""Parameters of a motor that cause friction. If any of these parameters is above 0, the stiffness of the friction's bristles
+limits the step."""
 RINGING = 0.5
-"""Largest amplitude, relative to the step before, of a strongly damped motion that changes its sign in every step."""
+"""Largest allowed ratio of the amplitudes in successive steps, for a strongly damped motion that changes its sign in every
+step."""
 STANDING = 1e-3
-"""rad: distance between a joint and its first reference below which no initial jump of the motor is assumed."""
+"""Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +51,10 @@ class Resolution:
     substeps: int
     motor_substeps: int
     frequency: float
-    """Largest link-side omega in rad/s."""
+    """Largest natural frequency omega of the links on their springs, rad/s."""
     motor_frequency: float
     omega_h: float
-    """Largest link-side omega times the substep."""
+    """Largest natural frequency of the links on their springs, multiplied by the substep."""
     stiffness: tuple[float, ...]
     """Largest reachable stiffness of each joint in N m/rad."""
     link_implicitness: float
@@ -59,20 +62,21 @@ class Resolution:
 
 
 def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
-    """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
+    """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds this stiffness gets a
+    warning.
 
-    references: (columns, n), sampled over the run every `interval` s; load: N m, bound of gravity's and external
-    torques on the link; inertia: kg m^2, the most that the joint can carry. A spring is deflected at most to max_deflection,
-    and by no more than its pretension (half the references' spread) plus what load and motion add. Ideal motors jump as
-    their references do. Motors with dynamics run at most as fast as their references or their speed limit, where they
-    catch the link's inertia with the spring, and hold no more than their torque.
+    references: (columns, n), sampled over the run every `interval` s; load: bound of the torques of gravity and of external
+    torques on the link in N m; inertia: largest inertia that the joint can carry in kg m^2. A spring is deflected at most to
+    max_deflection, and by no more than its pretension (half the references' spread) plus the deflections by load and motion.
+    Ideal motors jump with their references. Motors with dynamics are at most as fast as their references or their speed limit;
+    at this speed, the spring absorbs the link's kinetic energy. The spring's torque is at most the motor's largest torque.
     """
     actuator: Any = drive.actuator
     mode = drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    # The released code moves an adjuster by a motor, in mode 4 by a torque: its range is not known beforehand.
+    # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
 
@@ -107,13 +111,13 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
         value = abs(actuator.stiffness(0.0, *_positions(drive, deflections, sigma), drive.elastic))
         best = max(best, value) if math.isfinite(value) else math.inf
     if drive.hysteresis is not None:
-        # Where a motion turns round, hysteresis is as stiff as a spring of its torque over its deflection.
+        # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
         best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 
 
 def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, limit: float) -> float:
-    """Deflection from pretension `spread` at which the springs have taken `energy` J."""
+    """Deflection at which the springs have absorbed `energy` J, starting from the pretension `spread`."""
     if drive.actuator is None or not math.isfinite(energy):
         return limit
     law = over_arrays(energy_law(drive.actuator))
@@ -131,7 +135,8 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
 
 
 def _positions(drive: SteppedJoint, deflections: Sequence[float], adjusted: float) -> tuple[float, ...]:
-    """Positions that the laws take, of a link at 0: motors at these deflections, and the adjuster."""
+    """Positions that the laws take as arguments, for a link at 0: motor positions equal to these deflections, and the
+    adjuster's position."""
     rest = [adjusted] if drive.actuator is not None and drive.actuator.adjuster else [0.0] * (2 - len(deflections))
     return (*deflections, *rest)
 
@@ -146,7 +151,7 @@ def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Any:
 
 
 def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
-    """Largest deflection up to `limit` whose torque stays below `bound`, by bisection on a monotone law."""
+    """Largest deflection, at most `limit`, at which the torque is below `bound`. The function bisects a monotone law."""
     if bound <= 0.0:
         return 0.0
     if law(limit) <= bound:
@@ -171,8 +176,8 @@ def resolve(
 ) -> Resolution:
     """Numbers of substeps; raises UnresolvedSpringError if more than `cap` are needed.
 
-    explicit: damping acts by the last velocity; masses: mass matrices (n, n) in the configurations that count; stiffness: per
-    joint, N m/rad.
+    explicit: whether damping acts on the last velocity; masses: mass matrices (n, n) in the relevant configurations; stiffness:
+    stiffness of each joint in N m/rad.
     """
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
@@ -222,10 +227,10 @@ def _damping(drive: SteppedJoint, stiffness: float) -> float:
 
 
 def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: float, least: float) -> float:
-    """Weight w of the new velocity in that which damps, `least` at least.
-
-    A mode that decays by f = c h / I in a substep comes back as (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, is of
-    second order; where a mode dies within a step it rings, so w grows until it comes back as -`RINGING` at most.
+    """Weight w of the new velocity in the velocity on which damping acts; at least `least`. With damping c, inertia I and f = c
+    h / I, a substep multiplies the velocity of a damped mode by (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, has
+    second order, but then a strongly damped velocity changes its sign in every step. So w is increased until this factor is not
+    below -`RINGING`.
     """
     root = np.sqrt(np.maximum(dampings, 0.0))
     fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0
@@ -235,7 +240,7 @@ def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: f
 
 
 def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Array]:
-    """Largest eigenvalue of M^-1 diag(gains) over the configurations, and its joint shape."""
+    """Largest eigenvalue of M^-1 diag(gains) over the configurations, and the eigenvector of this eigenvalue."""
     root = np.sqrt(np.asarray(gains, dtype=float))
     best, shape = 0.0, root
     for mass in masses:
@@ -249,8 +254,8 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
 
 
 def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
-    """Largest rate in 1/s at which joint `j` runs away where its friction falls with speed: for accuracy; bounded friction is
-    stable at any step."""
+    """Largest growth rate in 1/s of the motion of joint `j` where its friction decreases with speed. This rate limits the step
+    for accuracy only, since bounded friction is stable at any step."""
     joint = drive.joint
     if not joint.stribeck_friction:
         return 0.0
@@ -258,7 +263,7 @@ def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
 
 
 def _motor_fading(drive: SteppedJoint) -> float:
-    """Largest rate in 1/s at which a motor of the joint runs away where its friction falls with speed."""
+    """Largest growth rate in 1/s of the motion of the joint's motors where their friction decreases with speed."""
     values, motors = drive.values, range(1, drive.dynamic_motors + 1)
     steep = (
         values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])

@@ -36,9 +36,9 @@ from asrsim.simulation.quantities import WATCHED, Selection
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
 Numbers = Mapping[str, Mapping[str, float]]
-"""Parameters: joint or link -> name -> value, as in `asrsim.Prepared.vary`."""
+"""Values of parameters by joint or link, and by name, as in `asrsim.Prepared.vary`."""
 Signals = Mapping[str, Mapping[str, Signal]]
-"""Joint -> reference, or `external_torque` -> signal."""
+"""Signals by joint, and by the name of the reference or `external_torque`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +48,11 @@ class Start:
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> position of its link, rad (m)."""
+    """Position of each joint's link, by joint, rad (m)."""
     velocities: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> velocity of its link, rad/s (m/s)."""
+    """Velocity of each joint's link, by joint, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Joint -> positions of its motors, rad; other motors start at their link's position."""
+    """Positions of each joint's motors, by joint, rad; other motors start at their link's position."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class Block:
 
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
-    """(m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths and
-    cuts."""
+    """Indices (m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths
+    and cuts."""
     given: Given
     end: int
     """Number of rows."""
@@ -146,7 +146,7 @@ class Worlds:
         """Number of substeps per step."""
         engine = prepared.make_engine()
         self._engines: dict[int, Engine] = {-1: engine}
-        """Number of a world -> its separate engine; -1: the engine that all other worlds share."""
+        """Engines by number of the world that uses a separate engine; -1: the engine that all other worlds share."""
         self._pool: ThreadPoolExecutor | None = None
         try:
             self.joints = engine.joints
@@ -167,7 +167,7 @@ class Worlds:
             self._inputs = [self._home_inputs] * count
             self._own = [prepared] * count
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
-            """Parameters of worlds -> the prepared scenario with these parameters."""
+            """Prepared scenarios, by the parameters of the worlds."""
             self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
             columns = GOALS + self.core.shape.motors
             self._held = np.full((count, len(self.joints), columns), np.nan)
@@ -189,12 +189,12 @@ class Worlds:
 
     @property
     def time(self) -> Array:
-        """(N,) simulated time in s."""
+        """Simulated time of each world (N,) in s."""
         return np.round(self.core.done * self.prepared.substep, 12)
 
     @property
     def healthy(self) -> NDArray[np.bool_]:
-        """(N,) whether each world can continue; False after a divergence."""
+        """Whether each world can continue, (N,); False after a divergence."""
         return np.asarray(self.core.fault[:, 0] == HEALTHY)
 
     @property
@@ -209,8 +209,8 @@ class Worlds:
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
 
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> tuple[Array, Array]:
-        """Advance by `count` substeps. With `keep`, rows (m, rows, joints, columns) of the whole steps, and their inputs
-        (m, columns, joints, rows)."""
+        """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps, and the inputs (m,
+        columns, joints, rows) at these steps."""
         self._check_open()
         rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
         kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
@@ -253,7 +253,8 @@ class Worlds:
         list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
 
     def _make_block(self, numbers: NDArray[np.int64], length: int) -> Block:
-        """Inputs of the next substeps: of more from block to block, as long as nothing is set from outside."""
+        """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
+        reference."""
         if self._block is not None and self._block.numbers is numbers:
             ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
             length = max(length, min(2 * self._block.end, *ends))
@@ -289,7 +290,7 @@ class Worlds:
         low, high = self.prepared.range_of(joint, reference)
         held: Any = np.nan
         if isinstance(values, float):
-            # A single number, as controllers set at every step: faster without arrays.
+            # A single number, which controllers set in every step, is handled without arrays, since this is faster.
             held, finite = min(max(values, low), high), math.isfinite(values)
         elif values is not None:
             given = _spread(values, (len(numbers),), reference)
@@ -396,7 +397,7 @@ class Worlds:
         ]
         turned = {}
         for name, given in (motors or {}).items():
-            # Of a joint with one motor, a list has one number for each world.
+            # For a joint with one motor, a list contains one number for each world.
             many = counts.get(name, 1)
             turned[name] = (
                 _spread(given, one, name)[:, None] if many == 1 and np.ndim(given) < 2 else _spread(given, (*one, many), name)
@@ -601,7 +602,8 @@ def one_world(prepared: Prepared, **options: Any) -> Worlds:
 
 
 def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
-    """Values as an array of this shape; one value stands for many. Raises InputError for other shapes and no numbers."""
+    """Values as an array of this shape; a single value is repeated. Raises InputError for values of another shape, and for
+    values that are not numbers."""
     try:
         return np.broadcast_to(np.asarray(values, dtype=float), shape)
     except (TypeError, ValueError) as error:
@@ -609,7 +611,7 @@ def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
 
 
 def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:
-    """Number of the first whole step from one substep to another, and how many there are."""
+    """Index of the first whole step between two substeps, and number of whole steps between these substeps."""
     first = -(-before // every)
     return first, -(-after // every) - first
 
