@@ -37,7 +37,7 @@ KEYS = {
 }
 """Top-level keys of each kind of file. Any of these keys identifies the kind; the first match wins."""
 DOCUMENTS = (".yaml", ".yml", ".json")
-"""Endings of files with keys."""
+"""Endings of files whose kind is detected by their keys."""
 
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:

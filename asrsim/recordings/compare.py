@@ -30,10 +30,10 @@ from asrsim.samples import Array, JointInfo, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One quantity of one joint, simulated and recorded."""
+    """Simulated and recorded series of one quantity of one joint."""
 
     joint: str
-    """Name in the simulation."""
+    """Name of the joint in the simulation."""
     quantity: str
     unit: str
     time: Array

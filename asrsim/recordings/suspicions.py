@@ -13,7 +13,7 @@ from asrsim.recordings.data import Column, RawSeries
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
-"""Typical wrong units: (value in this unit / value in SI, name of the unit)."""
+"""Typical wrong units, as pairs (value in this unit divided by the SI value, name of the unit)."""
 _FEWEST = 20
 """Smallest number of common samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7

@@ -49,7 +49,7 @@ class ActuatorBlock:
     namespace: str = ""
     subscribe_external_torque: bool = False
     sample_time: float | None = None
-    """Sampling time in the later dialect's `<t_sample>`, s; stored only, as the simulation uses the scenario's step."""
+    """Sampling time, s, from the tag `<t_sample>` of the toolbox's later dialect; unused, as the scenario sets the step."""
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     """All parameters of the actuator by name, with defaults."""
     plugin_name: str = ""

@@ -66,7 +66,7 @@ def read_number(text: str) -> tuple[float, bool]:
 
 
 def leading_number(text: str) -> float:
-    """Number that the toolbox's Gazebo reads from the text: the leading number, or 0 without a leading number."""
+    """Number that Gazebo with the toolbox reads from the text: the leading number, or 0 without a leading number."""
     match = _LEADING.match(text)
     return float(match.group(1)) if match else 0.0
 

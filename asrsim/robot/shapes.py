@@ -19,7 +19,7 @@ Colour = tuple[float, float, float, float]
 
 
 class ShapeError(ValueError):
-    """Fault of a shape, as a phrase that follows the shape's name."""
+    """Raised for a faulty shape. The message is a phrase that follows the shape's name."""
 
 
 def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) -> Shape:

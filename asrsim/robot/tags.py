@@ -71,7 +71,7 @@ REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_t
 """Required tags: without them the toolbox crashes. asrsim does not need the last three."""
 
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
-"""Tags that are not numbers of the actuator; the last two belong to the later dialect (AlterEgo)."""
+"""Tags that are not numbers of the actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
 
 FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
 """Tags by which the older plugin with the same file name is recognised (l1va/qbmove_ros)."""

@@ -75,7 +75,7 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
 
 @dataclass(frozen=True, kw_only=True)
 class StarterJoint:
-    """Motion of a joint in the starter."""
+    """Motion of a joint in the starter scenario."""
 
     block: ActuatorBlock
     joint: Joint
