@@ -20,9 +20,9 @@ GROUPS = {
     "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},
     "Reference": {"check": "check", "actuators": "actuators", "examples": "examples", "reproduce": "reproduce"},
 }
-"""Heading in the help -> command -> module of asrsim.cli that contains the command's function."""
+"""Commands under each heading of the help; the value of a command is the module of `asrsim.cli` that defines the command."""
 COMMANDS = {name: f"asrsim.cli.{module}" for group in GROUPS.values() for name, module in group.items()}
-"""Command -> its module, imported when the command is used or listed."""
+"""Module of each command; a module is imported when its command is used or listed."""
 
 
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
@@ -43,7 +43,7 @@ class PlainCommand(TyperCommand):
 
 
 class LazyGroup(TyperGroup):
-    """Imports the module of a command only when needed, so that a command does not load the options of all others."""
+    """Imports the module of a command only when the command is needed, so that the options of other commands are not loaded."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         from asrsim.errors import did_you_mean
@@ -110,7 +110,7 @@ def root(
 
 def main() -> None:
     """Run the command line: expected errors are printed in a few lines, with exit code 1."""
-    # Replace a closed stream (>&-): otherwise its number would go to the next file that is opened.
+    # Replace a stream that the shell closed (>&-): otherwise the next opened file would get the stream's file descriptor.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
@@ -122,7 +122,8 @@ def main() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        # The reader of the output has ended, or its disk is full: without this Python prints another error at exit.
+        # The program that reads the output has ended, or the disk is full: discard the rest, else Python prints an error at
+        # exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
@@ -156,7 +157,7 @@ def _report_error(error: BaseException) -> int:
     from asrsim.errors import AsrsimError
 
     if isinstance(error, BrokenPipeError):
-        # The reader of the output has ended: no message would arrive.
+        # The program that reads the output has ended: print no message.
         return 0
     if _debugging():
         raise error

@@ -15,7 +15,7 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.outfile import check_output, csv_text, write_text
 
 INPUTS = ("position", "reference_1", "reference_2", "external_torque")
-"""Possible columns of a joint; the position is required."""
+"""Columns that the table may have for a joint; the position is required."""
 
 
 @command("Print nothing.")
@@ -77,7 +77,9 @@ def bench(
 
 
 def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
-    """Joint -> its columns in the header, and the references of its mode. Raises RecordingError for a wrong header."""
+    """Columns of the header that belong to each joint, and the references of the joint's mode. Raises RecordingError for a
+    wrong header.
+    """
     from asrsim.actuators import ACTUATORS, MODES
     from asrsim.robot import load_robot
 

@@ -27,20 +27,21 @@ class Done:
     """Result of a command."""
 
     data: Mapping[str, Any] | Sequence[Any]
-    """Document for `--json`."""
+    """JSON document that `--json` prints."""
     text: Callable[[], object] | None = None
-    """Prints the result for people, unless `--quiet` is given."""
+    """Function that prints the result as text, unless `--quiet` or `--json` is given."""
     always: Callable[[], object] | None = None
-    """Prints what people need in spite of `--quiet`."""
+    """Function that prints the text that appears even with `--quiet`."""
     code: int = 0
     """Exit code."""
 
 
 def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -> Callable[[Callable[..., Done]], Any]:
-    """Decorator that makes a command of a function.
+    """Decorator that turns a function into a command.
 
-    It adds the options `--quiet` (with this help; None: no such option) and `--json`, and `--plugin`, whose files it loads.
-    The function receives `quiet` (also set by `--json`), `json` and `plugin` if it has parameters with these names.
+    The decorator adds the options `--json`, `--plugin` (loads the named files) and `--quiet` (quiet: its help text; None: the
+    command has no such option). The function receives `quiet` (also set by `--json`), `json` and `plugin` if it has parameters
+    with these names.
     """
 
     def decorate(function: Callable[..., Done]) -> Callable[..., None]:

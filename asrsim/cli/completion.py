@@ -6,7 +6,7 @@ import typer
 
 
 def variants(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Variants of the scenario; empty if it cannot be read."""
+    """Names of the scenario's variants that begin with the incomplete word; empty if the scenario cannot be read."""
     from asrsim.errors import AsrsimError
     from asrsim.scenario import load_scenario
 
@@ -18,6 +18,8 @@ def variants(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def _named(ctx: typer.Context) -> str:
-    """Scenario on the command line. If an option still lacks its value, the file is among the unparsed words."""
+    """Path of the scenario on the command line. If the value of an option is still missing, the path is among the unparsed
+    words.
+    """
     given = ctx.params.get("scenario") or ctx.args
     return str(given[0] if isinstance(given, list | tuple) and given else given or "")

@@ -20,13 +20,13 @@ from asrsim.errors import AsrsimError, InputError, Problem, listed, printable
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
 }  # fmt: skip
-"""Name -> ANSI code."""
+"""ANSI escape code of each text style."""
 MOST = 40
 """Largest number of lines printed for an error."""
 NARROWEST = 20
 """Smallest width of a table's last column, characters."""
 SHOWN = 6
-"""Number of places listed for a problem that occurs in several places."""
+"""Largest number of file positions listed for a problem that occurs at several positions."""
 
 
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -92,8 +92,9 @@ def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
-    """Print a table; its last column is wrapped at the terminal's width. columns: heading (lines separated by newlines),
-    cells, whether they are right-aligned; styles: of the rows."""
+    """Print a table; its last column is wrapped at the terminal's width. columns: for each column the heading (may contain
+    newlines), the cells, and whether the cells are right-aligned; styles: text style of each row.
+    """
     heads = [heading.split("\n") for heading, _, _ in columns]
     height = max(map(len, heads))
     rows = [[[""] * (height - len(head)) + head for head in heads]]
@@ -114,7 +115,7 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequen
 def say_rows(
     headings: Sequence[str], rows: Sequence[Sequence[str]], *, right: Container[int] = (), styles: Sequence[str] = ()
 ) -> None:
-    """Print rows as `say_table` does; right: numbers of the right-aligned columns."""
+    """Print rows as `say_table` does; right: indices of the right-aligned columns."""
     say_table([(head, [row[i] for row in rows], i in right) for i, head in enumerate(headings)], styles)
 
 
@@ -124,7 +125,7 @@ def line_width() -> int:
 
 
 def counted(number: int, noun: str) -> str:
-    """Number with its noun, in the plural if needed."""
+    """Number followed by the noun; the noun is in the plural unless the number is 1."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
@@ -136,7 +137,7 @@ def say_written(paths: Sequence[Path], remark: str = "") -> None:
 
 
 def say_problems(problems: Sequence[Problem], word: str) -> None:
-    """Print one line per problem, warnings on stderr; problems that differ only in their place share a line."""
+    """Print one line per problem, warnings on stderr; problems that differ only in their position in the file share a line."""
     for line in problem_lines(problems):
         if word == "warning":  # stdout is for results that programs read
             complain(f"{styled(word, 'yellow', sys.stderr)} {line}")
@@ -145,7 +146,7 @@ def say_problems(problems: Sequence[Problem], word: str) -> None:
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:
-    """One text per problem; problems that differ only in their place share a text."""
+    """One text per problem; problems that differ only in their position in the file share a text."""
     groups: dict[tuple[object, ...], list[Problem]] = {}
     for problem in problems:
         groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
@@ -153,7 +154,7 @@ def problem_lines(problems: Sequence[Problem]) -> list[str]:
 
 
 def error_lines(error: AsrsimError) -> list[str]:
-    """Lines of an error's text, at most `MOST`."""
+    """Lines of an error message, at most `MOST` lines."""
     lines = str(error).splitlines()
     if len(lines) > MOST:
         lines[MOST:] = [f"... and {len(lines) - MOST} more"]

@@ -67,7 +67,7 @@ class FileReport:
 def robot_report(
     path: Path, xacro_arguments: Mapping[str, str] | None = None, package_paths: Mapping[str, Path] | None = None
 ) -> FileReport:
-    """Findings in a URDF or xacro file, including those of a run with constant references."""
+    """Findings in a URDF or xacro file, including the findings that a run with constant references would report."""
     from asrsim.scenario import scenario_from_data
 
     report = FileReport(path=path, kind="robot")
@@ -109,7 +109,7 @@ def scenario_report(path: Path) -> FileReport:
 
 
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
-    """Report with the findings in a scenario and its robot. Missing references are no finding in the file of a robot."""
+    """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
 
     alone = report.kind == "robot"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class StatusLine:
-    """Status line on stderr, rewritten in place on a terminal; messages are printed above it."""
+    """Status line on stderr, rewritten in place on a terminal; messages are printed above the status line."""
 
     def __init__(self, *, show: bool) -> None:
         self._talks = show
@@ -33,13 +33,13 @@ class StatusLine:
         self._wipe()
 
     def tell(self, text: str) -> None:
-        """Print a message above the line."""
+        """Print a message above the status line."""
         self._wipe()
         if self._talks:
             complain(text)
 
     def show(self, session: Session) -> None:
-        """Rewrite the line."""
+        """Rewrite the status line with the current numbers of the session."""
         if not self._shows:
             return
         now, figures = clock.perf_counter(), session.figures()

@@ -77,13 +77,13 @@ def _out(words: str, default: str | None, fault: Callable[[Path], str]) -> Any:
 
 
 def check_window(start: float | None, end: float | None) -> None:
-    """Check that a window of time is not empty. Raises typer's BadParameter."""
+    """Check that the end of a time window lies after its start. Raises typer's BadParameter."""
     if start is not None and end is not None and not end > start:
         raise typer.BadParameter(f"must be after --start {start:g}", param_hint="--end")
 
 
 def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
-    """Name -> value from the NAME=VALUE texts of `option`. Raises typer's BadParameter."""
+    """Values by name, parsed from the texts NAME=VALUE of `option`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
         # ROS uses `:=` instead of `=`.
@@ -95,12 +95,12 @@ def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
 
 
 def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
-    """Name -> folder from the NAME=FOLDER texts of `option`. Raises typer's BadParameter."""
+    """Folders by name, parsed from the texts NAME=FOLDER of `option`. Raises typer's BadParameter."""
     return {name: Path(folder) for name, folder in pairs(texts, option).items()}
 
 
 def lag_of(text: str) -> LagChoice:
-    """Value of `--align`. Raises typer's BadParameter."""
+    """Parsed value of the option `--align`. Raises typer's BadParameter."""
     if text in ("auto", "off", "start"):
         return text  # type: ignore[return-value]
     try:

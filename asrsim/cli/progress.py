@@ -56,7 +56,7 @@ class FractionBar(Bar):
     """Progress bar of work in several tasks whose completed fraction is known."""
 
     def update(self, what: str, fraction: float) -> None:
-        """Show that the task `what` is done to `fraction`, 0 to 1."""
+        """Show the completed fraction (0 to 1) of the task `what`."""
         self.draw(fraction, f"{100.0 * fraction:3.0f} %", what)
 
 

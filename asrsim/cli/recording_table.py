@@ -11,7 +11,7 @@ _MOST = 40
 
 
 def say_columns(recording: Recording) -> None:
-    """Print the mapped columns as a table, and the names of the others."""
+    """Print the columns that are mapped to quantities as a table, and the names of the other columns."""
     used = [column for column in recording.channels.values() if column.quantity]
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")

@@ -22,8 +22,8 @@ DIFFERENCES = (
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
     """Print summary, claims, warnings and files of a run.
 
-    quiet: print only failed claims and a divergence. printed: warnings of earlier runs, which are only counted; this run's
-    warnings are added.
+    quiet: print only failed claims and a divergence. printed: warnings that were printed for earlier runs; they are only
+    counted here, and the warnings of this run are added to the set.
     """
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:

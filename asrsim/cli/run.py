@@ -92,7 +92,7 @@ def run(
                 failure = (title, error)
             if len(done) > before and not json:
                 print_run(done[-1].summary, quiet=quiet, printed=printed)
-                # Flush now: a reader sees the line, and a closed pipe is noticed here.
+                # Flush now, so that a program that reads the output gets the line, and a closed pipe raises its error here.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:
                 break

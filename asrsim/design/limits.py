@@ -47,7 +47,7 @@ class Limits:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Additional quantities that could be recorded."""
+        """Quantities that additional sensors could record."""
         return tuple(map(str, self.choose.get(SENSORS, ())))
 
     @property
@@ -92,7 +92,7 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
 
 
 def interval(given: Any) -> tuple[float, float]:
-    """Low and high limit from a size, or from both limits."""
+    """Low and high limit, from one number for a symmetric limit, or from two numbers."""
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
 
 

@@ -21,7 +21,9 @@ from asrsim.signals.sampled import Sampled
 POSITION_NOISE = 1e-3
 """Noise of positions for which the file gives none, rad (m)."""
 GROWTH = 20.0
-"""Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger one shows chaos."""
+"""Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger sensitivity indicates
+chaos.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Bound:
-    """A limit of a quantity."""
+    """Low and high limit of a quantity of a joint."""
 
     joint: str
     quantity: str
@@ -64,7 +66,7 @@ class Channel:
     quantity: str
     noise: float
     group: int
-    """0: the sensor is recorded; otherwise number of the additional sensor, from 1."""
+    """Number of the additional sensor, from 1; 0 for a sensor that is recorded anyway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +74,11 @@ class Outcome:
     """Use of limits and information of a motion."""
 
     use: Array
-    """(bounds,) largest fraction of each limit over the robots; above 1: exceeded."""
+    """Largest used fraction (bounds,) of each limit over all robots; a limit is exceeded above 1."""
     when: float
     """Time of the largest fraction, s."""
     information: Array | None
-    """(robots, groups, n, n) Fisher matrices; None: not computed, or a robot is near chaos."""
+    """Fisher matrices (robots, groups, n, n); None if not computed, or if a robot is near chaos."""
 
 
 class Plant:
@@ -191,7 +193,8 @@ class Plant:
     ) -> Outcome | None:
         """Outcome of a motion (references, rows); None if the simulation of a robot diverges.
 
-        changes: relative changes of each parameter; sensitivities are means over them. Without changes: no information.
+        changes: relative changes of each parameter; sensitivities are means over these changes. Without changes no information
+        is computed.
         """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}

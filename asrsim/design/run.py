@@ -42,7 +42,7 @@ WANTED = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """A motion, and the intervals that it promises."""
+    """A designed motion, and the predicted intervals of the parameters."""
 
     task: Task
     scenario: Scenario
@@ -52,7 +52,9 @@ class Design:
     keys: tuple[str, ...]
     found: Found
     intervals: Mapping[str, Array]
-    """Half-widths of the 95 % intervals, relative to value or typical size; by `design`, plain motion, or additional sensor."""
+    """Half-widths of the 95 % intervals, relative to value or typical size. Keys are `design`, names of plain motions, and
+    additional sensors.
+    """
     remarks: tuple[str, ...]
     interrupted: bool
 
@@ -63,7 +65,7 @@ class Design:
 
     @property
     def needed(self) -> Array:
-        """Times after which the half-widths are `WANTED`, if the motion is repeated, s; not less than `SHORTEST`."""
+        """Durations of repeated motion, s, after which the half-width of each parameter is `WANTED`; at least `SHORTEST`."""
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals["design"] / WANTED) ** 2))
 
 
@@ -145,12 +147,12 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)
-    # A task needs a recording, and a design may come before the first one: the scenario stands in its place.
+    # A task needs a recording, but a design may precede the first recording: the scenario replaces the recording.
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
 def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
-    """Scenario, robot as its file says, free parameters, remarks. Raises InputError."""
+    """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
@@ -174,7 +176,7 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
 
 
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of recordings whose own parameters, such as offsets, are estimated, too."""
+    """Fisher matrix (n, n) of recordings, reduced because parameters of the recordings, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
@@ -186,7 +188,9 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
 
 
 def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each by exactly this factor."""
+    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each parameter is multiplied or divided by
+    exactly this factor.
+    """
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]
     return np.clip(places, *layout.bounds)

@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 __all__ = ["Export", "Replay", "export_mjcf"]
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Springs are fitted up to this multiple of the scenario's largest deflection, and at least up to this deflection, rad."""
+"""Springs are fitted up to a multiple of the scenario's largest deflection; the second number is the smallest such range, rad.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Exported model, and its differences from asrsim."""
+    """An exported model, and its differences from the simulation in asrsim."""
 
     files: tuple[Path, ...]
     """Written files, the model first."""
@@ -36,7 +37,7 @@ class Export:
     """Sentences about parts of the scenario that the model lacks."""
     replay: Replay
     spring_errors: Mapping[str, float]
-    """Joint -> largest difference between the laws of its springs and their splines, divided by the stiffness, mrad."""
+    """Largest difference between spring laws and their splines, divided by the stiffness, mrad, by joint."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -61,7 +62,7 @@ def export_mjcf(
 
     Args:
         scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
-        out: Path of the model; meshes, picture of the error, and ranges are written beside it.
+        out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As for `asrsim.run`.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         timestep: Time step of the model, s; None: the scenario's step.
@@ -111,8 +112,9 @@ def export_mjcf(
 
 
 def _extent(prepared: Prepared, run: Mapping[str, Array]) -> tuple[dict[str, float], dict[str, float], list[str]]:
-    """Joint -> deflection up to which its springs are fitted, rad; joint -> position of its adjuster at the start; and joints
-    whose motors reach their speed limit."""
+    """Three results: deflections up to which springs are fitted, rad, by joint; positions of the adjusters at the start, by
+    joint; and joints whose motors reach their speed limit.
+    """
     reach, adjusters, at_limit = {}, {}, []
     for j, stepped in enumerate(prepared.drives):
         drive, name = stepped.drive, stepped.name
@@ -140,7 +142,7 @@ def _write_meshes(model: Mjcf, folder: Path) -> list[Path]:
         mesh = read_mesh(Path(source))
         path = make_folder(folder) / f"{name}.stl"
         with written(path, "mesh") as stream:
-            # asrsim's heading marks the file as its own.
+            # The header of the STL file shows that asrsim wrote the file.
             stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         paths.append(path)

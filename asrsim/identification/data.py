@@ -57,7 +57,7 @@ class Channel:
     values: Array
     """Finite values (n,) in SI units."""
     noise: float
-    """Standard deviation of its noise, given or estimated from third differences."""
+    """Standard deviation of the channel's noise, given or estimated from third differences."""
     quantum: float
     """Step of a quantised encoder; 0: not quantised."""
     guide: Guide | None = None
@@ -76,7 +76,7 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:
-    """A recorded input."""
+    """A recorded input, which the simulation plays."""
 
     joint: str
     quantity: str
@@ -128,7 +128,7 @@ class Data:
     """Recorded positions that joints follow; they are not compared."""
     remarks: tuple[str, ...] = ()
     held: bool
-    """Whether the recording is predicted but not fitted."""
+    """Whether the recording only validates the fit: it is predicted but not fitted."""
 
 
 def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
@@ -190,7 +190,8 @@ def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *
 
 def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]) -> Iterator[Command]:
     """Recorded motor positions that are played as commands, for joints without a recorded command or a reference in the
-    scenario. Springs and links are then fitted without the motors' dynamics. Raises RecordingError if they are missing too.
+    scenario. Springs and links are then fitted without the motors' dynamics. Raises RecordingError if the motor positions are
+    missing too.
     """
     commanded = {one.joint for one in plan.played if one.slot == 0}
     motors = {(joint, str(column.quantity)): column for joint, column in plan.compared}
@@ -260,8 +261,8 @@ def _channels(
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
-    """Mapped columns that are multiples of another column, with the name of the other column. If both are mapped, the position
-    counts as measured.
+    """Mapped columns that are multiples of another column, with the name of the other column. If both columns are mapped, the
+    column with the position counts as measured.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
@@ -270,7 +271,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
         if early.source not in mapped and np.array_equal(early.values, late.values):
-            continue  # a copy of the same measurement, such as another topic of a log
+            continue  # a copy of a measurement, such as another topic of a log
         a, b = (c.values - c.values.mean() for c in (early, late))
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
             found[late.source] = f"'{early.source}'"

@@ -83,9 +83,8 @@ class Door:
     def rollout(
         self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
     ) -> Iterator[Array | None]:
-        """Yield values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation diverges.
-
-        names: index of a joint, and quantity.
+        """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
+        diverges. names: pairs of the index of a joint and the name of a quantity.
         """
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
@@ -121,7 +120,7 @@ class Door:
         return self._prepared.vary(parameters)
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
-        """Numbers of substeps that a run with these parameters takes. Raises RobotError, UnresolvedSpringError."""
+        """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
         found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
 

@@ -28,7 +28,7 @@ FACTOR = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A number that may be free."""
+    """A number of the robot or of a recording that a fit may estimate."""
 
     key: str
     unit: str
@@ -36,15 +36,15 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     logarithmic: bool = False
-    """Whether its logarithm is searched: for positive parameters of unknown size, except friction and damping, which may be
-    0.
+    """Whether the search uses the logarithm of the parameter. It does for positive parameters, except friction and damping,
+    which may be 0.
     """
     own: bool = False
     """Whether each recording has a separate value."""
 
     @property
     def size(self) -> float:
-        """Typical change of a parameter that is not searched over its logarithm."""
+        """Typical change of a parameter whose logarithm is not used in the search."""
         return max(abs(self.start), TYPICAL.get(self.unit, 0.1))
 
 
@@ -120,7 +120,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern does not match infinite limits, unless a start is given.
+        # A pattern matches parameters with infinite values only if a start is given.
         given = wish.start is not None
         keys = [
             key for key, one in known.items()

@@ -28,7 +28,7 @@ class Progress:
 OFTEN = 0.2
 """Time between progress reports, s."""
 SEARCH, AFTERWARDS = 12, 40
-"""Estimated evaluations per parameter: of a search, and of all later stages."""
+"""Estimated number of evaluations per parameter in a search, and in all later stages together."""
 UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 """Status of a fit that reached its time limit, or that the user stopped."""
 
@@ -66,7 +66,7 @@ class Watch:
             self._report()
 
     def in_time(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
-        """Optional results; empty if the time limit is reached meanwhile."""
+        """Results of an optional computation; empty if the time limit is reached during the computation."""
         self.ignore_time = False
         try:
             return tuple(found())

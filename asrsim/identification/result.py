@@ -51,11 +51,11 @@ class Result:
     whole: bool = False
     """Whether the estimates are from whole recordings, including the held-out parts."""
     accepted: bool = False
-    """Whether a model that does not fit was accepted; intervals then show the spread of estimates from tenths of the
+    """Whether a model that does not fit was accepted. Intervals then show the spread between estimates from tenths of the
     recording.
     """
     played: Mapping[str, str] = field(default_factory=dict)
-    """Column of a command -> interpolation between its samples, as `interpolation:` of a playback."""
+    """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
 
     @property
     def fits(self) -> bool:
@@ -75,5 +75,5 @@ class Result:
         raise KeyError(key)
 
     def values(self) -> dict[str, float]:
-        """Key -> estimate of the shared parameters, and those of the first recording, including tied parameters."""
+        """Estimates by key: shared parameters, parameters of the first recording, and tied parameters."""
         return self.layout.table(self.x, 0)

@@ -27,7 +27,8 @@ from asrsim.samples import Array
 from asrsim.workers import one_thread
 
 APART = 10.0
-"""Ratio of the mean square errors of whole recordings and training parts above which no parameters explain both."""
+"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
+"""
 
 
 def identify(
@@ -77,7 +78,7 @@ def identify(
         try:
             return _judged(setup, best, before, status, watch, accept=accept)
         except Stopped:
-            # The search is over, but the user does not wait for the judgement.
+            # The user interrupts the judgement after the search is complete.
             watch.ignore_stop = True
             return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
 
@@ -158,7 +159,7 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool]]:
     """Problem, estimate, uncertainty and entries at bounds, from whole recordings if the fit is complete and explains them."""
     if status != "complete":
-        # In a check an entry may start at a bound, such as a delay of 0; it was not driven there.
+        # In a check an entry may start at a bound, such as a delay of 0; then no search moved the entry to the bound.
         met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
         found = uncertainty(problem, trained, met, foreseen=status == "checked", quick=status == INTERRUPTED)
         return problem, trained, found, met

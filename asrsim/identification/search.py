@@ -25,7 +25,9 @@ from asrsim.identification.setup import Setup
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
-"""Successive fractions of the training part: predicted and recorded oscillations stay within half a period."""
+"""Successive fractions of the training part that are fitted, so that predicted and recorded oscillations differ by less than
+half a period.
+"""
 AGREED = 2
 """Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
 OUTLIER = 6.0
@@ -40,7 +42,7 @@ class Stopped(Exception):  # noqa: N818 - a request, not an error
 
 @dataclass
 class Best:
-    """The best fit so far, stored outside the search so that it survives an interruption."""
+    """The best fit so far, stored outside the search so that the fit survives an interruption."""
 
     problem: Problem
     x: Array
@@ -48,7 +50,7 @@ class Best:
     how: str = "start"
     attempts: int = 0
     successes: int = 0
-    """Number of searches that ended at the best cost."""
+    """Number of searches that reached the smallest cost."""
 
     def offer(self, found: Extended, how: str) -> None:
         """Store the end of a search if it is the best."""
@@ -83,7 +85,9 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
 
 
 def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts: the user's, then scattered starts with differently divided losses."""
+    """Start vectors of the search: the user's start, then scattered starts that divide friction and damping differently among
+    motor and link.
+    """
     generator = np.random.default_rng(0)
     yield "the start", start, SHORT
     yield "the start, horizon growing", start, GROWING
@@ -114,7 +118,7 @@ def has_outliers(values: Array) -> bool:
 
 
 def refined(problem: Problem, x: Array, rounds: int) -> Array:
-    """Least-squares solution from a vector near it, with the Huber loss if there are outliers."""
+    """Least-squares solution, from a start vector near the solution; with the Huber loss if there are outliers."""
     return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
 

@@ -20,7 +20,7 @@ from asrsim.scenario.data import Scenario
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A task with all that was read for it."""
+    """A task with its scenario, robot, recordings and problem."""
 
     task: Task
     scenario: Scenario

@@ -28,7 +28,7 @@ def as_dict(result: Result) -> dict[str, Any]:
     """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are for `asrsim sweep --fit`."""
     from asrsim import __version__
 
-    # A parameter whose logarithm is estimated is drawn by its logarithm, so that draws stay positive.
+    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
     bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
     slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
@@ -74,7 +74,7 @@ def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Joint or link -> name -> value, for the keys that belong to the robot."""
+    """Values of the robot's parameters, by joint or link and by name."""
     joints = {joint.name for joint in result.robot.moving_joints}
     links = {link.name for link in result.robot.links}
     blocks = {block.joint: block.parameters for block in result.robot.actuators}
@@ -89,7 +89,7 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
-    """Key -> value of the identified parameters (or all), and of parameters tied to them."""
+    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
     kept = {
         one.key for one in result.estimates
         # Even a weak pre-sliding stiffness is better than the default, with which the other estimates would not fit.

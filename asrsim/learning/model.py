@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """Plant and the soft arm of its scenario.
+    """A plant and the model of its arm with soft joints.
 
-    Driven joints that do not learn follow their own references and are soft too: in the linearised arm they come after the
-    learned joints.
+    Driven joints that do not learn follow their own references. These joints are soft too, and come after the learned joints in
+    the linearised arm.
     """
 
     plant: Plant

@@ -1,14 +1,14 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-The joints' response is lifted: a matrix G maps the coefficients of the whole input to samples of the whole motion. The input
+The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input
 is a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: nominal; heavier and
 softer; lighter and stiffer. The change du = B c of the best trial's input follows from its error e over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
-After a trial that is not better, the next trial starts from the best one again, with ten times rho; after a better trial,
-rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough step
-reduces it.
+If a trial is not better than the best trial, the next trial again corrects the best trial, with ten times rho; after a better
+trial, rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough
+step reduces it.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ EVERY = 2
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
 """Factors of mass and stiffness of the models."""
 RHO = 0.1
-"""Smallest weight of the input's change relative to the error."""
+"""Smallest weight rho of the input's change relative to the error."""
 TAIL = 20
-"""Number of knots after the end of the motion, where the last inputs still act; the last error is repeated there."""
+"""Number of knots after the end of the motion, where the last inputs still act; after the end the last error is repeated."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
-"""Factor on the weight of changes after a worse trial, and divisor after a better trial."""
+"""Factor on the weight rho of changes after a worse trial, and divisor of rho after a better trial."""
 REHEARSALS = 4
 """Largest number of further updates in a model before each trial."""
 PROGRESS = 0.99
-"""Fraction of the best error below which a trial counts as progress."""
+"""A trial counts as progress if its error is below this fraction of the best error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,14 +77,14 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
     middle = 0.5 * (linear.time[1:] + linear.time[:-1])
-    # Before the first command arrives, its value holds, as in a run.
+    # During the initial delay the first command is in effect, as in a simulation.
     values = [band.at(middle - delay).toarray() for delay in delays]
     columns = band.count * m
     state = np.zeros((states.shape[1], columns))
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
     latest = 0
     for index in range(n - 1):
-        # Splines of later times have not acted yet.
+        # Splines that begin later have no effect yet.
         latest = max([latest, *(int(np.flatnonzero(value[index])[-1]) + 1 for value in values if value[index].any())])
         active = latest * m
         part = states[index] @ state[:, :active]
@@ -129,7 +129,7 @@ class Lifted:
 
 @dataclass(frozen=True)
 class NormOptimal:
-    """The law `auto`."""
+    """The learning law `auto`: norm-optimal updates of the best trial's input."""
 
     problem: LearningProblem
     lifted: Lifted

@@ -69,12 +69,12 @@ def write_playback(
 
 def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, Any]:
     references = {joint: dict(signals) for joint, signals in given.items()}
-    # The entry for all joints applies name by name.
+    # The entry for all joints applies separately to each parameter name.
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # Entries that every joint replaces would have no effect.
+    # A parameter of this entry that every joint replaces would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives if drive.mode

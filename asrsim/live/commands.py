@@ -34,7 +34,7 @@ class Motion:
     """Velocities at the points; empty: linear interpolation between the points."""
 
     def curve(self, start: float) -> Callable[[float], float]:
-        """Function time (s) -> value; start: value before the first point."""
+        """Function that returns the value at a time in s; start: value before the first point."""
         times, values, velocities = self.times, self.values, self.velocities
         if times[0] > 0.0:
             times, values, velocities = [0.0, *times], [start, *values], [0.0, *velocities] if velocities else ()
@@ -59,20 +59,20 @@ class CommandInput:
     """Input topics of a robot and the checks of their messages."""
 
     def __init__(self, joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], *, prefix: str = "") -> None:
-        """ranges: joint -> reference -> permitted range; other references cannot be set."""
+        """ranges: permitted range of each reference of each joint; references without a range cannot be set."""
         self._ranges = ranges
         self._inputs = tuple(_inputs(joints, ranges, prefix))
         self.inlets = tuple(one.inlet for one in self._inputs)
         self.taken = 0
         """Number of accepted values."""
         self.refused: Counter[str] = Counter()
-        """Reason -> number of dropped messages or values."""
+        """Number of dropped messages or values for each reason."""
         self.clamped: Counter[str] = Counter()
-        """joint.reference -> number of values clamped to their range."""
+        """Number of values clamped to their range, for each `joint.reference`."""
         self.notices: list[str] = []
-        """Sentences for the user, one per kind; the reader removes them."""
+        """Messages for the user, one per kind of refusal; the live run shows the messages and empties the list."""
         self.motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
-        """Function of each running trajectory, its arrival time, and its duration."""
+        """Value over time of each running trajectory (a function), arrival time of the trajectory, and its duration."""
 
     def listen(
         self, messages: Iterable[Received], simulation: Simulation, time: float, ahead: float
@@ -163,7 +163,7 @@ def _inputs(joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range
         references = own[joint.name]
         topics = dict(zip(reference_names(joint), references, strict=False))
         if joint.mode == 4:
-            # Names of the released toolbox code, in addition to the paper's.
+            # Topic names in the released code of the toolbox, in addition to the topic names in the paper.
             topics |= {f"torque_m{number}_command": reference for number, reference in enumerate(references, start=1)}
         if EXTERNAL_TORQUE in ranges.get(joint.name, {}):
             topics[EXTERNAL_TORQUE] = EXTERNAL_TORQUE

@@ -36,7 +36,7 @@ class FoxgloveTransport:
         from foxglove.websocket import Capability
 
         self._interface = interface
-        # The channels exist as long as their context.
+        # Keep a reference to the context: the channels exist only as long as their context.
         self._context = context = Context()
         self._messages: deque[tuple[str, str, bytes]] = deque()
         self._requests: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
@@ -68,7 +68,7 @@ class FoxgloveTransport:
         behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
         try:
             self._server = foxglove.start_server(host=behind, **options)
-        except Exception:  # foxglove raises errors of many kinds; some systems have only 127.0.0.1
+        except Exception:  # foxglove raises errors of many types; some systems have no local address but 127.0.0.1
             behind = "127.0.0.1"
             self._server = foxglove.start_server(host=behind, **options)
         self._proxy.start(behind, self._server.port)
@@ -131,18 +131,18 @@ class FoxgloveTransport:
             self._messages.append((*known, bytes(data)))
 
     def on_unsubscribe(self, *_: Any) -> None:
-        """Ignored."""
+        """Do nothing when a client unsubscribes."""
 
     # -- called by the simulation's thread --------------------------------------------------------------------------
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.publish`."""
         for channel, message in zip(self._channels, messages, strict=True):
             if message:
                 channel.log(message, log_time=time)
 
     def poll(self) -> Iterator[Received]:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.poll`."""
         for _ in range(min(MOST, len(self._requests))):
             request, answer = self._requests.popleft()
             if answer.set_running_or_notify_cancel():
@@ -154,7 +154,7 @@ class FoxgloveTransport:
                 yield received(number, decoded, message, encoding, data)
 
     def close(self) -> None:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.close`."""
         # Cancel waiting requests first: the server answers all of them before it stops.
         self._closed = True
         while self._requests:

@@ -30,7 +30,7 @@ def take_priority() -> bool:
         if os.sched_getscheduler(0) == os.SCHED_OTHER and os.nice(0) <= 0:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
             return True
-    except (AttributeError, OSError):  # not available or not permitted
+    except (AttributeError, OSError):  # real-time priority is not available or not permitted
         pass
     return False
 
@@ -84,7 +84,7 @@ class Pace:
         return twice
 
     def wait(self, simulated: float) -> float | None:
-        """Lateness in s, after sleeping until the tick is due, `simulated` s after the last one.
+        """Sleep until the tick is due, `simulated` s after the previous tick, and return the lateness in s.
 
         None: the longest sleep ended before the tick is due; call again.
         """

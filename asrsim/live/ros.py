@@ -21,8 +21,8 @@ from asrsim.extras import install
 from asrsim.live.transport import Access, Interface, Received, received
 
 DEPTH = 300
-"""Number of messages that a publisher keeps for slow subscribers. It searches all of them for each message: with 1000, a
-reliable subscriber that takes no messages slows a run tenfold.
+"""Number of messages that a publisher keeps for slow subscribers. The publisher searches all kept messages for each new
+message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
 """Largest number of messages that a subscription keeps, and that are taken at once."""
@@ -84,7 +84,7 @@ class RosTransport:
                 rclpy.init(context=self._context, domain_id=access.domain, signal_handler_options=SignalHandlerOptions.NO)
                 options = {"namespace": namespace or None, "use_global_arguments": False, "enable_rosout": False}
                 self._node = rclpy.create_node(name, context=self._context, **options)
-        except Exception as error:  # rclpy raises errors of many kinds
+        except Exception as error:  # rclpy raises errors of many types
             self._context.try_shutdown()
             raise InputError(f"ROS 2 cannot be started: {type(error).__name__}: {error}", hint=_cure(), code="ros") from error
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -124,7 +124,7 @@ class RosTransport:
             self._node.create_service(SetBool if service.takes_flag else Trigger, f"~/{name}", answer)
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.publish`."""
         for publisher, message, wanted in zip(self._publishers, messages, self.wanted, strict=True):
             if wanted and message:
                 try:
@@ -135,7 +135,7 @@ class RosTransport:
                         self.notices.append(f"{self._unsent} messages dropped so far: a subscriber does not keep up")
 
     def poll(self) -> Iterator[Received]:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.poll`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
         left = MOST
@@ -162,7 +162,7 @@ class RosTransport:
         self._spoken_to = [one for one in self._subscriptions if one[2].get_publisher_count()]
 
     def close(self) -> None:
-        """See `asrsim.live.transport.Transport`."""
+        """Implements `Transport.close`."""
         self._node.destroy_node()
         self._context.try_shutdown()
 

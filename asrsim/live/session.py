@@ -30,15 +30,15 @@ from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, make_summary
 
 TICK = 1e-3
-"""Wall-clock time between ticks, s; a step if that is longer."""
+"""Wall-clock time between ticks, s; the time step if the time step is longer."""
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
-"""Share of the topics in the work from which publishing less helps."""
+"""Fraction of the working time spent on topics above which a lower publishing rate helps."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 FOREVER = 1e7
-"""Duration of a run without end, s."""
+"""Simulated time after which a run without a given duration ends, s."""
 LOOK = 0.25
 """Time between updates of notices and status, s."""
 
@@ -91,7 +91,7 @@ class Session:
         self._publishing = 0.0
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time for all work and for topics at the last judgement of the pace, s."""
+        """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
         self._said_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ class Session:
         self._urgent = False
 
     def _advance(self, steps: int) -> None:
-        """Simulate whole steps and one further substep, which completes the record of the last step."""
+        """Simulate `steps` whole steps and one further substep, which completes the record of the last step."""
         end = self._steps_done + steps
         while self._steps_done < end or self.simulation.substep == 0:
             due = (self._steps_done // self._publish_steps + 1) * self._publish_steps

@@ -1,4 +1,4 @@
-"""Interface between a live run and its transports, which exchange messages with other programs."""
+"""Interface between a live run and the transports, which exchange messages with other programs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Received:
 
 
 def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
-    """Content of a message object of any library, `decode(*data)`. An error becomes the fault of the message."""
+    """Content of a message object of any library, `decode(*data)`. An error in `decode` is stored as the message's fault."""
     try:
         message = decode(*data)
         if hasattr(message, "points"):
@@ -85,7 +85,8 @@ class Service:
     """Action of a run that clients may call."""
 
     call: Callable[[bool], str]
-    """Function flag -> new state in words; the flag matters only if `takes_flag`."""
+    """Function that performs the action and returns the new state in words; its argument, a flag, matters only if `takes_flag`.
+    """
     takes_flag: bool = False
 
 
@@ -98,7 +99,7 @@ class Interface:
     outlets: tuple[Outlet, ...]
     inlets: tuple[Inlet, ...]
     latched: Mapping[str, bytes]
-    """Name of a latched topic -> its message (CDR)."""
+    """Message (CDR) of each latched topic, by the name of the topic."""
     services: Mapping[str, Service] = field(default_factory=dict)
 
 
@@ -120,16 +121,16 @@ class Transport(Protocol):
     """Exchanges messages with clients. All calls come from the simulation's thread and must not block."""
 
     where: str
-    """Address for clients, for people."""
+    """Address at which clients connect, as text for the user."""
     wanted: Sequence[bool]
     """Whether each outlet that is not latched has a subscriber; a change replaces the sequence by a new object."""
     notices: list[str]
-    """Sentences for the user; the reader removes them."""
+    """Messages for the user; the live run shows the messages and empties the list."""
     lost: int
     """Number of commands that the transport dropped."""
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Publish messages (CDR) of the outlets that are not latched, in order, empty for an outlet without message; time in
+        """Publish one message (CDR) for each outlet that is not latched, in order; an empty message is not published; time in
         ns.
         """
 

@@ -11,15 +11,17 @@ from asrsim.samples import Array
 FLOOR = 1e-2
 """Fraction of the largest input power (-20 dB) above which a frequency counts as excited."""
 _FLANK = 0.35
-"""The band ends where the power falls below this fraction of the power further inside. A linear chirp has a quarter at its
-first frequency.
+"""The band ends at the frequency at which the power falls below this fraction of the power further inside the band. A linear
+chirp has a quarter of its full power at its first frequency.
 """
 _REACH = 16
-"""Number of bins further inside whose median power is the comparison."""
+"""Number of frequency bins further inside the band; the power of a bin is compared with their median power."""
 _OUTSIDE = 8
-"""Number of bins further outside whose median power must be low too: a single weak bin of noise is not an edge."""
+"""Number of frequency bins further outside the band whose median power must be low too: a single weak bin of noise is not an
+edge.
+"""
 _LINE = 1e-3
-"""Fraction of the strongest line's power (-30 dB) above which a line is used."""
+"""Fraction of the strongest line's power (-30 dB) above which a line counts as excited."""
 
 
 def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, NDArray[np.intp] | None]:
@@ -31,8 +33,8 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     from scipy.signal.windows import tukey
 
     n = len(u)
-    # Remove the trend: a slow drift has power in the lowest bins, which is not excitation. The window tapers only its ends: a
-    # smooth window would hide the first and last frequencies of a chirp.
+    # Remove the trend: a slow drift has power in the lowest bins, which is not excitation. The window tapers only the ends of
+    # the record: a smooth window would hide the first and last frequencies of a chirp.
     straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
     power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2
     f = np.fft.rfftfreq(n, step)
@@ -59,7 +61,7 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
 
 
 def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: float) -> int:
-    """Last excited bin from `start` towards `end` (way: -1 or 1)."""
+    """Last excited frequency bin on the way from `start` to `end`. way: 1 for upwards, -1 for downwards."""
     narrow = np.convolve(power, (0.25, 0.5, 0.25), mode="same")
     found = start
     for i in range(start, end + way, way):

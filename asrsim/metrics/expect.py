@@ -112,7 +112,7 @@ def evaluate_expectation(
 
 
 def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationResult:
-    """Verdict on a claim whose number was measured."""
+    """Verdict on a claim from its measured number."""
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
@@ -128,7 +128,7 @@ def compares(measured: float, comparison: str, value: float, tolerance: float) -
     if math.isnan(measured):
         return False
     if comparison == "==":
-        # Rounding errors of the two numbers are accepted.
+        # Accept a violation that is as small as the rounding errors of the two numbers.
         return abs(measured - value) <= tolerance + 4e-16 * max(abs(measured), abs(value))
     if comparison in ("<", "<="):
         return measured < value if comparison == "<" else measured <= value
@@ -169,7 +169,7 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
 
 
 def _unmeasurable(expectation: Expectation) -> list[Problem]:
-    """Invalid options of the measure, found before the run by applying it to an artificial series."""
+    """Invalid options of the measure, found before the run by applying the measure to an artificial series."""
     options = _of_measure(expectation)
     problems = []
     parameters = inspect.signature(MEASURES.get(expectation.measure).function).parameters

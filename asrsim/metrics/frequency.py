@@ -6,8 +6,8 @@ The estimator depends on the excitation:
   common period.
 - *local*, for an excitation that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and Guerin
   (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
-  Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike averaging over segments it has neither
-  leakage nor smoothing: a chirp passes each frequency once, and segments would split it.
+  Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike an average over segments, the fit has
+  neither leakage nor smoothing: a chirp passes each frequency once, and segments would split the chirp.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class FrequencyResponse:
     """Frequency at which the gain first falls 3 dB below its value at the low end of the band, Hz; None if not inside the band.
     """
     moves: bool
-    """Whether the output follows the input. False: friction holds it, or it is not connected."""
+    """Whether the output moves. False: static friction stops the output, or the input does not act on the output."""
     findings: tuple[Problem, ...] = ()
 
     def at(self, frequencies: Array) -> NDArray[np.complex128]:
@@ -141,8 +141,9 @@ def _response(
 
     gain = np.abs(spectra.response)
     phase = np.degrees(np.unwrap(np.angle(spectra.response)))
-    # The error is circular in the complex plane. Along and across the gain it follows Student's distribution, as its variance
-    # is estimated too. If noise exceeds the response, its direction is unknown: use the whole disc.
+    # The error of the response is circular in the complex plane. Its components along and across the response follow Student's
+    # distribution, because the variance is estimated too. If the noise exceeds the response, the phase is unknown: use the
+    # whole disc.
     sigma = spectra.deviation / math.sqrt(2)
     disc = sigma * math.sqrt(2 * float(f.ppf(confidence, 2, 2 * spectra.freedom)))
     width = np.where(disc < 1, sigma * float(t.ppf(0.5 + confidence / 2, 2 * spectra.freedom)), disc)

@@ -12,13 +12,13 @@ from asrsim.samples import Array
 _LONGEST = 200_000
 """Largest number of samples in the correlation; longer records are correlated on a coarser grid."""
 _NEAR = 0.02
-"""Peaks whose correlation differs by less than this from the best one are equivalent; the smallest lag is chosen."""
+"""Peaks whose correlation differs by less than this from the best peak are equivalent; the smallest lag is chosen."""
 _VALLEY = 0.2
 """Two peaks are distinct if the correlation between them falls by at least this amount."""
 _TOP = 0.1
 """Fraction of a peak's height over which its parabola is fitted."""
 TRUSTED = 0.6
-"""Smallest correlation at which a lag is trusted: below, unrelated series correlate equally well."""
+"""Smallest correlation at which a lag is trusted: unrelated series may reach any smaller correlation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
     power_x = sums(x * x, *in_x) - sum_x**2 / count
     power_y = sums(y * y, *in_y) - sum_y**2 / count
-    # The correlation is undefined if a series is constant in the overlap; rounding must not define it.
+    # The correlation is undefined if a series is constant in the overlap: rounding errors must not produce a number.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
     usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)

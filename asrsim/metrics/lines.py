@@ -9,11 +9,11 @@ from asrsim.metrics.spectra import Spectra
 from asrsim.samples import Array
 
 _BLOCKS = 16
-"""Number of parts of the record, of which the first may be omitted as a transient."""
+"""Number of parts into which the record is divided; the first parts may be omitted as a transient."""
 _AS_GOOD = 1.3
 """The first parts count as a transient if omitting them reduces the error by this factor."""
 _ROUNDING = 1e-11
-"""Relative residual that consists of rounding errors."""
+"""Relative residual below which the residual consists of rounding errors."""
 _APART = 2.0
 """Smallest distance of two lines in bins of the part of the record that is used."""
 _AROUND = 8
@@ -51,7 +51,7 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     middle = np.clip(np.round(cycles * count / n).astype(int), _AROUND, len(spectra) - 1 - _AROUND)
     noise_u, noise_y = np.moveaxis(spectra[middle[:, None] + np.arange(-_AROUND, _AROUND + 1)], 2, 0)
     noise = np.sum(np.abs(noise_y - response[:, None] * noise_u) ** 2, axis=1)
-    # Each fitted line takes a bin out of the residual.
+    # Each fitted line removes the noise power of one bin from the residual.
     freedom = 2 * _AROUND + 1 - np.sum(np.abs(middle[:, None] - middle) <= _AROUND, axis=1)
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)

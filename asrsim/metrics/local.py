@@ -95,7 +95,7 @@ class _Fit:
 
 
 def _simplest(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
-    """Fit of the given order, or without poles if that is equally good: the denominator would then fit noise only."""
+    """Fit of the given order, or the fit without poles if it is equally good: poles would then fit noise only."""
     rational, smooth = _fit(u, y, r, order), _fit(u, y, r, replace(order, poles=0))
     return _chosen(smooth.noise <= _AS_GOOD * rational.noise, smooth, rational)
 
@@ -136,7 +136,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
 
 
 def _chosen(first: NDArray[np.bool_], one: _Fit, other: _Fit) -> _Fit:
-    """Fit composed of `one` where `first` is true and of `other` elsewhere."""
+    """Fit with the values of `one` at the frequencies where `first` is true, and the values of `other` elsewhere."""
     return _Fit(
         response=np.where(first, one.response, other.response),
         variance=np.where(first, one.variance, other.variance),

@@ -27,7 +27,9 @@ class Measure:
     unit: str
     """Unit of the number: `series` (unit of the series), a unit such as `s`, or "1" for a pure number."""
     needs: str
-    """Required input: `series`, `pair` (a reference too), `either` (a reference or an option), `poses`."""
+    """Required input: `series`, `pair` (series and reference), `either` (series, and a reference or an option), `poses` of a
+    body.
+    """
 
     @property
     def doc(self) -> str:

@@ -29,7 +29,7 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
     largest, smallest = float(np.max(values)), float(np.min(values))
     if len(time) < 8 or not largest - smallest > STILL:
         return math.nan
-    # A decaying oscillation swings about its steady state, a sustained one about the middle of its range.
+    # A decaying oscillation swings about its steady state, a sustained oscillation about the middle of its range.
     decays = np.ptp(values[len(time) // 2 :]) < 0.5 * (largest - smallest)
     x = values - (steady_state(time, values) if decays else 0.5 * (largest + smallest))
     excursion = float(np.max(np.abs(x)))
@@ -41,7 +41,7 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
             return even
     elif lowest == 0.0:
         return math.nan
-    # Exclude the approach to the steady state and the rest there: their spectrum would outweigh a short oscillation.
+    # Exclude the approach to the steady state and the standstill after it, which would dominate the spectrum.
     crossed = sorted(up + down) or [float(time[0])]
     ringing = (time >= crossed[0]) & (time <= crossed[-1]) if len(crossed) > 3 else time >= crossed[0]
     return _spectral_peak(time[ringing], x[ringing], lowest) if ringing.sum() >= 8 else math.nan
@@ -66,7 +66,8 @@ def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[f
 def _even(up: list[float], down: list[float]) -> float | None:
     """Frequency of evenly spaced crossings, None for uneven ones.
 
-    Both directions share the period but have separate starts: a wrong mean value shifts the starts, not the spacing.
+    Upward and downward crossings have one period but separate first times: a wrong mean value shifts the first times, not the
+    period.
     """
     rows = [(count, 1.0, 0.0) for count in range(len(up))] + [(count, 0.0, 1.0) for count in range(len(down))]
     matrix, targets = np.array(rows), np.array(up + down)
@@ -82,7 +83,8 @@ def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     y = (np.interp(grid, time, x) - np.mean(x)) * np.hanning(len(grid))
-    # Zeros make the bins finer. A power of two: transform lengths with large prime factors take ten times the memory.
+    # Zeros appended to the record make the bins finer. A power of two: transform lengths with large prime factors take ten
+    # times the memory.
     size = 1 << (8 * len(grid) - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)

@@ -40,7 +40,8 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         time: Times (n,), s.
         columns: Quantity -> values (n,): `link_position`, and if available `position_error` and `deflection` (derived, see
           `asrsim.log.derived`); measures of missing quantities are NaN.
-        step: Sample at which the step begins, for overshoot and settling; None: there is no step, and they are NaN.
+        step: Sample at which the step begins, for overshoot and settling; None: there is no step, and overshoot and settling
+        time are NaN.
     """
 
     def of(name: str, quantity: str = "link_position", start: float | None = None) -> float:

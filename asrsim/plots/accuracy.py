@@ -13,7 +13,7 @@ from asrsim.plots.layout import Grid, set_title
 from asrsim.plots.output import save_figure, styled
 
 SMALLEST = 1e-17
-"""Smallest value drawn. Smaller values and 0 are drawn here, because a logarithmic axis has no 0."""
+"""Smallest value on the logarithmic axis. Smaller values and 0 are drawn at this value, because the axis has no 0."""
 
 
 def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Mapping[str, Any]) -> list[Path]:

@@ -124,7 +124,9 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
 
 
 def label_frequencies(axes: Axes, start: float, end: float) -> None:
-    """Label the frequency axis at 1, 2, 5, 10 Hz and so on; evenly in a narrow band. A single frequency is centred."""
+    """Label the frequency axis at 1, 2, 5, 10 Hz and so on; a narrow band gets evenly spaced labels. A single frequency is
+    centred.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     single = end <= start

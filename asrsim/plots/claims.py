@@ -43,7 +43,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
 
 def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
-    """Path of a recording -> lag that the runs' claims state for this recording.
+    """Lag that the runs' claims state for each recording, by the path of the recording.
 
     Pictures use the same lag as the claims; otherwise their numbers would contradict the verdicts below them.
     """
@@ -62,11 +62,11 @@ def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) ->
 
 
 def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
-    """Files unpacked from the log: name in the log -> path of the file, or of the folder if the recording is a bag."""
+    """Paths of the files unpacked from the log, by their names in the log; for a bag the path of its folder."""
     files: dict[str, Path] = {}
     for name, content in info.attachments.items():
         parts = PurePosixPath(name.replace("\\", "/")).parts
-        # Names come from a foreign file: reject paths that leave the folder.
+        # The names come from a file that is not trusted: reject paths outside the folder.
         if not parts or ".." in parts or PurePosixPath(name).is_absolute():
             continue
         path = folder.joinpath(*parts)
@@ -77,7 +77,7 @@ def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
 
 
 def judge(reader: LogReader) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict; empty for a run that did not end. Raises ScenarioError and RecordingError."""
+    """Every claim with its verdict; empty for a run that did not complete. Raises ScenarioError and RecordingError."""
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples

@@ -37,9 +37,11 @@ class RunCurves:
     joints: tuple[JointInfo, ...]
     """The selected joints."""
     curves: Mapping[tuple[str, str], Curve]
-    """(joint, quantity) -> curve; only quantities that the run has."""
+    """Curve of each (joint, quantity) that the run has."""
     bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
-    """World object -> dx, dy, dz (displacement from the first sample, m) and force (magnitude of the contact forces, N)."""
+    """Curves of each world object: dx, dy, dz (displacement from the first sample, m) and force (magnitude of the contact
+    forces, N).
+    """
     status: str = "complete"
     samples: int
 
@@ -74,7 +76,7 @@ class CurveSource:
         self.joints = _members(self.reader, joints)
         self._names = _names(self.reader, self.joints, quantities)
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
-        """(joint, quantity) of each column of the matrix."""
+        """Joint and quantity of each column of the matrix."""
         recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
         self._stored = [name for name in stored(self._names) if name in recorded]
 
@@ -158,7 +160,7 @@ def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
 
 
 def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
-    """Each path without the parts that all paths begin and end with."""
+    """Each path without the leading and trailing parts that all paths have in common."""
     ends = []
     for sign in (1, -1):
         parts = zip(*(path[::sign] for path in paths), strict=False)
@@ -209,9 +211,9 @@ def stored(names: Sequence[str]) -> list[str]:
 
 
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
-    """Quantity, stored or derived -> values (n, joints)."""
+    """Values (n, joints) of each quantity, stored or derived."""
     found: dict[str, Array] = {}
-    # Infinite values of a diverged run give NaN differences; no warning about them.
+    # Infinite values of a diverged run give NaN differences: suppress NumPy's warning.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:

@@ -1,6 +1,6 @@
 """Thinning of long series: the first, smallest, largest and last sample of every short interval are kept.
 
-A line drawn through these covers the same pixels as one through all samples, if an interval is not wider than a pixel
+A line through the kept samples covers the same pixels as a line through all samples if an interval is at most one pixel wide
 (Jugel et al., M4: a visualization-oriented time series data aggregation, PVLDB 7, 2014). No extreme is ever lost.
 """
 
@@ -20,7 +20,7 @@ BINS = 1500
 class Envelope:
     """Thins m series chunk by chunk to at most four samples per series, interval and chunk.
 
-    start, end: limits of the whole record, s; samples outside count to the first or last interval.
+    start, end: limits of the whole record, s; samples outside are assigned to the first or last interval.
     """
 
     def __init__(self, *, start: float, end: float, bins: int = BINS) -> None:

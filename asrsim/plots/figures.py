@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 PER_PAGE = 3
 """Number of joints on a page."""
 OVERVIEW_FROM = 5
-"""Number of joints from which the first page is an overview of all joints."""
+"""Smallest number of joints for which the first page is an overview of all joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,8 @@ class Page:
 def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False) -> Iterator[Page]:
     """Pages of one run or of several variants, made one at a time: joints, energies, objects.
 
-    quantities: draw only these, one row each. brief: omit the energies; where an overview shows all joints, only the first
-    page of joints follows.
+    quantities: draw only these quantities, each in its own row. brief: omit the energies; where an overview shows all joints,
+    only the first page of joints follows.
     """
     if quantities is not None:
         yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
@@ -108,7 +108,7 @@ def grid_figure(
             if not content(panel, runs, joint):
                 _empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # A single quantity of several runs is named by the axis.
+        # With several runs and a single quantity, the axis label names the quantity: leave the quantity out of the legend.
         names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], names, several=several, words=words)
@@ -169,7 +169,9 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
 
 
 def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPanel) -> dict[str, str]:
-    """Draw one panel of a body and return its legend entries. Variants share one goal, drawn in the style of references."""
+    """Draw one panel of a body and return its legend entries. All variants have the same goal, which is drawn once in the style
+    of references.
+    """
     plain = [key for key in panel.entries if not key.startswith("goal")]
     words: dict[str, str] = {}
     shown = []

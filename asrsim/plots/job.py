@@ -35,9 +35,9 @@ class PlotJob:
     logs: tuple[Path, ...]
     folder: Path
     experiments: tuple[str, ...] = ()
-    """Recordings: FILE, or VARIANT=FILE."""
+    """Recordings, each as the text FILE or VARIANT=FILE."""
     mapping: tuple[str, ...] | Path | None = None
-    """Meaning of the recordings' columns: items COLUMN=JOINT.QUANTITY, or a file with them."""
+    """Quantities in the recordings' columns: texts COLUMN=JOINT.QUANTITY, or the path of a file with such texts."""
     rate: float | None = None
     """Sampling rate of recordings without a time column, Hz."""
     joints: tuple[str, ...] | None = None
@@ -65,12 +65,12 @@ class PlotResult:
     runs: tuple[RunCurves, ...]
     recordings: tuple[Recording, ...] = ()
     assigned: tuple[tuple[Path, str], ...] = ()
-    """(recording, label of its run or `all`)."""
+    """Each recording with the label of its run, or with `all` if the recording belongs to all runs."""
     compared: tuple[RunComparison, ...] = ()
     responses: tuple[Response, ...] = ()
     rows: tuple[MetricRow, ...] = ()
     claims: tuple[tuple[str, ExpectationResult], ...] = ()
-    """(label of the run, verdict on a claim)."""
+    """Verdicts on claims, each with the label of the run."""
     findings: tuple[Problem, ...] = ()
     files: tuple[Path, ...] = ()
     replaced: int = 0
@@ -166,7 +166,7 @@ def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
 
 
 def _beside(path: Path) -> tuple[str, ...]:
-    """Quantities of the run drawn in addition to the compared quantities: its reference, if it has one."""
+    """Quantities drawn in addition to the compared quantities: the run's reference, if the run has a reference."""
     known = available(open_log(path))
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
@@ -188,7 +188,7 @@ def _read_recordings(job: PlotJob, paths: Sequence[Path], runs: Sequence[RunCurv
 
 
 def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequence[Recording]]) -> list[RunComparison]:
-    """Comparison of each run with its recordings (`members`); runs without recordings are omitted."""
+    """Comparison of each run with the recordings that belong to the run (`members`); runs without recordings are omitted."""
     everything = [recording for mine in members for recording in mine]
     claimed = claimed_clocks([run.info for run in runs], everything) if job.lag == "auto" else {}
     lags: dict[str, LagChoice] = dict(claimed)
@@ -236,7 +236,7 @@ def _responses(
 
 
 def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> PlotResult:
-    """The result with its files, after drawing them."""
+    """Draw and write the pictures and tables, and return the result with the paths of the written files."""
     folder = make_folder(job.folder)
     before = {path.name for path in folder.iterdir()}
     files: list[Path] = []

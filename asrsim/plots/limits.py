@@ -61,7 +61,7 @@ def _both(limit: float) -> tuple[float, float]:
 
 @lru_cache(maxsize=8)
 def _joint_limits(urdf: str) -> dict[str, dict[str, float]]:
-    """Joint -> lower, upper and effort from its `<limit>` element; empty if the text is not URDF."""
+    """Attributes lower, upper and effort of each joint's `<limit>` element; empty if the text is not URDF."""
     from asrsim.robot.xmlfile import parse_xml
 
     try:

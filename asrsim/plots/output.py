@@ -21,7 +21,9 @@ METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"Creator": "asrsim", "CreationDate": None},
     "svg": {"Creator": "asrsim", "Date": None},
 }
-"""Metadata of picture files by format: the mark that identifies files of asrsim. No dates, so equal logs give equal files."""
+"""Metadata of picture files by format: the mark that identifies files of asrsim. Dates are omitted, so that equal logs give
+equal files.
+"""
 
 
 def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
@@ -37,8 +39,8 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
 
 
 def load_undocumented() -> None:
-    """Load Matplotlib without the property lists in its docstrings, which take a sixth of the drawing time. Use it only in a
-    process that does not show these docstrings. Does nothing if Matplotlib is loaded.
+    """Load Matplotlib without the property lists in its docstrings, which take a sixth of the drawing time. Call this function
+    only in a process that does not show these docstrings. Does nothing if Matplotlib is loaded.
     """
     if "matplotlib.artist" not in sys.modules:
         from matplotlib import artist

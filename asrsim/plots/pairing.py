@@ -36,7 +36,7 @@ class Pair:
     quantity: str
     simulation: Curve
     recording: Curve
-    """Recording; the mean of several recordings."""
+    """Curve of the recording, or the mean curve of several recordings."""
     difference: Curve
     """Simulation minus recording, or minus the mean of several recordings."""
     low: Curve | None = None
@@ -57,17 +57,17 @@ class RunComparison:
     label: str
     recordings: tuple[Path, ...]
     pairs: Mapping[tuple[str, str], Pair]
-    """(joint, quantity) -> curves of run and recordings."""
+    """Curves of run and recordings for each (joint, quantity)."""
     alignments: Mapping[str, Alignment]
-    """Name of the recording -> shift of its clock."""
+    """Shift of each recording's clock, by the name of the recording."""
     joints: Mapping[str, Mapping[str, str]]
-    """Name of the recording -> joint in the recording -> joint of the run."""
+    """For each recording (by name): the joint of the run that corresponds to each joint of the recording."""
     rows: tuple[MetricRow, ...]
     findings: tuple[Problem, ...] = ()
 
 
 def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int | None]]:
-    """Recordings with the number of their run, from `VARIANT=FILE`; None: the recording belongs to all runs.
+    """Recordings with the index of their run, parsed from `VARIANT=FILE`; None: the recording belongs to all runs.
 
     Raises InputError for a variant that no run has.
     """
@@ -97,8 +97,9 @@ def compare_run(
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: one lag for all recordings, or a lag by path. lag_limit: largest automatic lag, s.
-    Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
+    joints, quantities: all by default. lags: one lag for all recordings, or a dictionary with the lag of each recording by its
+    path. lag_limit: largest automatic lag, s. Raises RecordingError (no common joint or quantity, no overlap in time) and
+    LogError.
     """
     reader = open_log(path)
     infos = reader.info.joints
@@ -142,7 +143,7 @@ def _in_both(
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
     common = [name for name in available(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
-        # The comparison raises the most precise error: call it for its message.
+        # Call the comparison only for its error, which is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
         raise RecordingError("log and recording share none of the selected joints and quantities", file=recordings[0].path)
     return paired, common

@@ -57,7 +57,7 @@ class Panel:
 
 
 _TORQUES = {"torque": "link", "motor_torque": "motor"}
-"""Panels that show a reference only if it is a torque, and the part on which this torque acts."""
+"""Panels that show the reference only if the reference is a torque, and the part (link or motor) on which this torque acts."""
 
 PANELS: dict[str, Panel] = {
     panel.key: panel
@@ -115,7 +115,7 @@ def quantity_panel(quantity: str) -> Panel:
 
 
 def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[str, int, Curve]]:
-    """(quantity, number of the run, curve) for everything that a panel shows of a joint, in drawing order."""
+    """Curves of a joint in a panel in drawing order, each as (quantity, index of the run, curve)."""
     found: list[tuple[str, int, Curve]] = []
     several = len(runs) > 1
     for name in dict.fromkeys(name for run in runs for info in _info(run, joint) for name in panel.of(info, several=several)):
@@ -140,7 +140,9 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
 
 
 def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) -> tuple[str, ...]:
-    """Draw a joint's panel, variants by colour, and return the names of the quantities drawn, `limit` for limits included."""
+    """Draw a joint's panel, variants by colour, and return the names of the drawn quantities, with `limit` if limits were
+    drawn.
+    """
     drawn = content(panel, runs, joint)
     several = len(runs) > 1
     plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]

@@ -21,7 +21,7 @@ from asrsim.samples import JointInfo
 
 OUTPUT = "link_position"
 _RUN = "the run"
-"""Source of a column that was logged and not recorded."""
+"""Source of a column that comes from the run's log and not from a recording."""
 LEAST = 64
 """Smallest number of samples that input and output must have in common."""
 
@@ -82,7 +82,7 @@ class Experiment:
 
     recording: Recording
     joints: Mapping[str, str] = field(default_factory=dict)
-    """Joint in the recording -> joint of the run."""
+    """Joint of the run that corresponds to each joint of the recording."""
     lag: float = 0.0
     """Delay of the recording against the run, s."""
 
@@ -113,7 +113,7 @@ def responses(
     given: str | None = None,
     output: str | None = None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of the run and its experiments for every joint with a moving input, and problems of the others.
+    """Responses of the run and its experiments for every joint with a moving input, and problems of the other joints.
 
     given, output: input and output as `quantity` or `joint.quantity`; by default the position reference (torque modes: the
     torque reference) and the link position. An experiment without a recorded reference uses the run's reference as input,
@@ -183,7 +183,7 @@ def recorded_responses(
 
 
 def _logged(reader: LogReader, quantity: str, joint: str) -> Column | None:
-    """Quantity of a joint in a log, stored or derived; None if the log has no numbers of it."""
+    """Quantity of a joint in a log, stored or derived; None if the log does not contain the quantity."""
     info = next(info for info in reader.info.joints if info.name == joint)
     names = [name for name in dict.fromkeys((OUTPUT, *stored([quantity]))) if name in info.quantities]
     try:
@@ -219,7 +219,9 @@ def _response(
     joint: JointInfo, label: str, variant: int, u: Column, y: Column, band: tuple[float, float] | None,
     recording: Recording | None = None,
 ) -> Response:  # fmt: skip
-    """Response of a column to another, which is resampled at its times. recording: None for a run. Raises RecordingError."""
+    """Frequency response of the output column y to the input column u, resampled at the times of y. recording: None for a run.
+    Raises RecordingError.
+    """
     excitation = u.values
     if not np.array_equal(u.time, y.time):
         excitation = resample(u.time, excitation, y.time)

@@ -18,7 +18,7 @@ class MetricTable:
 
     measures: tuple[str, ...]
     lines: tuple[tuple[tuple[str, str, str], tuple[str, ...]], ...]
-    """((source, joint, quantity), text of each measure)."""
+    """Rows of the table, each as (source, joint, quantity) and the texts of the measures."""
 
 
 def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
@@ -33,7 +33,7 @@ def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Metrics except references equal in run and recording, and step measures of motions that do not settle."""
+    """Metrics without references that are equal in run and recording, and without step measures of unsettled motions."""
     from asrsim.metrics.measures import STEP_MEASURES
 
     same = {

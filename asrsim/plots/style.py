@@ -92,7 +92,7 @@ RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
-    # Mathtext would run its parser for every label.
+    # Do not use mathtext here: its parser would run for every label.
     "axes.formatter.use_mathtext": False,
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.08,
@@ -118,7 +118,7 @@ RC: dict[str, Any] = {
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "path.simplify_threshold": 0.1,
-    # A fixed salt: equal logs give equal files.
+    # Fixed salt for the random names in SVG files, so that equal logs give equal files.
     "svg.hashsalt": "asrsim",
 }
 """Matplotlib settings while asrsim makes and writes figures; the user's settings are restored afterwards."""

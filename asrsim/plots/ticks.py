@@ -16,7 +16,7 @@ SMALL, LARGE = 1e-3, 1e5
 
 
 class Plain(ScalarFormatter):
-    """Tick formatter that writes the power of ten at each number; above the axis it would cover the panel's title."""
+    """Tick formatter that writes the power of ten at each number: a common power would cover the panel's title."""
 
     def __init__(self) -> None:
         super().__init__(useOffset=False)

@@ -22,7 +22,7 @@ class Curve:
 
     @property
     def extent(self) -> float:
-        """Largest magnitude; 0 without samples."""
+        """Largest magnitude of the values; 0 without samples."""
         finite = self.values[np.isfinite(self.values)]
         return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
@@ -34,7 +34,7 @@ class BodyPanel:
     words: str
     unit: str
     entries: Mapping[str, str]
-    """Curve (axis) -> name in the legend."""
+    """Name in the legend for each curve, such as `dx`."""
 
 
 _MOVED = BodyPanel(words="displacement", unit="m", entries={"dx": "along x", "dy": "along y", "dz": "along z"})
@@ -73,7 +73,7 @@ class WorldEnvelope:
             self._envelopes[name].add(part.time, np.concatenate(columns, axis=1))
 
     def curves(self) -> dict[str, dict[str, Curve]]:
-        """Object -> curve name -> curve: displacement from the first sample (m), force (N), goal of a tip (m)."""
+        """Curves of each object by name: displacement from the first sample (m), force (N), goal of a tip (m)."""
         result: dict[str, dict[str, Curve]] = {}
         for name, envelope in self._envelopes.items():
             if envelope.samples:

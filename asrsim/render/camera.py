@@ -14,7 +14,7 @@ FIELD = 32.0
 MARGIN = 1.1
 """Margin around the robot, as a factor on its size."""
 PLANAR = 0.97
-"""Fraction of the motion about a single direction from which a robot counts as planar."""
+"""A robot counts as planar if at least this fraction of its motion is rotation about a single direction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ def _direction(azimuth: float, elevation: float) -> Array:
 def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array | None:
     """Common direction (3,) of the axes about which the robot moves; None if there are several directions.
 
-    axes: joint -> (3,) axis in the world; travel: joint -> range of its motion, rad.
+    axes: axis (3,) of each joint in the world; travel: range of each joint's motion, rad.
     """
     total = np.zeros((3, 3))
     for name, axis in axes.items():
@@ -74,7 +74,7 @@ def viewpoint(axis: Array | None) -> Array:
 
 
 def fitting_aspect(points: Array, towards: Array) -> float:
-    """Width / height of the points as seen from far away, between 0.7 and 1.6."""
+    """Ratio of width to height of the points as seen from far away, between 0.7 and 1.6."""
     right, up, _ = view_axes(-towards)
     width, height = np.ptp(points @ right), np.ptp(points @ up)
     return float(np.clip(width / max(float(height), 1e-9), 0.7, 1.6))

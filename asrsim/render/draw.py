@@ -14,7 +14,7 @@ from asrsim.render.scene import Scene
 from asrsim.samples import Array
 
 Image = NDArray[np.uint8]
-"""Picture (height, width, 3)."""
+"""Array of a picture, (height, width, 3), with 8 bits per colour."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
 """Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
@@ -105,7 +105,7 @@ class Painter:
 
 
 def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Numbers of the points of every body that reach farthest in one of 26 directions."""
+    """Indices of the points of every body that lie farthest out in one of 26 directions."""
     directions = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
     found = []
     for number in np.unique(body):

@@ -1,6 +1,6 @@
 """Meshes from STL, OBJ and COLLADA files with their colours, read by trimesh.
 
-As in ROS, a COLLADA file's `<up_axis>` is not applied: its z is the link's z.
+As in ROS, a COLLADA file's `<up_axis>` is ignored: the z axis of the file is the z axis of the link.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def read_mesh(path: Path) -> Mesh:
             raise ValueError("no triangle")
     except OSError:
         raise
-    except Exception as error:  # trimesh raises errors of many kinds
+    except Exception as error:  # trimesh raises errors of many types for broken files
         raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
     mesh = flat(

@@ -75,7 +75,7 @@ class Film:
         self.samples: Samples = reader.read(
             quantities=names, stride=max(1, math.ceil(count / KEPT)), start=start, end=end
         ).samples
-        """Positions, poses and contacts; thinned if the log is long."""
+        """Logged positions, poses and contacts; the samples of a long log are thinned."""
         if not len(self.samples.time):
             what = "the log contains no samples" + ("" if start is None and end is None else " in that time")
             raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")

@@ -17,18 +17,18 @@ class Raster:
     """Covered pixels with the triangle and depth at each."""
 
     pixels: Numbers
-    """Numbers (p,) of the covered pixels, row by row from the top left."""
+    """Indices (p,) of the covered pixels, row by row from the top left."""
     triangles: Numbers
-    """Number (p,) of the front triangle at each covered pixel."""
+    """Index (p,) of the front triangle at each covered pixel."""
     depth: Array
-    """1 / distance along the view (height * width,); 0 where no triangle covers the pixel."""
+    """Inverse distance along the view (height * width,); 0 where no triangle covers the pixel."""
 
 
 def rasterise(corners: Array, width: int, height: int) -> Raster:
     """Front triangle at each pixel.
 
-    corners: (m, 3, 3): x and y in pixels from the top left, and 1 / distance, which is linear in the picture. Triangles with
-    a corner behind the camera (1 / distance not positive) are omitted.
+    corners: corners of m triangles (m, 3, 3), each with x and y in pixels from the top left, and 1 / distance, which is linear
+    in the picture. Triangles with a corner behind the camera (1 / distance not positive) are omitted.
 
     A triangle is split into rows, and a row into the pixels whose centres it covers: only covered pixels are computed.
     """
@@ -76,7 +76,7 @@ def plane(corners: Array, values: Array) -> Array:
 
 
 def _expanded(first: Numbers, counts: Numbers) -> tuple[Numbers, Numbers]:
-    """For each k the numbers first[k] ... first[k] + counts[k] - 1, as two arrays: k, and the number."""
+    """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: k, and the integer."""
     member = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
     return member, np.arange(len(member)) - starts[member] + first[member]

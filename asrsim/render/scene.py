@@ -49,7 +49,7 @@ class Scene:
         self.joints = robot.outward_joints
         """Joints sorted so that a parent's joint precedes its children's."""
         self.origins = {joint.name: _rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
-        """Joint -> its frame (4, 4) in the parent's frame."""
+        """Frame (4, 4) of each joint in the frame of its parent link."""
         self.root = robot.root.name
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
@@ -58,10 +58,10 @@ class Scene:
         self.parts = self._parts(robot, world)
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
-        """Body -> frame (4, 4) in the world.
+        """Frame (4, 4) of each body in the world.
 
-        positions: joint -> position in rad or m, 0 if missing; poses: body -> x y z, quaternion x y z w, of objects and of a
-        floating base.
+        positions: position of each joint in rad or m, 0 if missing; poses: pose (x y z, quaternion x y z w) of each object and
+        of a floating base.
         """
         root = _pose_frame(poses[self.root]) if self.root in poses else self.base
         links = self._chain.poses(
@@ -73,7 +73,7 @@ class Scene:
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
-        """Revolute joint -> its axis (3,) in the world."""
+        """Axis (3,) of each revolute joint in the world."""
         return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
 
     def _parts(self, robot: Robot, world: World) -> list[Part]:
@@ -135,6 +135,6 @@ def _placed(mesh: Mesh, origin: Array) -> Mesh:
 
 
 def _coloured(mesh: Mesh, colour: Sequence[float] | None) -> Array:
-    """Colours of the triangles (m, 3): the URDF's, else the file's, else grey."""
+    """Colours of the triangles (m, 3): from the URDF, else from the mesh file, else grey."""
     given = np.full((len(mesh.triangles), 3), np.nan) if mesh.colours is None or colour is not None else mesh.colours
     return np.clip(np.where(np.isnan(given), GREY if colour is None else colour[:3], given), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Shapes for every link: its visuals, else its collision shapes, else a rod and a ball."""
+"""Shapes of every link for pictures: the visuals of the link, else its collision shapes, else a rod and a ball."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None
 
 
 def _rod_ends(robot: Robot) -> dict[str, list[Array]]:
-    """Link -> end points of its rods in the link's frame, m."""
+    """End points of each link's rods in the frame of the link, m."""
     ends: dict[str, list[Array]] = {}
     for joint in robot.joints:
         if np.linalg.norm(joint.origin) > 1e-9:

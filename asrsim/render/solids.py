@@ -24,7 +24,7 @@ class Mesh:
     points: Array
     """Points (k, 3), m."""
     triangles: Triangles
-    """Numbers of the three points of each triangle (m, 3)."""
+    """Indices of the three points of each triangle (m, 3)."""
     normals: Array
     """Unit normal of each corner (m, 3, 3); the three corners of a flat triangle have equal normals."""
     colours: Array | None = None
@@ -87,7 +87,7 @@ def capsule(radius: float, length: float) -> Mesh:
 
 
 def _turned(profile: Array, normals: Array) -> Mesh:
-    """Solid of revolution: a profile (distance from z, height), (k, 2), with its normals, turned about z."""
+    """Solid of revolution: a profile (k, 2) of distances from z and heights, with its normals (k, 2), rotated about z."""
     angles = np.linspace(0.0, 2 * math.pi, SIDES, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
 

@@ -49,7 +49,8 @@ _SUMMARY_SHAPE: Shape = {
         "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
     },
 }  # fmt: skip
-"""Keys and types of `summary.json` that the page uses. A summary of another structure was edited: its numbers are recomputed.
+"""Keys and types of `summary.json` that the page uses. A summary with another structure was edited by the user: the numbers are
+recomputed from the log.
 """
 
 
@@ -75,7 +76,7 @@ class RunContent:
     summary: Mapping[str, Any]
     """Content of `summary.json`, or the measures computed from the log."""
     parameters: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
-    """Joint -> parameters."""
+    """Parameters of each joint."""
     notes: tuple[str, ...] = ()
     """Data that could not be read, with the reasons."""
 
@@ -105,7 +106,7 @@ def read_content(log: Path) -> RunContent:
 
 
 def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
-    """Joint -> parameters with their sources, from the robot and scenario in the log. Raises InputError."""
+    """Parameters of each joint with their sources, from the robot and scenario in the log. Raises InputError."""
     from asrsim.runs.repeat import restore
     from asrsim.scenario import apply_to_robot
 
@@ -144,7 +145,7 @@ class Films:
     """Film strips and moving view of a page's runs."""
 
     strips: Mapping[Path, str]
-    """Log -> film strip as a data URL (JPEG)."""
+    """Film strip of each log as a data URL (JPEG)."""
     motion: Mapping[str, Any] | None = None
     """Data of the moving view."""
     notes: tuple[str, ...] = ()
@@ -181,7 +182,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
 
 
 def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str, int], tuple[Array, Array]]:
-    """(joint, quantity, number of the run) -> time and values of the recordings that `asrsim plot` compared with the runs."""
+    """Times and values of the recordings that `asrsim plot` compared with the runs, by (joint, quantity, index of the run)."""
     found: dict[tuple[str, str, int], tuple[Array, Array]] = {}
     for place in _compared_folders(folder):
         with suppress(OSError, ValueError, KeyError, TypeError):

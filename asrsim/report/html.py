@@ -29,7 +29,7 @@ def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) 
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)}</title>",
-            # An empty icon: otherwise browsers request one.
+            # Empty icon: a browser requests an icon file from the server if the page contains no icon.
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",
             f"</head><body><main>\n{main}\n</main>",
@@ -46,7 +46,7 @@ def data_address(data: bytes, kind: str = "image/png") -> str:
 
 
 def script_json(data: Any) -> str:
-    """JSON text that is safe inside `<script>`: it opens or closes no tag or comment."""
+    """JSON text that is safe inside `<script>`: characters that could open or close a tag or a comment are escaped."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -83,7 +83,7 @@ def bullets(items: Iterable[str]) -> str:
 
 
 def badge(text: str, *, good: bool) -> str:
-    """Word on a coloured background (HTML)."""
+    """HTML of a word on a coloured background."""
     return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
 
 

@@ -64,7 +64,8 @@ def _run(film: Film, label: str) -> dict[str, Any]:
         if name not in film.scene.objects and name != film.scene.root:
             continue
         turn = np.array(pose[:, 3:7])
-        # A quaternion and its negative are the same rotation; equal signs make interpolation take the short way.
+        # A quaternion and its negative are the same rotation; choose the signs so that the page interpolates along the shorter
+        # rotation.
         flips = np.cumprod(np.where(np.sum(turn[1:] * turn[:-1], axis=1) < 0, -1.0, 1.0))
         turn[1:] *= flips[:, None]
         poses[name] = [at(column) for column in (*pose[:, :3].T, *turn.T)]
@@ -90,7 +91,7 @@ def _part(part: Part, share: float) -> dict[str, Any]:
         "centre": _rounded(centre),
         "size": size,
         "points": _bytes(np.round((points - centre) / size * _LEVELS).astype("<i2")),
-        # 16 bits suffice: larger meshes were simplified before.
+        # 16 bits suffice for the indices of points, because larger meshes were simplified before.
         "triangles": _bytes(numbers.reshape(-1, 3)[order].astype("<u2")),
         "colours": [[*colour, int(count)] for colour, count in zip(palette.tolist(), np.bincount(kind.ravel()), strict=True)],
     }

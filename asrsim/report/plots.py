@@ -31,7 +31,7 @@ QUANTITIES: tuple[str, ...] = tuple(
 
 
 Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
-"""(joint, quantity, number of the run) -> time and values of a recording."""
+"""Times and values of the recordings, by (joint, quantity, index of the run)."""
 
 
 def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
@@ -74,7 +74,7 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
             for number, run in enumerate(runs):
                 for key, name in panel.entries.items():
                     curve = run.bodies.get(body, {}).get(key)
-                    if curve is None or (key not in plain and number):  # variants share one goal
+                    if curve is None or (key not in plain and number):  # all variants have the same goal
                         continue
                     values = np.interp(time, curve.time, curve.values, right=np.nan)
                     if len(curve.time) > len(time):
@@ -105,7 +105,7 @@ def _series(label: str, quantity: str, unit: str, run: int | None, values: Array
 
 
 def _envelope(grid: Array, time: Array, values: Array) -> Array:
-    """Smallest and largest value in every interval of the grid."""
+    """Smallest and largest value of a curve in every interval of the grid."""
     step = grid[1] - grid[0]
     start = float(grid[0] - 0.5 * step)
     envelope = Envelope(start=start, end=start + step * len(grid), bins=len(grid) // 2)

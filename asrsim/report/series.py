@@ -22,9 +22,9 @@ BUDGET = 1_050_000
 LEAST, MOST = 200, 4000
 """Smallest and largest number of intervals of a thinned series."""
 LEVELS = 65534
-"""Number of steps between smallest and largest value; both are exact."""
+"""Number of quantisation steps between the smallest and the largest value of a series, which are stored exactly."""
 GAP = 65535
-"""Code of a missing value."""
+"""Integer that stands for a missing value in a packed series."""
 
 
 @dataclass(frozen=True, kw_only=True)

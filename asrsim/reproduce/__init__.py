@@ -36,7 +36,7 @@ class Bound:
     """Condition on the measured number of a claim."""
 
     comparison: str
-    """One of `==`, `<`, `<=`, `>`, `>=`; `==` within `tolerance`."""
+    """Comparison operator `==`, `<`, `<=`, `>` or `>=`; `==` holds within `tolerance`."""
     value: float
     unit: str = ""
     tolerance: float = 0.0
@@ -102,7 +102,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Part of a figure's section: related text, claims, numbers and pictures."""
+    """Part of a figure's section: text, claims, numbers and pictures about one experiment."""
 
     title: str
     text: str
@@ -211,7 +211,7 @@ class Lab:
         return result
 
     def pairs(self, name: str, variants: Sequence[str]) -> dict[str, Result]:
-        """Variant -> result of its run."""
+        """Result of the run of each variant."""
         return {variant: self.run(name, variant) for variant in variants}
 
     def count(self, simulated: float, seconds: float) -> None:

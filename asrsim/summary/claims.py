@@ -17,7 +17,7 @@ from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
-"""Function (quantities, joints) -> all samples of these series, with bodies and contacts."""
+"""Function that takes quantities and joints, and returns all samples of these series, with bodies and contacts."""
 
 
 def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> None:
@@ -100,7 +100,7 @@ class Claims:
 
 
 def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem]:
-    """Problems of a claim's recording, as far as they do not depend on the run."""
+    """Problems of a claim's recording that can be found before the run."""
     from asrsim.recordings import require_columns
 
     try:
@@ -117,7 +117,7 @@ def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInf
 
 
 def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> list[str]:
-    """Description of each result of `claim_results`, in its order."""
+    """Description of each result of `claim_results`, in the order of the results."""
     found = []
     for claim in claims:
         names = [claim.body] if claim.body is not None else []
@@ -127,7 +127,7 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
 
 
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """(quantity, joint) of every series that `claim_results` reads, and whether it reads bodies and contacts."""
+    """Series that `claim_results` reads, each as (quantity, joint), and whether `claim_results` reads bodies and contacts."""
     wanted: dict[tuple[str, str], None] = {}
     for claim in claims:
         for joint in _joints_of(claim, joints):
@@ -135,7 +135,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         if claim.against is not None:
             from asrsim.recordings.align import ALIGN_ON
 
-            # A recording may be aligned by any quantity that moves in both, in any of its joints.
+            # A recording may be aligned by any quantity that varies in run and recording, of any recorded joint.
             aligning = {source for name in ALIGN_ON for source in (name, *DERIVED_SOURCES.get(name, ()))}
             wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in joint.quantities if name in aligning)
     return tuple(wanted), any(claim.body is not None for claim in claims)
@@ -147,7 +147,9 @@ def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tupl
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:
-    """Derived quantities that a claim needs: its own, and the error if the claim may use the joint's reference."""
+    """Derived quantities that a claim needs: the claim's quantity, and `position_error` if the claim may use the joint's
+    reference.
+    """
     own = claim.quantity == "link_position" and claim.against is None and claim.reference is None
     compared = own and MEASURES.get(claim.measure).needs != "series"
     asked = (claim.quantity, claim.reference)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 KEPT = 1_000_000
 """Largest number of samples of all joints together; a longer run is thinned evenly, except its peaks."""
 SHAKEN = 10.0
-"""Overshoot (fraction of the step) above which the motion was a shaking and not a step."""
+"""Overshoot (fraction of the step) above which the motion counts as shaking and not as a step response."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,9 @@ class Collector:
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
     ) -> None:
-        """joints: joints of the run's description. samples: expected number of samples, or more. needs: from
-        `asrsim.summary.claims.needs_of`."""
+        """joints: joints of the run's description. samples: upper limit of the number of samples. needs: result of
+        `asrsim.summary.claims.needs_of`.
+        """
         self._joints = tuple(joints)
         self._stride = max(1, -(-samples * len(joints) // KEPT))
         self._peaks = np.full(len(joints), np.nan)
@@ -119,7 +120,7 @@ class Collector:
         return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
 
     def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        """Every step of the series that claims need; a `asrsim.summary.claims.Reader`."""
+        """Every step of the series that claims need; the method is an `asrsim.summary.claims.Reader`."""
         if not quantities and not joints:
             return concatenate(self._bodies)
         empty = np.full(len(self._whole_time.values), np.nan)
@@ -133,7 +134,7 @@ class Collector:
 
 
 class _Rows:
-    """Array that receives its values in pieces, (n,) or (rows, n)."""
+    """Growing array, (n,) or (rows, n), to which values are appended."""
 
     def __init__(self, *rows: int) -> None:
         self._parts: list[Array] = [np.empty((*rows, 0))]

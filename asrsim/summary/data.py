@@ -52,7 +52,7 @@ class JointReport:
         return {kind: getattr(self, kind) for kind in LIMITS}
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """The report as plain values for JSON."""
         about = {name: getattr(self, name) for name in ("name", "actuator", "mode", "prismatic")}
         return {**about, **self.measures.as_dict(), "limits": self.limits}
 
@@ -100,7 +100,7 @@ class RunSummary:
     """Cartesian tasks: distance of the tip from its path in m: `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()
     files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
-    """Kind (log, summary, plots, report) -> files written."""
+    """Files written, by kind: log, summary, plots, report."""
     replaced: tuple[Path, ...] = ()
     """Files of an earlier run that this run replaced."""
     certificate: Mapping[str, Any] = field(default_factory=dict)

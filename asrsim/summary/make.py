@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
-"""Distance within which a joint rests on a stop or at its reference, rad or m; for a short travel, the fraction of it."""
+"""Distance within which a joint rests on a stop or at its reference, rad or m; for a joint with a short travel, this fraction
+of the travel.
+"""
 STILL = 1e-6
 """Largest motion of a joint that counts as stuck, rad or m."""
 

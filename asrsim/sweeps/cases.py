@@ -29,7 +29,7 @@ from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
 UNITS = {"steady_state": "rad", "steady_state_error": "rad", "peak_deflection": "rad", "settling": "s", "frequency": "Hz"}
-"""Measure -> unit."""
+"""Unit of each measure."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096
 """Number of runs among which the runs with extreme values are selected."""
@@ -60,7 +60,7 @@ class Case:
         )  # fmt: skip
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
-        """Robot with the values of a run; None: another robot file must be read."""
+        """Robot with the parameter values of a run; None if the run needs another robot file."""
         if self.plan.reads_robot:
             return None
         changes = self.plan.changes(values, robot_only=True)
@@ -73,21 +73,21 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """Data that a worker needs."""
+    """Data of the study that every worker receives."""
 
     study: Study
     cases: Mapping[str, Case]
     columns: tuple[tuple[str, str, str], ...]
-    """(name, kind, unit) of the cells of a row; kinds are int, float, bool and text."""
+    """Name, kind and unit of each column; kinds are int, float, bool and text."""
 
     @cached_property
     def kinds(self) -> dict[str, str]:
-        """Column -> kind of its cells."""
+        """Kind of each column's cells."""
         return {name: kind for name, kind, _ in self.columns}
 
 
 def make_payload(study: Study) -> Payload:
-    """Data for the workers, checked. Raises InputError or SimulationError if no run of the study can succeed."""
+    """Checked data for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
     from asrsim.actuators.user import load_plugin_file
 
     for plugin in study.plugins:
@@ -164,7 +164,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 
 
 def extreme_runs(study: Study, variant: str) -> list[int]:
-    """Numbers of a variant's runs with extreme values of each key, and of some runs between. Fast for studies of any size."""
+    """Indices of a variant's runs with an extreme value of a key, and of some runs between. Fast for studies of any size."""
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)
     runs = np.unique(np.linspace(first, first + per - 1, min(per, PROBES)).round().astype(np.int64)).tolist()

@@ -29,11 +29,11 @@ class Joint:
 
     keys: tuple[str, ...]
     mean: Array
-    """Mean (n,); of the logarithm for logarithmic keys."""
+    """Mean (n,) of each key, or of the key's logarithm if the key is logarithmic."""
     root: Array
     """Matrix root (n, n) of the covariance: root root' = covariance."""
     logarithmic: Array
-    """Whether mean and covariance are those of the key's logarithm (n,)."""
+    """Whether each key (n,) is logarithmic: its mean and covariance are those of the logarithm."""
     low: Array
     high: Array
     """Bounds (n,); a draw beyond a bound is moved to the bound."""
@@ -55,7 +55,7 @@ class Joint:
         return np.clip(drawn, self.low, self.high)
 
     def assign(self, row: Array) -> dict[str, float]:
-        """Key -> value of a draw (n,), ties included."""
+        """Value of each key, tied keys included, from the values (n,) of the drawn keys."""
         values = dict(zip(self.keys, map(float, row), strict=True))
         return values | {key: factor * values[to] for key, to, factor in self.ties}
 

@@ -53,12 +53,12 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files with a part of the rows, in order."""
+    """Files of the folder that each contain a part of the rows, sorted."""
     return sorted(folder.glob("part-*.parquet"))
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
-    """Files of rows, checked. They are read once in a separate process, since a foreign file may crash the Parquet library
+    """Files of rows, checked. The files are read once in a separate process, since a foreign file may crash the Parquet library
     or exhaust the memory. Raises InputError with every file that is broken or has other columns.
 
     checked: this process has checked or written the files already.
@@ -80,7 +80,7 @@ def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[P
 
 
 def read_rows(files: Sequence[Path], schema: Any, **options: Any) -> Any:
-    """Rows of checked files as a pyarrow.Table; options: of `pyarrow.dataset.Dataset.to_table`."""
+    """Rows of checked files as a pyarrow.Table; options: arguments of `pyarrow.dataset.Dataset.to_table`."""
     import pyarrow.dataset as ds
 
     return (

@@ -24,16 +24,16 @@ Places = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Plan:
-    """Varied keys of one variant, grouped by the way they are applied."""
+    """Varied keys of one variant, grouped by how their values are set."""
 
     numbers: Mapping[str, Places]
-    """Key -> numbers of the robot that `asrsim.Start` accepts as `parameters`."""
+    """Numbers of the robot that each key sets and that `asrsim.Start` accepts as `parameters`."""
     references: Mapping[str, Places]
-    """Key -> references that are constant in every run."""
+    """References that each key sets and that are constant during a run."""
     signals: frozenset[str]
     """Keys inside the signals of references and external torques."""
     texts: Mapping[str, str]
-    """Key -> the key that `--set` takes. Numbers that only the robot's file sets are missing here."""
+    """Key for `--set` that corresponds to each varied key. Keys of numbers that only the robot's file can set are missing."""
     own_resolution: bool
     """Whether every run chooses its own substeps."""
     still: bool
@@ -55,9 +55,10 @@ class Plan:
         return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
-        """Joint or link -> name -> value for a run. A joint's own entry replaces an entry for all joints (`*`).
+        """Values for a run by joint or link, and by the number's name. A joint's own entry replaces an entry for all joints
+        (`*`).
 
-        robot_only: without the numbers that `--set` takes.
+        robot_only: omit the numbers that `--set` accepts.
         """
         found: dict[str, dict[str, float]] = {}
         for key in sorted(self.numbers, key=lambda key: "*" not in key):
@@ -66,11 +67,11 @@ class Plan:
         return found
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value, for the keys that require reading the scenario again."""
+        """Values by `--set` key, for the keys that require reading the scenario again."""
         return {text: values[key] for key, text in self.texts.items() if key not in self.in_place}
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value, for all keys that `--set` accepts."""
+        """Values by `--set` key, for all keys that `--set` accepts."""
         return {text: values[key] for key, text in self.texts.items()}
 
 

@@ -39,7 +39,7 @@ def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
 
 
 def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
-    """Name -> figure; call it inside `asrsim.plots.output.styled`."""
+    """Figures by name; call this function inside `asrsim.plots.output.styled`."""
     keys = numeric_keys(table)
     panels: dict[str, tuple[Sequence[str], Callable[[Table, str, Axes], None]]] = {
         "results": (results if keys else (), _over_key),

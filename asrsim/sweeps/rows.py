@@ -54,7 +54,7 @@ class Runner:
         return Runner, (self.payload, self._share)
 
     def __call__(self, run: int) -> Row:
-        """Row of a run, in the payload's columns."""
+        """Row of a run, with the columns that `Payload.columns` lists."""
         return self.several([run])[0]
 
     def several(self, runs: Sequence[int]) -> list[Row]:
@@ -74,7 +74,7 @@ class Runner:
         return [rows[run] for run in runs]
 
     def close(self) -> None:
-        """Release the engines."""
+        """Close the simulation engines of this worker."""
         while self._kinds:
             self._drop(next(iter(self._kinds)))
 
@@ -83,9 +83,9 @@ class Runner:
             kind.worlds.close()
 
     def _kind(self, key: tuple[str, str], point: _Point) -> _Kind | None:
-        """Worlds for a run; None for a run that is done alone."""
+        """Shared simulation worlds for a run; None if the run must be simulated alone."""
         if key not in self._kinds:
-            # If the worlds cannot be made, the run is done alone, which finds the reason.
+            # If the worlds cannot be made, the run is simulated alone, and its row gives the reason.
             self._kinds[key] = None
             with suppress(Exception):
                 self._kinds[key] = _make_kind(self.payload.study, point, self._share)
@@ -132,7 +132,7 @@ class _Kind:
         self.worlds = Worlds(prepared, size, names=tuple(names), expected_substeps=expected_substeps)
 
     def run(self, points: Sequence[Mapping[str, Any]]) -> dict[int, dict[str, Any]]:
-        """Index of a run -> its cells, for at most `size` runs; invalid and diverged runs are missing."""
+        """Cells of at most `size` runs, by the index of the run; invalid and diverged runs are missing."""
         worlds, began = self.worlds, clock.perf_counter()
         ready = [world for world, values in enumerate(points) if self._is_set(world, values)]
         if not ready:
@@ -180,7 +180,9 @@ class _Kind:
 
 
 def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
-    """Worlds for runs of the point's kind; None if these runs must be done alone. Raises AsrsimError."""
+    """Shared worlds for runs that are prepared like this point's run; None if such runs must be simulated alone. Raises
+    AsrsimError.
+    """
     case, plan = point.case, point.case.plan
     if not plan.varies_in_place:
         return None
@@ -200,7 +202,7 @@ def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
 
 
 def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Cells of a run with its own preparation. Raises AsrsimError."""
+    """Cells of a run that is prepared and simulated alone. Raises AsrsimError."""
     with blame_laws():
         prepared = case.prepared(values)
         scenario, joints = prepared.scenario, prepared.info.joints

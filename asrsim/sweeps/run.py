@@ -42,11 +42,11 @@ class Progress:
     here: int
     """Number of runs done in this session."""
     statuses: Mapping[str, int]
-    """Status -> number of rows of this session."""
+    """Number of this session's rows with each status."""
 
     @property
     def rate(self) -> float:
-        """Runs per second."""
+        """Finished runs per second of this session."""
         return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
 
 

@@ -50,7 +50,7 @@ class Influence:
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Keys with varying numbers; of tied keys only the first."""
+    """Keys whose numerical values vary; of tied keys only the first."""
     study = table.study
     tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
     return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
@@ -83,7 +83,7 @@ class SobolIndices:
     """Sobol indices of all drawn keys on one result."""
 
     indices: dict[str, Index]
-    """Key -> indices; the mean over several variants."""
+    """Sobol indices of each key, averaged over the variants."""
     samples: int
     """Number of base samples of all variants."""
     left_out: int

@@ -12,7 +12,7 @@ from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
 ROUNDING = 1e-12
-"""Change of a result, relative or in SI units, below which it is rounding."""
+"""Change of a result, relative or in SI units, below which the change counts as rounding error."""
 SHARE = 0.1
 """Fraction of the runs that must have a result; results with fewer runs come last."""
 

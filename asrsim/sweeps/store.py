@@ -27,7 +27,7 @@ SAME = {
     "study": "its study varies other keys", "inputs": "its scenario, robot or other files have changed",
     "versions": "it was done with other versions", "columns": "its rows have other columns",
 }  # fmt: skip
-"""Entry of a description that must be unchanged when a study continues -> the explanation if it has changed."""
+"""Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry."""
 
 
 class Store:
@@ -40,7 +40,7 @@ class Store:
         self._waiting: list[Row] = []
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
-        """Whether each run has a row, written or waiting."""
+        """Whether each run has a row, either written or waiting to be written."""
         files = checked_files(folder, self._schema)
         runs = read_rows(files, self._schema, columns=["run"])["run"].to_numpy()
         if len(runs) and not 0 <= runs.min() <= runs.max() < total:
@@ -103,8 +103,8 @@ class Store:
 
 
 def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overwrite: bool) -> Store:
-    """Store of a study in its folder. Raises InputError if the folder contains rows and neither option is given, or rows of
-    another study.
+    """Store of a study in its folder. Raises InputError if the folder contains rows and neither `resume` nor `overwrite` is
+    given, or rows of another study.
     """
     known = folder / MANIFEST
     rows = (folder / ROWS).exists() or bool(parts_of(folder))

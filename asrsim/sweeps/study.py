@@ -49,7 +49,7 @@ class Axis:
         return " & ".join(self.keys)
 
     def assign(self, value: Any) -> dict[str, Any]:
-        """Key -> value of this axis."""
+        """Value of each key of this axis, from an entry of the axis."""
         if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):
             return dict(zip(self.keys, value, strict=True))
         return dict.fromkeys(self.keys, value)
@@ -155,7 +155,7 @@ class Study:
         return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
-        """Variant and key -> value of a run, counted from 0: variants vary slowest, then the grid, then the draws."""
+        """Variant and values by key of a run, counted from 0: variants vary slowest, then the grid, then the draws."""
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
         values: dict[str, Any] = {}

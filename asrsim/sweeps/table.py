@@ -49,13 +49,13 @@ class Table:
         self._schema = schema_of(self.manifest["columns"])
         self.files = checked_files(self.folder, self._schema, checked=checked)
         self.kinds: dict[str, str] = {name: kind for name, kind, _ in self.manifest["columns"]}
-        """Column -> kind: int, float, bool or text."""
+        """Kind of each column: int, float, bool or text."""
         self._units: dict[str, str] = {name: unit for name, _, unit in self.manifest["columns"]}
         self._columns: dict[str, Array] = {}
 
     @cached_property
     def study(self) -> Study:
-        """The study, from its description."""
+        """Study that the description `study.json` defines."""
         given = self.manifest["study"]
         plugins = tuple(map(Path, self.manifest["plugins"]))
         return Study(
@@ -114,7 +114,7 @@ class Table:
         return self._units.get(name, "")
 
     def statuses(self) -> dict[str, int]:
-        """Status -> number of runs."""
+        """Number of runs with each status."""
         names, counts = np.unique(self["status"].astype(str), return_counts=True)
         return dict(zip(names.tolist(), map(int, counts), strict=True))
 
@@ -130,7 +130,7 @@ class Table:
         return Quantiles(len(values), least, low, median, high, largest, *ends)
 
     def claims(self) -> dict[str, float]:
-        """Claim -> fraction of the completed runs that satisfy it; by variant if the variants' claims differ."""
+        """Fraction of the completed runs that satisfy each claim; separate for each variant if the variants' claims differ."""
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1
         for variant, titles in self.manifest["claims"].items():

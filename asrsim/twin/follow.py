@@ -1,4 +1,4 @@
-"""A recording followed by a twin: what acted on the robot during the recording, as table, CSV and picture."""
+"""A twin follows a recording: external torques on the robot during the recording, as table, CSV and picture."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from asrsim.twin.twin import Twin
 
 MARK = "# asrsim twin: what acted on the robot"
 APART = 0.02
-"""Time between the clocks of positions and commands from which a note is given, s."""
+"""Offset between the clocks of positions and commands above which a note is given, s."""
 LONGEST = 60.0
-"""Time from the start in which the clocks are compared, s."""
+"""Duration from the start of a recording in which the clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
-"""Fields of a twin's step that are kept."""
+"""Fields of a `TwinStep` that are stored for the whole recording."""
 Commands = Mapping[str, Mapping[str, Array]]
-"""Joint -> reference -> values (n,)."""
+"""Recorded commands (n,), by joint and by name of the reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Followed:
     threshold: Array
     alarm: NDArray[np.bool_]
     notes: tuple[str, ...]
-    """Faults of the recording and of the steps, in words."""
+    """Messages about faults of the recording and of the steps."""
     interrupted: bool = False
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
@@ -59,7 +59,7 @@ class Followed:
         return [(float(self.time[a]), float(self.time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Plain values of each joint; None if there is no value."""
+        """Plain values of each joint for JSON; None if there is no value."""
         found = []
         for j, name in enumerate(self.joints):
             row: dict[str, Any] = dict.fromkeys(("external_torque_rms", "largest", "largest_at", "residual_rms", "stiffness"))
@@ -86,8 +86,8 @@ def follow(
 
     Args:
         scenario: Scenario of the robot; its step becomes that of the recording if that is longer.
-        recording: Any file that `asrsim.recordings.read_recording` reads; mapping, rate: as there.
-        bandwidth: Bandwidth of the observer, Hz; None: 8, or a twentieth of the rate if that is less.
+        recording: Any file that `asrsim.recordings.read_recording` reads; mapping, rate: as for `read_recording`.
+        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the sampling rate if that is less.
         lag: Time by which the clock of the positions is ahead of the clock of the commands, s.
         variant, overrides: As for `asrsim.run`.
         progress: Receives the fraction that is done.

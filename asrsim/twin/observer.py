@@ -1,8 +1,8 @@
 """Observer of the torque that the model lacks: the torque that pulls the twin's links to their measured positions.
 
-It is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the mass matrix
-M. All poles of free links are then at -w, whatever couples the links, and a torque on one joint appears at that joint alone;
-springs and damping increase the stability.
+The observer is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the
+mass matrix M and the bandwidth w in rad/s. All poles of free links are then at -w for any coupling of the links, and a torque
+on one joint is observed at this joint alone; springs and damping increase the stability.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ SLOW, FAST = 0.7, 4.0
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
-    """Weights (2,) of a new value in both filters; step: in s, bandwidth: in Hz."""
+    """Weights (2,) of a new value in both low-pass filters; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
 class Controller:
-    """The controller for links of inertia 1, for errors of any shape."""
+    """The controller C(s) for links of inertia 1, for arrays of position errors of any shape."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
         """step: in s; bandwidth: in Hz."""
@@ -50,7 +50,7 @@ class Controller:
 
 
 class Response(Controller):
-    """What the observer shows of torques on free links: the torques after its own delay."""
+    """Response of the observer to torques on free links: the torques with the observer's delay."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
         super().__init__(shape, step=step, bandwidth=bandwidth)
@@ -67,11 +67,11 @@ class Response(Controller):
 
 
 class Observer(Controller):
-    """Controllers of n joints."""
+    """Observer of n joints, coupled by the mass matrix."""
 
     def __init__(self, joints: int, *, step: float, bandwidth: float) -> None:
         super().__init__(joints, step=step, bandwidth=bandwidth)
-        # Response to a single wrong position.
+        # Response of the fast torque to one wrong measured position.
         free, share, fast = Response(1, step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1], np.zeros(1)
         total = np.zeros(1)
         for k in range(math.ceil(20.0 / (self._w * step))):

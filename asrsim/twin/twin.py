@@ -25,22 +25,23 @@ from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import Observer
 
 SIGMAS = 6.0
-"""Noise of the torque that raises no alarm, in standard deviations."""
+"""Alarm threshold for noise of the torque, in standard deviations."""
 TOLERANCE, UNLEARNED = 0.08, 0.6
-"""Error of the model that raises no alarm, as a fraction of the springs' largest recent torque: after the mismatch of the model
-is known, and before."""
+"""Alarm threshold for errors of the model, as a fraction of the springs' largest recent torque: after the mismatch of the model
+was estimated, and before.
+"""
 FRICTION = 0.5
-"""Error of the friction that raises no alarm, as a fraction of the friction."""
+"""Alarm threshold for errors of the friction, as a fraction of the friction."""
 RELEASE = 0.7
 """Fraction of the threshold below which an alarm ends."""
 PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
 """Time constants of the largest spring torque and of the noise variance, s."""
 SETTLE = 0.5
-"""Time after a start without alarms, s."""
+"""Duration after a start in which no alarms are raised, s."""
 REFRESH = 0.02
 """Interval between updates of the mass matrix, s."""
 JUMP = 0.25
-"""Distance between robot and twin from which the twin is set to the robot's position, rad (m)."""
+"""If a joint of the twin is farther than this from the robot's position, the twin is set to the robot's position, rad (m)."""
 EVERY = 0.01
 """Interval between rows of the mismatch regression, s."""
 KNOWN = 0.04
@@ -50,14 +51,16 @@ MISSING = 0.1
 CHUNK = 32
 """Number of steps whose inputs are prepared together."""
 TINY = 1e-12
-"""Torque or stiffness that avoids a division by zero, N m or N m/rad."""
+"""Small torque (N m) or stiffness (N m/rad) that avoids a division by zero."""
 REPEAT = 1.0
-"""Shortest time between equal notes, s."""
+"""Shortest time between two notes with equal text, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TwinStep:
-    """Estimates of a twin after a measurement; arrays are (n,) in the order of its joints."""
+    """Estimates of a twin after a measurement; arrays (n,) have an element for each joint, in the order of the
+    twin's joints.
+    """
 
     time: float
     """Time since the first step, s."""
@@ -68,11 +71,11 @@ class TwinStep:
     residual: Array
     """Measured position minus the twin's position, rad."""
     threshold: Array
-    """External torque from which there is an alarm, N m."""
+    """External torque above which an alarm is raised, N m."""
     alarm: NDArray[np.bool_]
     """Whether something touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()
-    """Faults of this step in words; the twin continues after them."""
+    """Messages about faults of this step, after which the twin continues."""
 
 
 class Twin:
@@ -138,13 +141,13 @@ class Twin:
         """Commands in effect."""
         self._steps = self._settled = 0
         self._noted: dict[str, int] = {}
-        """Note without its numbers -> step of its last occurrence."""
+        """Step of the last occurrence of each note, by the note's text without numbers."""
 
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
         """Estimates after one further step.
 
         measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
-        commands: joint -> value of its first reference from now on, or name of a reference -> value.
+        commands: by joint, the value of the first reference from now on, or values by name of the reference.
         """
         notes: list[str] = []
         positions = self._positions(measured)
@@ -222,7 +225,9 @@ class Twin:
             self.simulation.set_reference(joint, reference, value)
 
     def _difference(self, positions: Array, notes: list[str]) -> Array:
-        """Measured positions minus the twin's (n,); a twin that is too far off is set to the robot's positions."""
+        """Measured positions minus the twin's positions (n,). If the distance exceeds `JUMP`, the twin is set to the robot's
+        positions.
+        """
         error = positions - self._state.link_position
         if (np.abs(error) > JUMP).any():
             for joint, distance in zip(self.joints, error, strict=True):
@@ -246,7 +251,7 @@ class Twin:
         return np.where(pull == pull, torque + pull, torque)
 
     def _measure_noise(self, positions: Array, notes: list[str]) -> None:
-        """Update the noise variance of the measurements, and note missing ones."""
+        """Update the noise variance of the measurements, and note missing measurements."""
         bend = positions - 2.0 * self._before[1] + self._before[0]
         # The second difference of white noise has six times its variance.
         change = self._step / NOISE_MEMORY * (bend * bend / 6.0 - self._variance)
@@ -305,5 +310,5 @@ class Twin:
 
 
 def _zero_if_missing(values: Array) -> Array:
-    """Values with 0 in the place of NaN; several times faster than `numpy.nan_to_num`."""
+    """Values in which 0 replaces NaN; several times faster than `numpy.nan_to_num`."""
     return np.where(values == values, values, 0.0)

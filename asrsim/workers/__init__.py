@@ -25,10 +25,10 @@ GROWTH = 4
 """Largest ratio of the numbers of items in successive pieces."""
 
 Task = Callable[[Any], Any]
-"""Function of an item that can be pickled. A worker may keep its prepared data. Results depend neither on the worker nor
-on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
+"""Function of an item that can be pickled. The task may keep prepared data in a worker. Results depend neither on the worker
+nor on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
-"""(number of an item, result) pairs."""
+"""Pairs of the index of an item and the result for this item."""
 Stop = Callable[[], bool]
 
 
@@ -40,7 +40,7 @@ class Lost:
 
 
 class Executor(ABC):
-    """Executes tasks. A context manager: after it no worker is left."""
+    """Executes tasks. An executor is a context manager that ends all workers on exit."""
 
     def __enter__(self) -> Executor:
         return self
@@ -64,7 +64,7 @@ class Here(Executor):
         pass
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See `Executor`."""
+        """Implements `Executor.results`."""
         for number, item in enumerate(items):
             if stop is not None and stop():
                 break
@@ -76,9 +76,9 @@ class Pool(Executor):
     """Workers managed by a library. A worker receives a piece with several items and returns its results together."""
 
     died: tuple[type[Exception], ...] = ()
-    """Exceptions that mean: the worker of a piece crashed."""
+    """Exceptions that are raised if the worker of a piece crashed."""
     again: tuple[type[Exception], ...] = ()
-    """Exceptions that mean: the piece must be done again."""
+    """Exceptions after which the piece must be submitted again."""
     piece = 0.5
     """Duration of a piece, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
 
@@ -96,14 +96,15 @@ class Pool(Executor):
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Drop these futures."""
+        """Cancel these futures."""
 
     def renew(self) -> None:
         """Send the task again, because workers may have lost it."""
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See `Executor`. The size of a piece follows from the duration of the last one. To find the item that crashes its
-        worker, a piece whose worker crashed is repeated, and halved after a further crash."""
+        """Implements `Executor.results`. The size of a piece follows from the duration of the previous piece. To find the item
+        that crashes its worker, a piece whose worker crashed is repeated, and halved after a further crash.
+        """
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
         except Exception as error:
@@ -148,7 +149,9 @@ class Pool(Executor):
 
 
 def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
-    """Executor with so many processes of this machine, which load `plugins` first; 1: this process. Results are equal."""
+    """Executor with this number of processes on this machine, which load `plugins` first. 1: work in this process. The results
+    do not depend on the number.
+    """
     if processes <= 1:
         return Here()
     from asrsim.workers.local import Processes

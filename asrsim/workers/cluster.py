@@ -80,7 +80,7 @@ class Cluster(Pool):
             raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
     def slots(self, sent: bytes) -> int:
-        """See `Pool`."""
+        """Implements `Pool.slots`."""
         threads = sum(self._client.nthreads().values())
         self.piece = max(PIECE, SHARE * threads)
         if self._data is None and threads:
@@ -89,20 +89,20 @@ class Cluster(Pool):
         return 0 if self._data is None else AHEAD * threads
 
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """See `Pool`."""
+        """Implements `Pool.submit`."""
         return self._client.submit(do_items, self._data, items, pure=False, retries=0)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """See `Pool`."""
+        """Implements `Pool.abandon`."""
         with suppress(Exception):
             self._client.cancel(list(futures))
 
     def renew(self) -> None:
-        """See `Pool`. If all workers of a piece are lost, the scheduler cancels the piece and the task."""
+        """Implements `Pool.renew`. If all workers of a piece are lost, the scheduler cancels the piece and the task."""
         self._data = None
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See `Pool`."""
+        """Implements `Pool.results`."""
         self._data = None
         try:
             yield from super().results(task, items, stop=stop)

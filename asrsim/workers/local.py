@@ -17,7 +17,7 @@ from asrsim.workers import Pool, do_items, use_one_thread
 
 
 class Processes(Pool):
-    """Pool of `count` processes. They start with the first task and remain for the next."""
+    """Pool of `count` processes. The processes start with the first task and are reused for later tasks."""
 
     died = (BrokenProcessPool,)
 
@@ -32,11 +32,11 @@ class Processes(Pool):
             self._pool = None
 
     def slots(self, sent: bytes) -> int:
-        """See `Pool`."""
+        """Implements `Pool.slots`."""
         return 2 * self._count
 
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """See `Pool`."""
+        """Implements `Pool.submit`."""
         if self._pool is not None:
             try:
                 return self._pool.submit(do_items, sent, items)
@@ -49,7 +49,7 @@ class Processes(Pool):
         return self._pool.submit(do_items, sent, items)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """See `Pool`."""
+        """Implements `Pool.abandon`."""
         if futures:
             self.__exit__()
 
