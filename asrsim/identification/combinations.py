@@ -84,7 +84,9 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
             # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         if np.count_nonzero(exponents) > 1:
-            result += _simplest(known, exponents)
+            # A form that overflows has an infinite interval and is not chosen.
+            with np.errstate(over="ignore", invalid="ignore"):
+                result += _simplest(known, exponents)
     return result
 
 
