@@ -85,6 +85,9 @@ def plot(
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
+    if not logs and not (bode and experiment):
+        hint = "name a log; without one, the response of a recording can be drawn: --experiment FILE --bode"
+        raise typer.BadParameter(hint, param_hint="LOG")
     say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
     found = [log for place in logs or () for log in find_logs(place)]
     job = PlotJob(

@@ -10,15 +10,17 @@ import numpy as np
 from asrsim.samples import Array
 
 KNOTS = 3
-"""Number of levels of a segment; its amplitude and its frequency are interpolated between as many values."""
+"""Number of levels of a segment; amplitude and frequency of its sine are interpolated between the same number of values."""
 LEVELS, AMPLITUDES, FREQUENCIES = slice(0, KNOTS), slice(KNOTS, 2 * KNOTS), slice(2 * KNOTS, 3 * KNOTS)
 PHASE, RISE = 3 * KNOTS, 3 * KNOTS + 1
 NUMBERS = RISE + 1
-"""Free numbers of a segment for each reference, from 0 to 1. Levels: 0.5 is the reference of the start."""
+"""Number of free parameters of a segment for each reference. Each is between 0 and 1; a level of 0.5 is the reference of the
+start.
+"""
 SLOWEST, FASTEST = 0.4, 16.0
-"""Range of frequencies, Hz."""
+"""Lowest and highest frequency of the sines, Hz."""
 QUICKEST, LONGEST = 0.01, 0.25
-"""Shortest change of level, s; longest change, as a fraction of the segment."""
+"""Shortest duration of a change of level, s; longest duration, as a fraction of the segment."""
 
 
 def ramp(share: Array) -> Array:
@@ -32,12 +34,12 @@ class Segment:
     """Part of a motion, for all references."""
 
     numbers: Array
-    """(references, NUMBERS)."""
+    """Free numbers of the segment (references, NUMBERS), from 0 to 1."""
     scales: Array
-    """(references,) sizes; 1: the whole range of the reference."""
+    """Sizes (references,) of the motion; size 1 covers the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
-        """Fractions (references, n) of each reference's range, from -1 to 1."""
+        """Motion (references, n) as fractions of each reference's range, from -1 to 1."""
         rows = [scale * _row(numbers, time, length) for numbers, scale in zip(self.numbers, self.scales, strict=True)]
         return np.asarray(np.clip(rows, -1.0, 1.0))
 
@@ -46,7 +48,7 @@ class Segment:
         return replace(self, scales=np.minimum(self.scales * factors, 4.0))
 
     def beyond(self, old: Segment) -> Segment:
-        """Segment that differs from this one as this one differs from an old one."""
+        """Extrapolated segment, which differs from this segment as this segment differs from an old segment."""
         return Segment(np.clip(2.0 * self.numbers - old.numbers, 0.0, 1.0), self.scales**2 / np.maximum(old.scales, 1e-9))
 
 
@@ -63,7 +65,7 @@ def _row(u: Array, time: Array, length: float) -> Array:
 
 
 def chirp(presets: Array, first: float, last: float, preset: Array | float = 0.0) -> Segment:
-    """Sine from one frequency to another, Hz, while presets stay at a fraction of their range, from -1 to 1."""
+    """Chirp between two frequencies in Hz, while stiffness presets stay at a fraction, from -1 to 1, of their range."""
     numbers = np.full((len(presets), NUMBERS), 0.5)
     octaves = np.log(np.array([first, last]) / SLOWEST) / np.log(FASTEST / SLOWEST)
     numbers[:, FREQUENCIES] = np.linspace(octaves[0], octaves[1], KNOTS)
@@ -74,7 +76,7 @@ def chirp(presets: Array, first: float, last: float, preset: Array | float = 0.0
 
 
 def step(presets: Array) -> Segment:
-    """One quick step; presets rest."""
+    """One quick step of the references; stiffness presets stay constant."""
     numbers = np.full((len(presets), NUMBERS), 0.5)
     numbers[:, LEVELS] = np.where(presets, 0.5, 1.0)[:, None]
     numbers[:, AMPLITUDES] = numbers[:, RISE] = 0.0
@@ -82,7 +84,9 @@ def step(presets: Array) -> Segment:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Segment:
-    """Random chirp, with constant presets, some of whose levels, amplitudes and frequencies are random."""
+    """Chirp with random frequencies and constant stiffness presets; some of its levels, amplitudes and frequencies
+    are random.
+    """
     first, last = SLOWEST * (FASTEST / SLOWEST) ** np.sort(generator.random(2))
     simple = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0, 1.0], len(presets)))
     numbers = generator.random(simple.numbers.shape)

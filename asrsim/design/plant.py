@@ -19,9 +19,11 @@ from asrsim.scenario.data import Scenario
 from asrsim.signals.sampled import Sampled
 
 POSITION_NOISE = 1e-3
-"""Noise of positions for which the file gives none, rad (m)."""
+"""Noise of measured positions if the limits file gives no noise, rad (m)."""
 GROWTH = 20.0
-"""Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger one shows chaos."""
+"""Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger sensitivity indicates
+chaos.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Bound:
-    """A limit of a quantity."""
+    """Low and high limit of a quantity of a joint."""
 
     joint: str
     quantity: str
@@ -64,19 +66,19 @@ class Channel:
     quantity: str
     noise: float
     group: int
-    """0: the sensor is recorded; otherwise number of the additional sensor, from 1."""
+    """Number of the additional sensor, from 1; 0 for a sensor that is recorded anyway."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Use of limits and information of a motion."""
+    """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
-    """(bounds,) largest fraction of each limit over the robots; above 1: exceeded."""
+    """Largest used fraction (bounds,) of each limit over all robots; a limit is exceeded above 1."""
     when: float
-    """Time of the largest fraction, s."""
+    """Time at which the largest fraction of a limit is used, s."""
     information: Array | None
-    """(robots, groups, n, n) Fisher matrices; None: not computed, or a robot is near chaos."""
+    """Fisher matrices (robots, groups, n, n); None if not computed, or if a robot is near chaos."""
 
 
 class Plant:
@@ -169,7 +171,7 @@ class Plant:
                     yield from (Channel(drive.name, one, size, group) for one in quantities)
 
     def substeps_of(self, gains: Mapping[str, float], robots: Sequence[Array]) -> Substeps:
-        """Substeps that the stiffest of these robots needs."""
+        """Number of substeps that the stiffest of several robots needs."""
         needed = [self.door.substeps_of(self._numbers(gains, x)) for x in robots]
         return max(one[0] for one in needed), max(one[1] for one in needed)
 
@@ -191,7 +193,8 @@ class Plant:
     ) -> Outcome | None:
         """Outcome of a motion (references, rows); None if the simulation of a robot diverges.
 
-        changes: relative changes of each parameter; sensitivities are means over them. Without changes: no information.
+        changes: relative changes of each parameter; sensitivities are means over these changes. Without changes no information
+        is computed.
         """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
@@ -221,7 +224,9 @@ class Plant:
         return Outcome(shares.max(axis=1, initial=0.0), when, information)
 
     def _fisher(self, runs: Sequence[Array | None], moves: Array) -> Array | None:
-        """Fisher matrices (groups, n, n) from the runs of a robot and its neighbours; None if sensitivities grow too much."""
+        """Fisher matrices (groups, n, n) from runs of a robot with its own and with slightly changed parameters; None if
+        sensitivities grow too much.
+        """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
             return None
@@ -240,6 +245,6 @@ class Plant:
 
 
 def _by_motor(name: str) -> list[str]:
-    """Quantities that a limit applies to: `motor_torque` stands for the torque of each motor."""
+    """Quantities to which a limit applies. A limit of `motor_torque` applies to the torque of each motor."""
     motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
     return motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]

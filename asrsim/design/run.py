@@ -29,20 +29,20 @@ from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
 ROUNDS = 25
-"""Rounds of the search; a fifth of them for each choice of gains."""
+"""Number of rounds of the search; each choice of gains gets a fifth of this number."""
 SHORTEST, PROBE = 0.5, 0.2
 """Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
 CHECKS, FACTOR = 24, 2.0
 """Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
 MANY = 27
-"""Largest number of choices of gains."""
+"""Largest number of combinations of gains that are tried."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """A motion, and the intervals that it promises."""
+    """A designed motion, and the predicted intervals of the parameters."""
 
     task: Task
     scenario: Scenario
@@ -52,18 +52,20 @@ class Design:
     keys: tuple[str, ...]
     found: Found
     intervals: Mapping[str, Array]
-    """Half-widths of the 95 % intervals, relative to value or typical size; by `design`, plain motion, or additional sensor."""
+    """Half-widths of the 95 % intervals, relative to value or typical size. Keys are `design`, names of plain motions, and
+    additional sensors.
+    """
     remarks: tuple[str, ...]
     interrupted: bool
 
     @property
     def seconds(self) -> float:
-        """Length of the motion."""
+        """Duration of the motion, s."""
         return float(self.found.motion.shape[1] - 1) * self.step
 
     @property
     def needed(self) -> Array:
-        """Times after which the half-widths are `WANTED`, if the motion is repeated, s; not less than `SHORTEST`."""
+        """Durations of repeated motion, s, after which the half-width of each parameter is `WANTED`; at least `SHORTEST`."""
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals["design"] / WANTED) ** 2))
 
 
@@ -145,12 +147,12 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)
-    # A task needs a recording, and a design may come before the first one: the scenario stands in its place.
+    # A task needs a recording, but a design may precede the first recording: the scenario replaces the recording.
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
 def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
-    """Scenario, robot as its file says, free parameters, remarks. Raises InputError."""
+    """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
@@ -174,7 +176,7 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
 
 
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of recordings whose own parameters, such as offsets, are estimated, too."""
+    """Fisher matrix (n, n) of recordings, reduced because parameters of the recordings, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
@@ -186,7 +188,9 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
 
 
 def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each by exactly this factor."""
+    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each parameter is multiplied or divided by
+    exactly this factor.
+    """
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]
     return np.clip(places, *layout.bounds)
@@ -200,7 +204,9 @@ def _choices(limits: Limits) -> Iterator[dict[str, float]]:
 
 
 def _probe(search: Search) -> None:
-    """Raise InputError if the start exceeds limits, no motion keeps them, or no recorded quantity depends on a parameter."""
+    """Raise InputError if the start exceeds limits, no motion keeps the limits, or no recorded quantity depends on
+    a parameter.
+    """
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
     resting = search.play(home, checked=True)
@@ -249,5 +255,7 @@ def _named(gains: Mapping[str, float]) -> str:
 
 
 def _size(entry: Entry) -> float:
-    """Relative change of a value for a unit change of the vector; relative to the typical size where the value is zero."""
+    """Relative change of each value per unit change of the parameter vector; if a value is zero, relative to its
+    typical size.
+    """
     return float(entry.slope(0.0) / (abs(entry.value(0.0)) or entry.parameter.size))

@@ -16,63 +16,66 @@ from asrsim.samples import Array
 SEGMENT, MOST = 2.0, 8
 """Shortest segment, s; largest number of segments of a motion."""
 FIRST, BATCH, VARIED = 160, 12, 28
-"""Number of segments before any is varied; segments, and variations of the whole motion, that are tried in each round."""
+"""Number of segments that are tried before any segment is varied; numbers of segments, and of variations of the whole motion,
+in each round.
+"""
 FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 8
 """First and last frequencies of chirps, Hz; number of chirps that are tried as whole motions."""
 FULL, NEAR = 0.97, 0.9
-"""Fraction of a limit that a motion is scaled to; fraction from which on it is not enlarged any more."""
+"""Fraction of a limit to which a motion is scaled; fraction of a limit above which a motion is not enlarged."""
 TRIES = 6
-"""Simulations in which a motion is scaled into the limits."""
+"""Largest number of simulations in which a motion is scaled into the limits."""
 SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
-"""Relative changes of the parameters for sensitivities; larger changes by which promises are examined, as fractions of the
-promised standard deviation, or of `LARGEST` where this is less; ratios of deviations that are then accepted.
+"""Relative changes of the parameters for sensitivities; larger changes with which predicted deviations are checked, as
+fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of deviations.
 
-Where friction sticks and slips, small changes give slopes that do not last up to the ends of the intervals: fits scattered 2.2
-times as far as one motion promised whose deviations differed by a factor of 1.8, and 9.4 times where they differed by 9.5.
+If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. For a motion whose
+deviations from small and larger changes differed by a factor of 1.8, fits scattered 2.2 times as far as predicted; for a factor
+of 9.5, they scattered 9.4 times as far.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about each parameter before any experiment: its order of magnitude is known."""
+"""Information about the logarithm of each parameter before any experiment, whose order of magnitude is assumed to be known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A motion within the limits."""
+    """A motion within the limits, with its information."""
 
     name: str
     segments: tuple[Segment, ...]
     motion: Array
-    """(references, rows) in the references' units."""
+    """Motion (references, rows) in the references' units."""
     information: Array
-    """(robots, groups, n, n)."""
+    """Fisher matrices (robots, groups, n, n)."""
     score: float
-    """Mean logarithm of the standard deviations; less is better."""
+    """Mean logarithm of the standard deviations of the parameters; a smaller score is better."""
 
 
 @dataclass(eq=False)
 class Search:
-    """A search with given gains. Its results are kept: another run continues from them."""
+    """A search with given gains. Its results are stored, so that a further call of `run` continues the search."""
 
     plant: Plant
     gains: Mapping[str, float]
     robots: Sequence[Array]
     """Parameter vectors of the robots for which the motion is designed."""
     checks: Sequence[Array]
-    """Further robots on which the motion must keep the limits."""
+    """Parameter vectors of further robots on which the motion must keep the limits."""
     substeps: Substeps
     known: Array
-    """(n, n) Fisher matrix of earlier recordings."""
+    """Fisher matrix (n, n) of earlier recordings."""
     generator: np.random.Generator
     stop: Callable[[], bool] = lambda: False
     plain: dict[str, Found] = field(default_factory=dict)
-    """Best step and best chirps."""
+    """Best plain motions by name: step and chirps."""
     library: list[Found] = field(default_factory=list)
     """Segments within the limits."""
     picked: list[int] = field(default_factory=list)
     """Indices of the library's segments that make the joined motion."""
     best: Found | None = None
-    """Best confirmed whole motion."""
+    """Best whole motion whose information is confirmed by larger changes of the parameters."""
     success: tuple[Found, int, Segment] | None = None
-    """Motion that the last variation improved, index of the segment that was varied, and the segment before."""
+    """Motion that the last variation improved, index of the varied segment, and the segment before its variation."""
 
     @property
     def count(self) -> int:
@@ -90,12 +93,12 @@ class Search:
         return np.asarray(np.log(self.deviations(information)).mean(axis=(-1, -2)))
 
     def play(self, motion: Array, *, changes: Sequence[Array | float] = (), checked: bool = False) -> Outcome | None:
-        """Outcome of a motion on the robots; checked: on the further robots, too."""
+        """Outcome of a motion on the robots of the design; checked: simulate the further robots, too."""
         robots = [*self.robots, *self.checks] if checked else self.robots
         return self.plant.play(motion, self.gains, robots, self.substeps, changes)
 
     def fitted(self, segments: Sequence[Segment], rows: int, tries: int = TRIES) -> list[Segment] | None:
-        """Segments within the limits; None if no tried size keeps them.
+        """Segments scaled into the limits; None if no tried size keeps the limits.
 
         Segments that exceed limits become smaller. A single segment becomes as large as the limits of each joint allow.
         """
@@ -121,7 +124,7 @@ class Search:
         return best
 
     def judged(self, name: str, segments: Sequence[Segment], rows: int) -> Found | None:
-        """Motion with its information; None if a robot is near chaos."""
+        """Motion with its Fisher information; None if a robot is near chaos."""
         motion = self.plant.motion(segments, rows)
         outcome = self.play(motion, changes=SMALL)
         if outcome is None or outcome.information is None:
@@ -129,7 +132,9 @@ class Search:
         return Found(name, tuple(segments), motion, outcome.information, float(self.score(outcome.information)))
 
     def confirmed(self, found: Found) -> Found | None:
-        """Motion with the least information that small or larger changes give; None if they do not agree."""
+        """Motion with the smaller of two estimates of its information, from small and from larger changes of the parameters.
+        None if the two estimates do not agree.
+        """
         least, small = found, self.deviations(found.information)
         size = np.minimum(small.min(axis=0), LARGEST)
         for share in LARGER:
@@ -144,10 +149,10 @@ class Search:
         return least
 
     def whole(self, name: str, segments: Sequence[Segment], tries: int = TRIES, above: float = np.inf) -> Found | None:
-        """Joined motion within the limits on all robots, with confirmed information; None unless its score is below `above`."""
+        """Joined motion within the limits on all robots, with confirmed information; None if its score is not below `above`."""
         rows = self.plant.rows
         if self.checks and above < np.inf:
-            # The further robots take long to simulate, and a motion that becomes smaller does not score better.
+            # Simulating the further robots takes long, so bad motions are rejected first. Scaling down improves no score.
             found = self.judged(name, segments, rows)
             if found is None or found.score >= above:
                 return None
@@ -156,9 +161,9 @@ class Search:
         return None if found is None or found.score >= above else self.confirmed(found)
 
     def start(self) -> None:
-        """Try what people record: one step, and chirps with presets at rest or at an end of their range.
+        """Try usual test motions: one step, and chirps with stiffness presets at rest or at an end of their range.
 
-        Chirps are tried as segments first; the best of them then last for the whole motion.
+        Chirps are tried as segments first; the best chirps are then extended to the whole motion.
         """
         presets = self.plant.presets
         chirps = dict[str, list[Found]]()
@@ -177,7 +182,9 @@ class Search:
                 self.better(whole)
 
     def try_segment(self, segment: Segment) -> Found | None:
-        """Segment within the limits, added to the library; None if it cannot be used, or the search is stopped."""
+        """Scale a segment into the limits and add it to the library; None if the segment cannot be used, or the search is
+        stopped.
+        """
         if self.stop() and self.library:
             return None
         rows = (self.plant.rows - 1) // self.count + 1
@@ -187,7 +194,7 @@ class Search:
         return found
 
     def extend(self, count: int) -> None:
-        """Try more segments: at first new segments, then more often variations of the picked ones."""
+        """Try more segments: at first new segments, later more often variations of the picked segments."""
         presets = self.plant.presets
         for _ in range(count):
             if self.picked and len(self.library) >= FIRST and self.generator.random() < 0.9:
@@ -214,10 +221,10 @@ class Search:
                 return
 
     def _exchanged(self, matrices: Array, begin: Sequence[int]) -> list[int]:
-        """Indices of segments, exchanged for better ones until there are none."""
+        """Indices of segments; segments are exchanged until no exchange improves the score."""
         chosen, before = list(begin), np.inf
         while len(chosen) < self.count:
-            # The first segments are judged as if they were repeated.
+            # While fewer segments are chosen than the motion needs, the chosen segments are scored as if they were repeated.
             total = matrices[chosen].sum(axis=0) + matrices
             chosen.append(int(np.argmin(self.score(total * (self.count / (len(chosen) + 1))))))
         best = float(self.score(matrices[chosen].sum(axis=0)))
@@ -230,7 +237,7 @@ class Search:
         return chosen
 
     def run(self, rounds: int, progress: Callable[[float], None] = lambda _: None) -> Found | None:
-        """Best motion after so many rounds, or when stopped; None if no confirmed motion keeps the limits."""
+        """Best motion after a number of rounds, or when the search is stopped; None if no confirmed motion keeps the limits."""
         if not self.plain:
             self.start()
         for number in range(rounds):
@@ -243,9 +250,9 @@ class Search:
             if found is not None:
                 self.better(found)
                 break
-            # The information of the joined motion is not confirmed: do without one of its segments.
+            # The information of the joined motion is not confirmed, so one of its segments is replaced.
             segments = [*segments[1:], segments[-1]]
-        # Each further robot must be simulated for each variation: fewer of them keep the time bounded.
+        # Each variation is simulated for every robot, so more robots get fewer variations to bound the time.
         count = VARIED * rounds // len(self.robots)
         for number in range(count):
             if self.stop() or self.best is None:
@@ -255,7 +262,7 @@ class Search:
         return self.best
 
     def better(self, found: Found) -> bool:
-        """Whether a motion is the best one so far; then keep it."""
+        """Store a motion if it is the best so far; return whether it is."""
         better = self.best is None or found.score < self.best.score
         self.best = found if better else self.best
         return better

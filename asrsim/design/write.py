@@ -1,4 +1,4 @@
-"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the promised intervals."""
+"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the predicted intervals."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
 
 
 def columns(found: Design) -> list[tuple[str, list[str], bool]]:
-    """Columns of the table: heading, a cell for each parameter, whether cells are right-aligned."""
+    """Columns of the table of intervals: heading, a cell for each parameter, and whether the cells are right-aligned."""
     cells = [("parameter", list(found.keys), False)]
     for name, halves in found.intervals.items():
         cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))

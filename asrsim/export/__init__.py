@@ -23,20 +23,21 @@ if TYPE_CHECKING:
 __all__ = ["Export", "Replay", "export_mjcf"]
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Springs are fitted up to this multiple of the scenario's largest deflection, and at least up to this deflection, rad."""
+"""Springs are fitted up to a multiple of the scenario's largest deflection; the second number is the smallest such range, rad.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Exported model, and its differences from asrsim."""
+    """An exported model, and its differences from the simulation in asrsim."""
 
     files: tuple[Path, ...]
-    """Written files, the model first."""
+    """Paths of the written files; the model is the first file."""
     remarks: tuple[str, ...]
     """Sentences about parts of the scenario that the model lacks."""
     replay: Replay
     spring_errors: Mapping[str, float]
-    """Joint -> largest difference between the laws of its springs and their splines, divided by the stiffness, mrad."""
+    """Largest difference between spring laws and their splines, divided by the stiffness, mrad, by joint."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -59,14 +60,11 @@ def export_mjcf(
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
 
-    Args:
-        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
-        out: Path of the model; meshes, picture of the error, and ranges are written beside it.
-        variant, overrides: As for `asrsim.run`.
-        knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
-        timestep: Time step of the model, s; None: the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets its values, and its intervals become ranges for randomisation.
-        plot: Draw the error.
+    Args: scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3). out: Path of the model; meshes, picture of
+    the error, and ranges are written into the folder of the model. variant, overrides: As for `asrsim.run`. knots: Number of
+    knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad. timestep: Time step of
+    the model, s; None: the scenario's step. fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the
+    intervals of the fit become ranges for randomisation. plot: Draw the error.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent.
@@ -96,7 +94,7 @@ def export_mjcf(
     files += draw(result, path) if plot else []
     remarks = list(model.remarks)
     if distribution is not None:
-        # The models of both ends of an interval need equal numbers of tendons.
+        # Models with the values at both ends of an interval need equal numbers of tendons.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
         files.append(write_ranges(ready, distribution, lambda other: model_with(other, most).text, path, Path(str(fit))))
         if not distribution.fits:
@@ -111,8 +109,9 @@ def export_mjcf(
 
 
 def _extent(prepared: Prepared, run: Mapping[str, Array]) -> tuple[dict[str, float], dict[str, float], list[str]]:
-    """Joint -> deflection up to which its springs are fitted, rad; joint -> position of its adjuster at the start; and joints
-    whose motors reach their speed limit."""
+    """Three results: deflections up to which springs are fitted, rad, by joint; positions of the adjusters at the start, by
+    joint; and joints whose motors reach their speed limit.
+    """
     reach, adjusters, at_limit = {}, {}, []
     for j, stepped in enumerate(prepared.drives):
         drive, name = stepped.drive, stepped.name
@@ -140,7 +139,7 @@ def _write_meshes(model: Mjcf, folder: Path) -> list[Path]:
         mesh = read_mesh(Path(source))
         path = make_folder(folder) / f"{name}.stl"
         with written(path, "mesh") as stream:
-            # asrsim's heading marks the file as its own.
+            # The header of the STL file shows that asrsim wrote the file.
             stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         paths.append(path)

@@ -22,27 +22,28 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 TINY = "1e-9"
-"""Mass (kg) and moments of inertia (kg m^2) of motor bodies: MuJoCo rejects massless ones. A motor's inertia is its joint's
-armature."""
+"""Mass (kg) and moments of inertia (kg m^2) of motor bodies: MuJoCo rejects bodies without mass. The real inertia of a motor is
+the armature of its joint.
+"""
 HARD: Mapping[str, str] = {"solreffriction": "0.004 1", "solimpfriction": "0.99 0.999 0.01"}
 """Solver parameters with which friction is nearly Coulomb friction."""
 STOP: Mapping[str, str] = {"solreflimit": "0.004 1", "solimplimit": "0.99 0.999 0.001"}
 """Solver parameters of stiff joint stops."""
 MANY = 6
-"""Number of joints from which a remark gives their number instead of their names."""
+"""A remark on at least this number of joints gives their number instead of their names."""
 GROUPS = {"visuals": "2", "collisions": "3"}
-"""MuJoCo's groups of the geoms: viewers show the groups 0 to 2."""
+"""Groups of the model's geoms; viewers of MuJoCo show the groups 0 to 2."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mjcf:
-    """Model in MJCF, and the data of the files beside it."""
+    """A model in MJCF, and the data for the files that accompany the model."""
 
     text: str
     meshes: Mapping[str, str]
-    """Name of a mesh in the model -> path of its source file."""
+    """Paths of the source files of meshes, by name of the mesh in the model."""
     splines: Mapping[str, tuple[Spline, ...]]
-    """Joint -> splines of its springs."""
+    """Splines of the springs, by joint."""
     remarks: tuple[str, ...]
     """Sentences about parts of the scenario that the model lacks."""
 
@@ -55,11 +56,11 @@ def model_of(
 
     Args:
         prepared: The scenario.
-        reach: Joint -> largest deflection for which its springs are fitted, rad.
-        adjusters: Joint -> position of its adjuster, which stays constant.
+        reach: Largest deflection for which the springs are fitted, rad, by joint.
+        adjusters: Constant position of the adjuster, by joint.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
-        timestep: In s; None: the scenario's step.
-        folder: Folder of the meshes, beside the file.
+        timestep: Time step of the model, s; None: the scenario's step.
+        folder: Name of the folder of the meshes.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent.
@@ -69,7 +70,7 @@ def model_of(
     shaped, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
     root = etree.Element("mujoco", model=prepared.robot.name)
     root.append(etree.Comment(" Made by asrsim export. Controls are the motors' own: position, torque, voltage or current. "))
-    # Motor bodies get their mass from boundmass.
+    # The option boundmass gives the motor bodies their mass.
     _add(root, "compiler", angle="radian", inertiafromgeom="false", boundmass=TINY, boundinertia=TINY, meshdir=folder,
          autolimits="true")  # fmt: skip
     _add(root, "option", timestep=timestep or scenario.step, integrator="implicitfast", gravity=scenario.gravity)
@@ -119,12 +120,12 @@ def _refuse(prepared: Prepared) -> None:
 
 
 def motor_name(joint: str, index: int) -> str:
-    """Name of a motor's body, joint and actuator in the model; index: 1, 2, ..."""
+    """Common name of a motor's body, joint and actuator in the model; index: number of the motor, from 1."""
     return f"{joint}/motor_{index}"
 
 
 def _add(parent: Any, tag: str, **attributes: Any) -> Any:
-    """New child element; numbers are written with all digits, and attributes that are None are left out."""
+    """Add a child element to an XML element; numbers are written with all digits, and attributes that are None are left out."""
     texts = {}
     for name, value in attributes.items():
         if value is not None:
@@ -173,7 +174,7 @@ def _geoms(body: Any, assets: Any, link: Link, meshes: dict[Any, str]) -> None:
                 key = shape.mesh, tuple(shape.scale)
                 if key not in meshes:
                     meshes[key] = f"mesh_{len(meshes)}"
-                    # A shell has an inertia whatever its triangles are; the inertia of bodies is explicit.
+                    # MuJoCo accepts any triangles for a shell; its inertia is not used, since bodies have explicit inertia.
                     _add(assets, "mesh", name=meshes[key], file=f"{meshes[key]}.stl", scale=shape.scale, inertia="shell")
                 form = {"mesh": meshes[key]}
             # The robot collides with the world and not with itself, as in asrsim.
@@ -201,7 +202,9 @@ def _friction(damping: float, friction: float) -> dict[str, Any]:
 
 
 def springs_of(drive: Drive, reach: float, adjuster: float, knots: int | None = None) -> tuple[Spline, ...]:
-    """Spline of each motor's spring. Raises ScenarioError for a law that depends on more than each motor's own deflection."""
+    """Splines of the springs of a drive, one for each motor. Raises ScenarioError for a law that depends on more than each
+    motor's own deflection.
+    """
     actuator, count = drive.actuator, drive.actuator.motors
     tail = [adjuster] if actuator.adjuster else [0.0] * (actuator.positions() - count)
 
@@ -259,14 +262,16 @@ def _motors(world: Any, tendons: Any, actuators: Any, drive: Drive, splines: Seq
 def _actuator(
     parent: Any, joint: str, proportional: float | None, damping: float, limit: float, *, gain: float = 1.0
 ) -> None:  # fmt: skip
-    """Add an actuator with a position controller, or without one (`proportional` is None) with a gain on its control."""
+    """Add an actuator with a position controller; if `proportional` is None, an actuator that multiplies its
+    control by a gain.
+    """
     gain, back = (gain, 0.0) if proportional is None else (proportional, proportional)
     _add(parent, "general", name=joint, joint=joint, gainprm=gain, biastype="affine", biasprm=(0.0, -back, -damping),
          forcerange=None if math.isinf(limit) else (-limit, limit))  # fmt: skip
 
 
 def _keyframe(root: Any, prepared: Prepared) -> None:
-    """Add the start of the scenario as a keyframe."""
+    """Add the initial state of the scenario as a keyframe."""
     scenario = prepared.scenario
     motors = {drive.name: drive.motor_starts(drive.dynamic_motors) for drive in prepared.drives}
     starts = zip(prepared.initial_positions, prepared.initial_velocities, strict=True)
@@ -314,7 +319,7 @@ def _omissions(prepared: Prepared, splines: Mapping[str, Sequence[Spline]], adju
 def _checks(
     prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], adjusters: Mapping[str, float]
 ) -> dict[str, bool]:  # fmt: skip
-    """Sentence about a joint -> whether it is true."""
+    """Sentences about a joint, and whether each sentence is true."""
     joint, drive, damping = stepped.joint, stepped.drive, stepped.link_damping
     largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)
     checks = {

@@ -19,9 +19,9 @@ FIELDS = {
     "tendon": ("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
     "actuator": ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"),
 }
-"""Kind of element -> fields of MjModel with one row per element."""
+"""Fields of MjModel with one row per element, by kind of element."""
 WIDTH = 1.96
-"""Half-width of a 95 % interval, standard deviations."""
+"""Half-width of a 95 % interval, in standard deviations."""
 HEADING = """\
 # Ranges by asrsim export: 95 % intervals of {}, each with the other parameters at their best values.
 # fields: fields of MjModel, by element: values at `low` and at `high`; between them the fields are nearly linear.
@@ -30,7 +30,7 @@ HEADING = """\
 
 
 def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Joint or link -> name -> value, for the keys that are numbers of the robot."""
+    """Values of the robot's parameters, by joint or link and by name."""
     owners = {*(joint.name for joint in prepared.robot.joints), *(link.name for link in prepared.robot.links)}
     found: dict[str, dict[str, float]] = {}
     for key, value in values.items():
@@ -41,20 +41,21 @@ def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, 
 
 
 def mean_of(fit: Fit) -> dict[str, float]:
-    """Key -> estimate of the fit."""
+    """Estimates of the fit, by key."""
     return fit.assign(fit.from_scores(np.zeros((1, len(fit.keys))))[0])
 
 
 def write_ranges(prepared: Prepared, fit: Fit, text_of: Callable[[Prepared], str], path: Path, source: Path) -> Path:
-    """Write the ranges beside the model at `path`, and return their file. text_of: MJCF of a scenario with other numbers, with
-    equal numbers of knots; source: file of the fit. Raises OutputError.
+    """Write the ranges into the folder of the model at `path`, and return the path of the written file. text_of: function that
+    returns the MJCF of the scenario with other parameter values and equal numbers of knots; source: file of the fit. Raises
+    OutputError.
     """
     import mujoco
     import yaml
 
     def compiled(values: dict[str, float]) -> Any:
         spec = mujoco.MjSpec.from_string(text_of(prepared.vary(robot_numbers(prepared, values))))
-        # Meshes lie beside the file.
+        # The meshes are in the folder of the model.
         spec.modelfiledir = str(path.parent.absolute())
         return spec.compile()
 
@@ -77,7 +78,7 @@ def write_ranges(prepared: Prepared, fit: Fit, text_of: Callable[[Prepared], str
 
 
 def _differences(below: Any, above: Any) -> dict[str, dict[str, list[Any]]]:
-    """Field -> element -> its values in both models, where they differ."""
+    """Values that differ between two models: pairs by field and by element."""
     found: dict[str, dict[str, list[Any]]] = {}
     for kind, fields in FIELDS.items():
         for field in fields:

@@ -1,4 +1,4 @@
-"""The scenario's motion in plain MuJoCo beside asrsim's: error of the exported model, joint by joint."""
+"""The scenario's motion in plain MuJoCo, compared with the motion in asrsim: error of the exported model for each joint."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.simulation.worlds import Worlds
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """One motion in both simulators, at the scenario's steps."""
+    """The scenario's motion in asrsim and in MuJoCo, at the scenario's steps."""
 
     joints: tuple[str, ...]
     units: tuple[str, ...]
@@ -33,7 +33,7 @@ class Replay:
 
     @property
     def error(self) -> Array:
-        """Differences MuJoCo - asrsim (n, joints), mrad (mm)."""
+        """Positions in MuJoCo minus positions in asrsim (n, joints), mrad (mm)."""
         return 1e3 * (self.theirs - self.ours)
 
     @property
@@ -43,13 +43,13 @@ class Replay:
 
     @property
     def diverged_at(self) -> float | None:
-        """Time at which MuJoCo's motion diverges, s; None if it does not."""
+        """Time at which MuJoCo's motion diverges, s; None if the motion does not diverge."""
         lost = ~np.isfinite(self.theirs).all(axis=1)
         return float(self.time[int(np.argmax(lost))]) if lost.any() else None
 
 
 def run_of(prepared: Prepared) -> dict[str, Array]:
-    """asrsim's run of the scenario: quantity -> values (n, joints). Raises SimulationError if it diverges."""
+    """Results of the scenario's run in asrsim: values (n, joints) by quantity. Raises SimulationError if it diverges."""
     motors = max((drive.drive.actuator.positions() for drive in prepared.drives if drive.drive), default=0)
     names = ["link_position", "external_torque"]
     for i in range(1, motors + 1):
@@ -63,7 +63,9 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def controls(prepared: Prepared, run: Mapping[str, Array], model: Any) -> Array:
-    """Controls of the model's actuators (n, actuators) at the scenario's steps: the references as goals of the motors."""
+    """Controls of the model's actuators (n, actuators) at the scenario's steps: commanded motor positions that follow from the
+    references.
+    """
     shape = run["link_position"].shape
     found = np.zeros((shape[0], model.nu))
     for j, stepped in enumerate(prepared.drives):
@@ -78,8 +80,8 @@ def controls(prepared: Prepared, run: Mapping[str, Array], model: Any) -> Array:
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
-    """Both motions, after a simulation of the run's references on the model at `path`. Raises SimulationError if MuJoCo cannot
-    load it.
+    """Motions in asrsim and in MuJoCo. MuJoCo simulates the model at `path` with the references of asrsim's run. Raises
+    SimulationError if MuJoCo cannot load it.
     """
     import mujoco
     from mujoco import rollout
@@ -95,7 +97,7 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     fine = max(1, round(step / model.opt.timestep))
     forces = np.zeros((length, model.nv))
     forces[:, [int(model.joint(name).dofadr[0]) for name in joints]] = run["external_torque"]
-    # Inputs are linear between the scenario's steps.
+    # Inputs are interpolated linearly between the scenario's steps.
     at = np.arange((length - 1) * fine) / fine
     columns = np.column_stack([controls(prepared, run, model), forces]).T
     inputs = np.array([np.interp(at, np.arange(length), column) for column in columns]).T
@@ -114,7 +116,7 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
 
 
 def draw(found: Replay, path: Path) -> list[Path]:
-    """Draw both motions and the error in a picture beside the model. Raises OutputError."""
+    """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
     with styled(mathematics=False):
         from matplotlib.figure import Figure
 

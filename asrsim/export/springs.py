@@ -10,13 +10,13 @@ import numpy as np
 from asrsim.samples import Array
 
 POINTS = 2001
-"""Number of deflections at which a law is evaluated."""
+"""Number of deflections at which a spring law is evaluated."""
 KNOTS, ERROR = (4, 6, 9, 13, 20, 30), 1e-4
-"""Numbers of knots that are tried in turn until the error of the spline is below this bound, rad."""
+"""Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
 FAR = 1e6
-"""End of a dead band beyond all motions, rad."""
+"""End of a dead band that no motion reaches, rad."""
 OFFSET = 1e3
-"""Rest position of the weak linear piece that produces a constant torque, rad."""
+"""Rest position of a weak linear spring that produces a nearly constant torque, rad."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Spline:
-    """Sum of pieces that approximates a law of the deflection."""
+    """Approximation of a spring law, torque over deflection, by a sum of pieces."""
 
     pieces: tuple[Piece, ...]
     reach: float
@@ -46,7 +46,7 @@ class Spline:
     knots: int
     """Number of knots on each side."""
     saturates: bool
-    """Whether the torque is constant beyond `reach`, as that of the law; otherwise the last cubic continues."""
+    """Whether the torque is constant beyond `reach`, as in the spring law; if not, the last cubic continues."""
     error: float
     """Largest difference of the torques within `reach`, divided by the stiffness there, rad."""
 
@@ -56,18 +56,18 @@ class Spline:
 
 
 def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None) -> Spline:
-    """Spline of a law between -reach and reach, with a number of knots on each side; None: the first of `KNOTS` whose error is
-    below `ERROR`.
+    """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first of `KNOTS` with an
+    error below `ERROR`.
 
     The error is weighted by one over the stiffness, so that it is a difference of positions under equal torques. limit:
-    deflection beyond which the law is constant, rad. An odd law gets pieces that act on both sides.
+    deflection beyond which the law is constant, rad. An odd law gets pieces that act for positive and negative deflections.
     """
     saturates = limit <= reach
     reach = min(limit, reach)
     x = np.linspace(-reach, reach, POINTS)
     y = np.array([law(deflection) for deflection in x.tolist()])
     stiffness = np.abs(np.gradient(y, x))
-    # In flat parts of a law all positions have the same torque.
+    # In flat parts of a law the stiffness is zero, so a lower bound avoids a division by zero.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
     odd = float(np.abs(y + y[::-1]).max()) <= 1e-9 * float(np.abs(y).max())
     for count in KNOTS if knots is None else (knots,):
@@ -98,7 +98,7 @@ def _shapes(reach: float, knots: int, *, odd: bool) -> list[Piece]:
 
 
 def _joined(shapes: Sequence[Piece], factors: Sequence[float]) -> list[Piece]:
-    """Shapes multiplied by factors; shapes with equal dead bands become one piece."""
+    """Pieces that result from shapes multiplied by factors; shapes with equal dead bands become one piece."""
     found: dict[tuple[float, float], tuple[float, ...]] = {}
     for shape, factor in zip(shapes, factors, strict=True):
         band = shape.low, shape.high
@@ -108,7 +108,7 @@ def _joined(shapes: Sequence[Piece], factors: Sequence[float]) -> list[Piece]:
 
 
 def _flat_beyond(pieces: Sequence[Piece], edge: float) -> Piece:
-    """Piece that cancels the growth of all other pieces beyond an edge."""
+    """Piece that makes the total torque constant beyond a deflection `edge`."""
     slope = curve = third = 0.0
     for piece in pieces:
         u = max(edge - piece.high, 0.0) + min(edge - piece.low, 0.0)

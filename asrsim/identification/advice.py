@@ -1,4 +1,4 @@
-"""Advice for the next experiment: motions in numbers, and the limits within which `asrsim design` finds one."""
+"""Advice for the next experiment: sizes and frequencies of motions, and limits within which `asrsim design` finds a motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOAD_CELL = 0.05
 REPEATED = 10.0
 """Largest factor by which a longer recording is advised."""
 LONGEST = 600
-"""Longest experiment that is proposed, s."""
+"""Longest duration of a proposed experiment, s."""
 
 
 def _moved(result: Result) -> dict[str, dict[str, Any]]:
@@ -39,7 +39,7 @@ def _moved(result: Result) -> dict[str, dict[str, Any]]:
 
 
 def advice(result: Result) -> Iterator[str]:
-    """Sentences that name the motions by which badly known parameters could be identified."""
+    """Sentences that name the motions by which parameters with wide intervals could be identified."""
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
     for one in result.estimates:
@@ -58,7 +58,7 @@ def advice(result: Result) -> Iterator[str]:
 
 
 def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
-    """Motion by which a parameter can be identified, in words; empty: none is known."""
+    """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
     unit, speed, band = was["unit"], was["speed"], was["band"]
     if "friction" in name:
         return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
@@ -73,8 +73,9 @@ def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
 
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """Limits file, and the command that designs the next experiment within the recorded limits. Both are empty if every
-    parameter is identified."""
+    """Text of a limits file, and the command that designs the next experiment within the recorded limits. Both texts are empty
+    if every parameter is identified.
+    """
     import yaml
 
     unknown = [one for one in result.estimates if one.verdict in (WEAK, RATIO, NO_EFFECT)]

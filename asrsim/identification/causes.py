@@ -1,4 +1,4 @@
-"""Extensions of a model: adopted during a fit, or named as possible causes if the model does not fit."""
+"""Extensions of a model, which are adopted during a fit, or named as possible causes if the model does not fit."""
 
 from __future__ import annotations
 
@@ -21,26 +21,28 @@ from asrsim.samples import Array
 FACTORS = (0.03, 0.3, 3.0, 30.0)
 """Start values of the pre-sliding stiffness, relative to the default of the friction law."""
 MUCH = 0.5
-"""Largest fraction of the misfit beyond the noise that remains with pre-sliding, if the model is far off."""
+"""Pre-sliding is adopted by a badly fitting model if at most this fraction of the misfit beyond the noise remains."""
 STAIRS = 0.9
-"""Largest fraction of the mean square error that remains if a command is played as a staircase."""
+"""A command is played as a staircase if at most this fraction of the mean square error then remains."""
 EXPLAINED = 0.9
-"""Fraction of the squared misfit beyond the noise that makes the suspected causes complete."""
+"""No further causes are sought if the suspected causes explain this fraction of the squared misfit beyond the noise."""
 PARTLY = 0.5
-"""Largest fraction of the squared misfit beyond the noise that remains with causes that are named."""
+"""Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 FURTHER = 0.8
-"""Largest fraction of the mean square error that remains after each suspected cause."""
+"""A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
 CAUSES, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
-"""Relative difference of two tied parameters above which the tie is reported as wrong."""
+"""Relative difference of two tied parameters above which their tie is reported as wrong."""
 BITES, REACHED = (0.75, 0.3), 0.999
-"""Fractions of the largest torque or speed at which a lower limit is tried; fraction of a limit above which it is reached."""
+"""Fractions of the largest torque or speed at which a lower limit is tried; fraction of a limit above which the limit counts as
+reached.
+"""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
-"""Rank correlation of a spring's stiffness with the deflection, above which it is reported; its smallest ratio to the
-correlation of random parts; parts of a recording that are estimated separately.
+"""Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
+correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
 """
 CALLED = {
     "passive_stiffness": "a passive spring of {}", "hysteresis_torque": "hysteresis of the springs of {}",
@@ -50,7 +52,7 @@ CALLED = {
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
-# -- adopted during a fit ----------------------------------------------------------------------------------------------------
+# -- extensions that are adopted during a fit ---------------------------------------------------------------------------------
 
 
 def stairs(problem: Problem) -> Iterator[Extension]:
@@ -62,8 +64,8 @@ def stairs(problem: Problem) -> Iterator[Extension]:
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
-    """Extensions that free the pre-sliding stiffness of motor friction, if the robot has none; motors with tied friction
-    share it.
+    """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
+    friction share the stiffness.
     """
     layout = problem.layout
     known, tied = parameters_of(robot, (), {}), {tie.key: tie.to for tie in layout.ties}
@@ -83,11 +85,13 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
         )  # fmt: skip
 
 
-# -- named where the model does not fit --------------------------------------------------------------------------------------
+# -- causes that are named if the model does not fit --------------------------------------------------------------------------
 
 
 def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences that name effects that the model may lack. problem: weighted by the recorded noise."""
+    """Sentences that name effects that the model may lack. problem: problem whose residuals are weighted by the
+    recorded noise.
+    """
     base = mean_square(problem, x)
     target = base - EXPLAINED * max(base - 1.0, 0.0)
     found = extended(
@@ -106,7 +110,7 @@ def _suspected(found: Extended, base: float, *, complete: bool) -> str:
     for cause in found.chosen:
         entry = cause.problem.layout.entries[-1]
         value, unit = values[entry.name], entry.parameter.unit.removeprefix("1")
-        # Delays and offsets are small: show them in ms, mrad.
+        # Delays and offsets are small, so they are shown in ms and mrad.
         size = f"{1e3 * value:.3g} m{unit}" if entry.parameter.key.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
         texts.append(cause.text if entry.track is not None else f"{cause.text} ({size.strip()})")
         flags.append(cause.flags.replace("START", f"{value:.4g}"))
@@ -116,7 +120,7 @@ def _suspected(found: Extended, base: float, *, complete: bool) -> str:
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions of a problem, each by one cause."""
+    """Extensions of a problem; each extension adds one possible cause of the misfit."""
     yield from _delay(problem)
     yield from _sensors(problem, x)
     yield from _robot(problem)
@@ -127,7 +131,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _delay(problem: Problem) -> Iterator[Extension]:
-    """Extension by a common delay of all commands."""
+    """Extension of a problem by a common delay of all commands."""
     commands = list(dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands))
     if commands and not any(key.endswith(".delay") or key == "clock" for key in _taken(problem)):
         first, *others = (f"{key}.delay" for key in commands)
@@ -159,7 +163,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                     begins=((zero / offset.size, -float(np.log(slope))),), share=FURTHER,
                 )  # fmt: skip
         for name, parameter in (("zero", offset), ("gain", gain)):
-            # A shared parameter stays free; each recording but the first gets a separate value in addition.
+            # A shared parameter stays free; in addition each recording except the first gets a separate value.
             if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
                 wider = freed(problem, [parameter], tracks=list(problem.fitted)[parameter.key in free :])
                 text = f"a {name} of {key} in each recording"
@@ -187,7 +191,7 @@ def _robot(problem: Problem) -> Iterator[Extension]:
 
 
 def _taken(problem: Problem) -> set[str]:
-    """Keys that are free or tied."""
+    """Keys of the parameters that are free or tied."""
     layout = problem.layout
     return {*(entry.parameter.key for entry in layout.entries), *(tie.key for tie in layout.ties)}
 
@@ -198,7 +202,7 @@ def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
-    """Yield each tie, and a problem in which the tied parameter is free."""
+    """Yield each tie between parameters, and a problem in which the tied parameter is free."""
     layout = problem.layout
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
@@ -228,7 +232,9 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
 
 
 def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, float, float]]:
-    """Drive, name, level and largest simulated value of each torque and speed limit of first motors."""
+    """Each torque or speed limit of the first motors: drive, name, level, and largest simulated value of the
+    limited quantity.
+    """
     track, values = problem.tracks[0], problem.layout.table(x, 0)
     for j, drive in enumerate(track.door.drives):
         for what in ("torque", "velocity") if drive.dynamic_motors else ():
@@ -239,8 +245,9 @@ def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, floa
 
 
 def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that free a motor limit, below the simulated maximum, or above it if the simulation reaches the limit. Both
-    motors of a joint share the limit."""
+    """Extensions that free a motor limit. Its start lies below the simulated maximum, or above if the simulation reaches the
+    limit. Both motors of a joint share the limit.
+    """
     for drive, name, level, reached in _motor_limits(problem, x):
         key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
         if key not in _taken(problem) and reached > 0.0:
@@ -272,7 +279,7 @@ def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
             continue
         moves, deviation = -pulls[known, i] / sizes[known, i], float(np.median(sizes[known, i] ** -0.5))
         trend, extent = _rank_correlation(reach[known], moves), float(np.ptp(moves))
-        # Noise alone rarely orders the parts.
+        # Noise alone rarely sorts the parts by stiffness.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             late, hard = (abs(float(np.corrcoef(reach[known] ** power, moves)[0, 1])) for power in (-1.0, 2.0))

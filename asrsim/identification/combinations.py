@@ -1,4 +1,6 @@
-"""Combinations of parameters: products, sums or ratios that a recording identifies but not the factors."""
+"""Combinations of parameters: products, sums or ratios that a recording identifies although it does not identify the single
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ UNKNOWN = 0.3
 FAR = 2.3
 """Largest change of the logarithms along an unidentifiable direction."""
 NICE, NICER = 1.5, 2e-3
-"""Factor and summand by which the interval of a simpler form may exceed the narrowest interval."""
+"""Factor and summand by which the interval of a simpler expression may exceed the narrowest interval."""
 HIGHEST = 8.0
 """Largest exponent in a combination."""
 DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
@@ -25,9 +27,11 @@ DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
 MULTIPLIED = ("1", "m")
 """Units of gains, ratios and lever arms: positive parameters with these units are factors, never terms of a sum."""
 MOST, WHOLE = 4, 0.08
-"""Largest integer factor of a term in a sum; largest relative distance of a factor from that integer."""
+"""Largest integer factor of a term in a sum; largest relative deviation of a factor from the integer."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
-"""Moments of inertia about the axes; largest distance of an exponent from that of an inertia about the joint."""
+"""Names of the moments of inertia about the axes; largest deviation of an exponent from the exponent of the inertia about the
+joint.
+"""
 
 
 def percent(share: float) -> str:
@@ -49,15 +53,15 @@ def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Combination:
-    """Expression of several parameters that is identified although the parameters are not."""
+    """Expression of several parameters whose value is identified although the single parameters are not identified."""
 
     text: str
-    """Such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
+    """Formula, such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
     value: float
     margin: float
-    """Relative half width of its 95 % interval."""
+    """Relative half width of the 95 % interval of the value."""
     keys: tuple[int, ...]
-    """Indices of its entries."""
+    """Indices of the entries of the parameter vector in the formula."""
 
     def __str__(self) -> str:
         return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
@@ -66,7 +70,7 @@ class Combination:
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
     """Combinations of entries that are constant along the unidentifiable directions.
 
-    free: entries that are not at a bound and have an effect.
+    free: entries of the parameter vector that are not at a bound and have an effect.
     """
     if len(free) < 2:
         return []
@@ -77,23 +81,25 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     for j in set(range(len(free))) - set(pivots):
         exponents = np.eye(len(free))[j]
         for row, pivot, mine in zip(rows, pivots, parts, strict=True):
-            # Along a direction the pivot changes by 1 and entry j by row[j], so the product with these exponents is constant.
+            # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         if np.count_nonzero(exponents) > 1:
-            result += _simplest(known, exponents)
+            # A form that overflows has an infinite interval and is not chosen.
+            with np.errstate(over="ignore", invalid="ignore"):
+                result += _simplest(known, exponents)
     return result
 
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """Candidate of a combination."""
+    """A candidate for an identified combination of parameters."""
 
     text: str
     value: float
     change: Array
-    """(k,) relative change of the value for relative changes of the free entries."""
+    """Relative change (k,) of the value per relative change of each free entry."""
     size: float = 1.0
-    """Smallest exponent, by which margins of different powers of a form are made comparable."""
+    """Smallest exponent; margins are divided by it, so that margins of different powers of a form are comparable."""
 
 
 class _Known:
@@ -107,7 +113,7 @@ class _Known:
         scaled, values = relative(problem.layout, x, found.jacobian)
         self.values = values[self.free]
         self._units = relative(problem.layout, x, np.ones((1, len(x))))[0][0][self.free]
-        # The triangular factor has the same singular directions, and is small.
+        # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
         self._triangle = np.linalg.qr(scaled[:, self.free], mode="r")
         _, singular, vectors = np.linalg.svd(self._triangle)
         sizes = np.full(len(self.free), 1e-100)
@@ -118,13 +124,13 @@ class _Known:
         off = self._noise / sizes
         inside = off <= UNKNOWN
         self.directions = vectors[~inside]
-        """(u, k) unidentifiable directions."""
+        """Unidentifiable directions (u, k)."""
         self._extent = np.minimum(off[~inside], FAR)
         self._alone = np.sqrt(np.sum((vectors * off[:, None]) ** 2, axis=0))
         self._inverse = (vectors[inside].T / sizes[inside] ** 2) @ vectors[inside]
 
     def parts(self, direction: Array) -> set[int]:
-        """Entries that make an unidentifiable direction unidentifiable: without them it would be known."""
+        """Entries that cause an unidentifiable direction: if they were fixed, the direction would be identifiable."""
         rest = direction.copy()
         for i in np.argsort(np.abs(direction)):
             without = rest.copy()
@@ -142,7 +148,7 @@ class _Known:
 
 
 def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
-    """First form whose interval is hardly wider than the narrowest; none if all intervals are wide."""
+    """First form whose interval is hardly wider than the narrowest interval; no form if all intervals are wide."""
     margins = [(known.margin(form), form) for form in _forms(known, exponents)]
     best = min((margin / form.size for margin, form in margins), default=0.0)
     for margin, form in margins:
@@ -152,7 +158,9 @@ def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
 
 
 def _forms(known: _Known, exponents: Array) -> Iterator[_Form]:
-    """Forms that may be constant where the product with these exponents is: ratio to an inertia, sum, integer powers."""
+    """Forms that may be constant where the product of powers with these exponents is constant: ratio to an inertia, sum,
+    integer powers.
+    """
     moving = np.flatnonzero(exponents)
     if len(moving) == 2:
         first, second = moving.tolist()
@@ -177,7 +185,9 @@ def _power(name: str, power: float) -> str:
 
 
 def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[_Form]:
-    """Form other / (inertia + m r^2), with the inertia about the joint, where other * inertia^power is constant."""
+    """Form other / (inertia + m r^2), with the moment of inertia about the joint, for a constant product other *
+    inertia^power.
+    """
     beside, size = _beside(known, known.entries[inertia]), float(known.values[inertia])
     if beside > 0.0 and abs(power * (size + beside) / size + 1.0) <= ABOUT:
         change = np.zeros(len(known.free))
@@ -187,8 +197,8 @@ def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Itera
 
 
 def _beside(known: _Known, entry: Entry) -> float:
-    """Term m r^2 of the link if the entry is its moment of inertia about the joint's axis; 0 for other entries, or if m or r
-    is free.
+    """Term m r^2 of a link if the entry is the link's moment of inertia about the joint's axis; 0 for other entries, or if m or
+    r is free.
     """
     link, _, name = entry.parameter.key.rpartition(".")
     if name not in AXES or known.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
@@ -206,7 +216,7 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
     """Sum other + n pivot of parameters with the same unit, n a small integer."""
     first, second = known.entries[other], known.entries[pivot]
     a, b = float(known.values[other]), float(known.values[pivot])
-    # d a / a + power d b / b = 0: a + times b is constant nearby.
+    # From d a / a + power d b / b = 0 follows that a + times b is constant for small changes.
     times = power * a / b if b else 0.0
     signed, whole = min(a, b) <= 0.0, round(times)
     factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
@@ -225,7 +235,9 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:
-    """Sparse basis of the same space, in reduced echelon form with the largest elements as pivots, and the pivots' columns."""
+    """Sparse basis of the space that given vectors span, in reduced echelon form with the largest elements as pivots, and the
+    pivots' columns.
+    """
     rows, pivots = directions.copy(), []
     for i in range(len(rows)):
         pivot = int(np.argmax(np.abs(rows[i])))

@@ -36,7 +36,7 @@ COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in (
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
 ENGINES_KEPT = 3
-"""Number of substep settings whose engines are kept open: fits alternate between settings."""
+"""Number of substep settings whose engines stay open, since fits alternate between settings."""
 AT_ONCE = cores()
 """Number of worlds of a rollout that run in parallel threads."""
 
@@ -83,9 +83,8 @@ class Door:
     def rollout(
         self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
     ) -> Iterator[Array | None]:
-        """Yield values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation diverges.
-
-        names: index of a joint, and quantity.
+        """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
+        diverges. names: pairs of the index of a joint and the name of a quantity.
         """
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
@@ -96,7 +95,7 @@ class Door:
             try:
                 found = made.rollout(quantities, start=several, steps=steps)
             except RobotError:
-                # A set of parameters is not physical: simulate each set alone.
+                # If one set of parameters is not physical, each set is simulated alone.
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):
@@ -121,7 +120,7 @@ class Door:
         return self._prepared.vary(parameters)
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
-        """Numbers of substeps that a run with these parameters takes. Raises RobotError, UnresolvedSpringError."""
+        """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
         found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
 

@@ -1,4 +1,4 @@
-"""Extensions of a model: proposed, freed beside the other parameters, refitted and scored."""
+"""Extensions of a model: they are proposed, freed together with the other parameters, refitted and scored."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from asrsim.samples import Array
 ASKED = 20.0
 """Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
-"""Largest number of extensions that are refitted in a round, the most promising first; largest number that is adopted."""
+"""Largest number of extensions that are refitted in a round, the most promising first; largest number of extensions that are
+adopted.
+"""
 LOOK = 1e-3
-"""Step of finite differences along a new entry, in the vector's units."""
+"""Step of finite differences along a new entry of the parameter vector, in the vector's units."""
 FAR_OFF = 4.0
-"""Mean square residual, relative to the noise, above which a model counts as far off."""
+"""Mean square residual, relative to the noise, above which a model counts as badly fitting."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """A problem with additional free parameters at the end of its vector, or with commands played as a staircase."""
+    """A problem with additional free parameters at the end of its parameter vector, or with commands played as a staircase."""
 
     text: str = ""
     flags: str = ""
     """Options of `asrsim identify` that add this extension."""
     problem: Problem
     begins: tuple[float | tuple[float, ...], ...] = ()
-    """Start values of the new entries; empty: the linearised optimum."""
+    """Start values of the new entries of the parameter vector; empty: the start is the optimum of the linearised problem."""
     finite: bool = False
-    """Whether its effect is simulated at the start values, since derivatives do not show it."""
+    """Whether the effect of the extension is simulated at the start values, since derivatives do not show this effect."""
     restepped: bool = False
-    """Whether it changes the required number of substeps."""
+    """Whether the extension changes the required number of substeps."""
     share: float = 1.0
-    """Largest fraction of the mean square error that may remain with it."""
+    """Largest fraction of the mean square error that may remain with the extension."""
     excess: float = 1.0
-    """Largest fraction of the misfit beyond the noise that may remain with it, if the model is far off. There any additional
-    parameter reduces the misfit.
+    """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
+    fitting model any additional parameter reduces the misfit.
     """
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
@@ -52,7 +54,7 @@ class Extension:
 
 
 class _Place:
-    """The point of the parameter space at which extensions are compared."""
+    """The point of the parameter space at which extensions are compared, with residuals and derivatives."""
 
     def __init__(self, problem: Problem, x: Array) -> None:
         self.x, self.there = x, residuals(problem, x)
@@ -64,7 +66,9 @@ class _Place:
         return np.asarray(change - self._free @ (self._free.T @ change))
 
     def promises(self, extension: Extension) -> Iterator[tuple[float, Extension, Array]]:
-        """Fraction of the squared error that an extension would explain to first order, and the start of its refit."""
+        """Fraction of the squared error that an extension would explain to first order, and start vector for a refit with the
+        extension.
+        """
         from scipy.optimize import lsq_linear
 
         n, layout = len(self.x), extension.problem.layout
@@ -83,14 +87,14 @@ class _Place:
         yield self._share(alone @ moves), extension, np.append(self.x, extension.begins[:1] or moves)
 
     def _share(self, change: Array) -> float:
-        """Fraction of the squared error that a change explains; 0 if it is not significant."""
+        """Fraction of the squared error that a change of the residuals explains; 0 if the fraction is not significant."""
         before, after = float(self._left @ self._left), float(np.sum((self._left + change) ** 2))
         return 1.0 - after / before if (before - after) * len(change) > ASKED * after else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Extended:
-    """A problem with the adopted extensions, and its fit."""
+    """A problem with the adopted extensions, and the fitted parameter vector."""
 
     chosen: tuple[Extension, ...]
     problem: Problem
@@ -106,7 +110,9 @@ def extended(
     problem: Problem, x: Array, propose: Propose, *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
     rounds: int = 60,
 ) -> Extended:  # fmt: skip
-    """Problem to which extensions are added, the most explanatory first, until `enough` is true or none is significant."""
+    """Problem with added extensions: the most explanatory is added first, until `enough` is true or no further extension is
+    significant.
+    """
     found = Extended((), problem, x, huber(residuals(problem, x)))
     while len(found.chosen) < most and not enough(found.problem, found.x):
         place, proposed = _Place(found.problem, found.x), list(propose(found.problem, found.x))
@@ -129,7 +135,9 @@ def extended(
 def freed(
     problem: Problem, parameters: Sequence[Parameter], ties: Sequence[Tie] = (), *, tracks: Sequence[int | None] = (None,)
 ) -> Problem:
-    """Problem with additional free parameters. tracks: recordings with separate values; None: a value shared by all."""
+    """Problem with additional free parameters. tracks: recordings that get separate values; None: all recordings
+    share a value.
+    """
     layout = problem.layout
     entries = [
         Entry(one, track, one.key if track is None else f"{one.key} ({problem.tracks[track].data.name})", one.start)

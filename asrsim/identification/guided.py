@@ -1,8 +1,9 @@
 """Joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate. Therefore a stiff
-controller brings the simulated joint back to the recorded position, and the torque that it adds is the error that is compared.
+controller brings the simulated joint back to the recorded position, and the additional torque of the controller is the error
+that is compared.
 
-The controller is that of mode 1. Its reference r holds the recorded torque u, position q and velocity v: P (r - x) - D x'
-= u + P (q - x) + D (v - x').
+The controller is that of mode 1. Its reference r combines the recorded torque u, position q and velocity v; x is the simulated
+position: P (r - x) - D x' = u + P (q - x) + D (v - x').
 """
 
 from __future__ import annotations
@@ -21,19 +22,20 @@ from asrsim.signals.curve import curve_through
 HIGHEST, LOUD = 20.0, 30.0
 """Highest bandwidth of the controller, Hz; ratio of the motion's spectrum to the noise's spectrum within its bandwidth."""
 EDGE = 2.0
-"""Time that is left out at both ends of a recording, in periods of the controller's bandwidth."""
+"""Duration that is not compared at both ends of a recording, in periods of the controller's bandwidth."""
 POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
-"""Integrals over the frequency, in units of the bandwidth, of the squared responses of the compared torque to noise of position
-and torque, and of the band in which the noise of the position is measured."""
+"""Integrals over the frequency, in units of the bandwidth: of the squared response of the compared torque to noise of the
+position, of its squared response to noise of the torque, and over the band in which the noise of the position is measured.
+"""
 PID = 1
 """Operation mode in which a PID controller acts on the link."""
 NO_LIMIT = 1e9
-"""Torque of a controller without limits, N m."""
+"""Torque limit of a controller that must not saturate, N m."""
 
 
 def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
-    """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their positions, unless
-    a coarse encoder would shake them.
+    """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their recorded positions,
+    unless a coarse encoder would shake these joints.
     """
     for block in robot.actuators:
         joint, name = robot.joint(block.joint), block.joint
@@ -56,17 +58,18 @@ def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
     recorded = smoothed(np.interp(time, command.time, command.values), min(4.0 * cutoff, 0.9))
     position, torque = smoothed(raw, cutoff), smoothed(recorded, 2.0 * band * step)
     velocity = CubicSpline(time, position)(time, 1)
-    # Inertia that would need all of the torque: no parameter of the robot has to be known.
+    # The inertia is estimated as if all of the torque accelerated it, so no parameter of the robot is needed.
     inertia = float(np.std(torque) / max(np.std(np.gradient(velocity, time)), 1e-300))
     omega = 2.0 * np.pi * band
     gain, brake = inertia * omega**2, 2.0 * inertia * omega
     guide = curve_through(time, position + brake / gain * velocity)
     inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
-    # Samples are so far apart that the controller does not correlate them.
+    # The samples are so far apart that the controller does not correlate their errors.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
     # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
-    # frequency s in units of the bandwidth. The shares are integrals of their squares: for the position up to its cutoff s = 2;
-    # its noise is measured between s = 1 and 2, where the motion has ended. Jumps of friction need the torque far beyond s = 2.
+    # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
+    # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps
+    # of friction need the torque far beyond s = 2.
     above = smoothed(raw, 4.0 * band * step) - smoothed(raw, 2.0 * band * step)
     of_position = gain * float(np.std(above[inside])) * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
     noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step * TORQUE_SHARE), of_position))
@@ -92,7 +95,7 @@ def _bandwidth(step: float, positions: Array, noise: float) -> float:
     """Highest frequency at which a recorded position exceeds its white noise, Hz."""
     speed = np.diff(positions)
     power, frequency = np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2, np.fft.rfftfreq(len(speed), step)
-    # Differences of white noise have this spectrum, under this window.
+    # Spectrum of the differences of white noise, multiplied by the window.
     level = noise**2 * len(speed) * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
     loud = np.flatnonzero(power > LOUD * level + 1e-300)
     return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0

@@ -1,4 +1,6 @@
-"""Judgement whether the model fits: residuals of the training part compared with the noise, and errors of the held-out part."""
+"""Judgement whether the model fits: by the residuals of the training part relative to the noise, and by the errors of the
+held-out part.
+"""
 
 from __future__ import annotations
 
@@ -13,26 +15,27 @@ from asrsim.identification.problem import Errors, Problem, errors
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
-"""Largest ratio of residuals to noise that counts as noise; its increase for n samples, times sqrt(n)."""
+"""Largest ratio of residuals to noise at which residuals count as noise; increase of this ratio for n samples, times sqrt(n).
+"""
 WHITE = 0.3
-"""Lag-1 correlation of residuals below which they count as noise."""
+"""Lag-1 correlation below which residuals count as noise."""
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
-"""Standard deviations of the prediction that noise of the commands and uncertainty of the estimates may explain."""
+"""Number of standard deviations of a prediction that noise of the commands and uncertainty of the estimates may explain."""
 EXPLAINED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
-"""Error relative to a channel's standard deviation below which it is ignored: no sensor is so exact."""
+"""Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
 OPPOSED = 0.5
-"""Size of a negative correlation of prediction and recording above which the sign may be wrong."""
+"""Magnitude of a negative correlation of prediction and recording above which the channel's sign may be wrong."""
 MOVES = 8.0
-"""Range of a recording, in standard deviations of its noise, above which it counts as moving."""
+"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving."""
 
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """A channel of a recording, before and after the fit."""
+    """Errors of a channel of a recording, before and after the fit."""
 
     recording: str
     key: str
@@ -40,10 +43,10 @@ class ChannelFit:
     noise: float
     """Standard deviation of the noise, given or estimated from third differences."""
     before: float
-    """RMS of predicted minus recorded in the training part."""
+    """RMS of predicted minus recorded values in the training part."""
     after: float
     held_before: float
-    """RMS error of the held-out part; nan if there is none."""
+    """RMS error of the held-out part; nan if there is no held-out part."""
     held_after: float
     correlation: float
     """Lag-1 correlation of the training residuals after the fit."""
@@ -56,13 +59,15 @@ class ChannelFit:
     steps: float = 0.0
     """Largest RMS error of an encoder that rounds down."""
     opposed: bool = False
-    """Whether the prediction moves against the record: the sign may be wrong."""
+    """Whether prediction and recording have opposite directions, so that the channel's sign may be wrong."""
     held_moves: bool = True
-    """Whether anything moves in the held-out part."""
+    """Whether the robot moves in the held-out part."""
     track: int = 0
     """Index of the recording."""
     lines: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
-    """(n,) time, recorded, before and after; without a prediction if the simulation diverges."""
+    """Time, recorded values, and predictions before and after the fit, (n,) each; a prediction is absent if the simulation
+    diverges.
+    """
 
     @property
     def is_exact(self) -> bool:
@@ -74,7 +79,7 @@ class ChannelFit:
 def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterator[str]:
     """Reasons why residuals (n,) of a channel are not noise.
 
-    moved: (n,) change of the prediction due to noise of the played commands.
+    moved: change (n,) of the prediction due to noise of the played commands.
     """
     if is_nothing(size_of(left), channel.noise):
         return
@@ -115,7 +120,9 @@ def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
 
 
 def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors) -> list[ChannelFit]:
-    """Errors of each channel. before, after: residuals over whole recordings; shaken: changes due to noise of the commands."""
+    """Errors of each channel. before, after: residuals over whole recordings; shaken: changes of the predictions due to noise
+    of the commands.
+    """
     found = []
     rows = zip(problem.tracks, problem.ends, before, after, shaken, strict=True)
     for number, (track, end, old, new, moved) in enumerate(rows):
@@ -158,9 +165,8 @@ def rms(values: Array) -> float:
 
 
 def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
-    """Reasons why the model does not fit; empty if it fits.
-
-    unsure: RMS change of each channel's held-out prediction within the intervals of the estimates.
+    """Reasons why the model does not fit; empty if the model fits. unsure: RMS change of each channel's held-out prediction
+    within the intervals of the estimates.
     """
     reasons = []
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
@@ -170,7 +176,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
         held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
         error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
         if error > max(HELD_OUT * train, steps, 1e-300):
-            # Noise of the commands and uncertainty of the estimates are not the model's fault.
+            # Noise of the commands and uncertainty of the estimates cause errors even with a correct model.
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in held])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
@@ -182,13 +188,13 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
 
 
 def _mean(sizes: Sequence[float]) -> float:
-    """Root mean square of the RMS values that are not nan; nan if there are none."""
+    """Root mean square of the RMS values that are not nan; nan if all values are nan."""
     known = np.array(sizes)[~np.isnan(sizes)]
     return rms(known)
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
-    """Sentences on channels that the fit does not follow: their sign, quantity or start may be wrong."""
+    """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
     some = any(one.explained > EXPLAINED for one in fits)
     found: dict[str, str] = {}
     for one in fits:
@@ -204,7 +210,7 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
 
 
 def praise(fits: Sequence[ChannelFit]) -> str:
-    """Sentence on the held-out part of a model that fits."""
+    """Sentence on the prediction of the held-out part by a model that fits."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
         return "the model fits; nothing was held out"

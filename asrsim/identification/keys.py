@@ -16,7 +16,7 @@ from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25
-"""Bound of delays and clock offsets, s."""
+"""Largest delay and largest clock offset that a fit allows, s."""
 TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
     "kg": 0.1, "kg m^2": 1e-3,
@@ -28,7 +28,7 @@ FACTOR = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A number that may be free."""
+    """A number of the robot or of a recording that a fit may estimate."""
 
     key: str
     unit: str
@@ -36,20 +36,22 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     logarithmic: bool = False
-    """Whether its logarithm is searched: for positive parameters of unknown size, except friction and damping, which may be
-    0.
+    """Whether the search uses the logarithm of the parameter. The logarithm is used for positive parameters, except friction
+    and damping, which may be 0.
     """
     own: bool = False
     """Whether each recording has a separate value."""
 
     @property
     def size(self) -> float:
-        """Typical change of a parameter that is not searched over its logarithm."""
+        """Typical change of a parameter whose logarithm is not used in the search."""
         return max(abs(self.start), TYPICAL.get(self.unit, 0.1))
 
 
 def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, Parameter]:
-    """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: `joint.quantity` -> unit."""
+    """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: units of the recorded channels,
+    by `joint.quantity`.
+    """
     found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(robot, commands, channels)]
     return {parameter.key: parameter for parameter in found}
 
@@ -116,11 +118,11 @@ def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, s
 
 
 def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:
-    """Free parameters in the order of the task, and ties between single keys. Raises InputError with every problem."""
+    """Free parameters in the order of the task, and ties between single parameters. Raises InputError with every problem."""
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern does not match infinite limits, unless a start is given.
+        # A pattern matches parameters with infinite values only if a start is given.
         given = wish.start is not None
         keys = [
             key for key, one in known.items()
@@ -181,7 +183,7 @@ def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
 
 
 def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
-    """Keys that the pattern matches, and the keys that they follow: the text matched by `*` replaces `*` in the other key."""
+    """Keys that a pattern matches, each with the key to which it is tied; the text matched by `*` replaces `*` in that key."""
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
         if (match := pattern.fullmatch(key)) is not None:

@@ -16,11 +16,11 @@ from asrsim.samples import Array
 
 @dataclass(frozen=True)
 class Entry:
-    """An element of the parameter vector."""
+    """An element of the parameter vector that is fitted."""
 
     parameter: Parameter
     track: int | None
-    """Index of the recording that this entry belongs to; None: shared by all recordings."""
+    """Index of the recording to which this entry belongs; None: all recordings share the entry."""
     name: str
     """Displayed name: the key, with the recording's name if the recording has a separate value."""
     start: float
@@ -33,7 +33,7 @@ class Entry:
         return min(max(self.start + parameter.size * x, parameter.low), parameter.high)
 
     def slope(self, x: float) -> float:
-        """Derivative of the value with respect to x."""
+        """Derivative of the value with respect to x, the element of the vector."""
         return self.value(x) if self.parameter.logarithmic else self.parameter.size
 
     def place(self, value: float) -> float:
@@ -46,7 +46,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Layout:
-    """Elements of the parameter vector, and ties to them."""
+    """Elements of the parameter vector, and parameters that are tied to them."""
 
     entries: tuple[Entry, ...]
     ties: tuple[Tie, ...]
@@ -71,7 +71,7 @@ class Layout:
         return np.array([entry.slope(float(v)) for entry, v in zip(self.entries, x, strict=True)])
 
     def table(self, x: Array, track: int) -> dict[str, float]:
-        """Key -> value for a recording, including tied parameters."""
+        """Values by key for a recording, including tied parameters."""
         found = {
             entry.parameter.key: entry.value(float(v))
             for entry, v in zip(self.entries, x, strict=True)
@@ -92,8 +92,8 @@ class Layout:
 def make_layout(
     free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> Layout:
-    """Layout of the free parameters. names: names of the recordings; starts: for each fitted recording, key -> start value of
-    parameters that depend on the recording.
+    """Layout of the free parameters. names: names of the recordings; starts: for each fitted recording, start values by key of
+    the parameters that depend on the recording.
     """
     entries: list[Entry] = []
     for parameter in free:

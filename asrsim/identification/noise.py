@@ -18,9 +18,13 @@ NOTHING = 0.5
 CLIPPED = 4.0
 """Robust standard deviations to which larger residuals are clipped."""
 AROUND, WIDTH = 25, 3
-"""Number of frequencies on each side that give the local level of a spectrum; number of frequencies in a spectral line."""
+"""Number of neighbouring frequencies on each side whose median is the local level of a spectrum; number of frequencies in a
+spectral line.
+"""
 SELDOM, SWING = 1e-4, 0.03
-"""Largest probability that noise alone has a reported spectral line; smallest fraction of the power in a reported line."""
+"""Probability of a spectral line in pure noise, above which the line is not reported; smallest fraction of the power in a
+reported line.
+"""
 STILL, FINE = 0.15, 0.5
 """Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""
 LEVELS = 20_000
@@ -36,7 +40,7 @@ FIRST, LONG = 15, 10
 def fine_noise(values: Array, quantum: float = 0.0) -> float:
     """Standard deviation of white noise on a smooth record (n,), from the median of its third differences.
 
-    It is at least the error of rounding to `quantum` and a millionth of the range.
+    The result is at least the rounding error of `quantum`, and at least a millionth of the range.
     """
     third = np.diff(values, 3)
     sigma = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
@@ -45,7 +49,9 @@ def fine_noise(values: Array, quantum: float = 0.0) -> float:
 
 
 def quantum_of(values: Array) -> float:
-    """Step of which all changes of a record (n,) are multiples; 0 if there is none, or if it is negligible."""
+    """Quantisation step of a record (n,): all changes are multiples of this step. 0 if there is no such step, or if it is
+    negligible.
+    """
     steps = np.abs(np.diff(np.unique(values)))
     if len(steps) < 2 or len(steps) > LEVELS:
         return 0.0
@@ -65,14 +71,14 @@ def lag_correlation(residuals: Array, lag: int = 1) -> float:
 
 
 def independent_samples(residuals: Array) -> float:
-    """Equivalent number of independent samples of residuals (n,), from their lag-1 correlation."""
+    """Number of independent samples to which residuals (n,) are equivalent, from the lag-1 correlation of the residuals."""
     correlation = min(max(lag_correlation(residuals), 0.0), 1.0 - 1e-6)
     return len(residuals) * (1.0 - correlation) / (1.0 + correlation)
 
 
 def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
-    """Residuals (n,) minus the offset that an encoder's unknown zero within a step explains, and the lag-1 correlation that
-    quantisation of the predicted motion causes.
+    """Residuals (n,) minus an offset of at most the encoder's unknown zero within a step; and the lag-1 correlation that
+    quantisation of the predicted motion would cause.
     """
     if not quantum or not len(left):
         return left, 0.0
@@ -96,9 +102,10 @@ def is_nothing(size: float, noise: float) -> bool:
 
 
 def swing(residuals: Array) -> float:
-    """Frequency, in cycles per sample, of a significant line in the spectrum of residuals (n,); 0: there is none.
+    """Frequency, in cycles per sample, of a significant line in the spectrum of residuals (n,); 0 if there is no such line.
 
-    The line is compared with the median of the frequencies around it, so that coloured noise has no lines.
+    The power of a line is compared with the median power of the frequencies around the line, so that coloured noise has no
+    lines.
     """
     from scipy.special import gammaincc
 
@@ -108,7 +115,7 @@ def swing(residuals: Array) -> float:
     centred = residuals - residuals.mean()
     power = np.abs(np.fft.rfft(whiten(centred, np.array([lag_correlation(centred)]))))[1:] ** 2
     around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
-    # Powers of noise are exponentially distributed: the median is log 2 times the mean.
+    # The power of noise at a frequency is exponentially distributed, so its median is log 2 times its mean.
     height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
     band = np.convolve(height, np.ones(WIDTH), "same")
     most = int(np.argmax(band))
@@ -125,9 +132,10 @@ def autocovariances(residuals: Array) -> Array:
 
 
 def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
-    """Coefficients (p,) of e_k = sum c_i e_(k-i) + white noise, and the variance of that noise, from autocovariances.
+    """Coefficients c_i (p,) of the autoregressive model e_k = sum c_i e_(k-i) + white noise, and the variance of that white
+    noise, from autocovariances.
 
-    Levinson's recursion; Schwarz's criterion selects the order, 0 for white noise.
+    Levinson's recursion computes the coefficients; Schwarz's criterion selects the order p, which is 0 for white noise.
     """
     coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
     chosen, best = (coefficients, power), samples * np.log(power)
@@ -165,13 +173,15 @@ def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, f
     inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
     errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
     place, slope, bend = (inverse @ values).tolist()
-    # A force at the start bends the curve, so that the parabola is biased: enlarge the errors.
+    # A force at the start bends the curve and biases the parabola, so the errors are enlarged.
     off, extent = BENT * abs(bend), float(time[-1])
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:
-    """Value of a channel at time 0 and its error, from the mean of the samples before it moves, or from the first sample."""
+    """Value of a channel at time 0 and its error, from the mean of the samples before the channel moves, or from the first
+    sample.
+    """
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
     count = still if still >= LONG else 1

@@ -1,4 +1,6 @@
-"""Recorded commands as inputs of the simulation: smooth in time and in the delay, except at a few large jumps."""
+"""Recorded commands as inputs of the simulation: averaged so that simulated motions depend smoothly on time and delay, except
+at a few large jumps.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ class Played(Signal):
 
     command: Command
     step: float
-    """Length of the averaging window, s."""
+    """Duration of the averaging window, s."""
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0
@@ -63,7 +65,7 @@ def noise_of_command(command: Command) -> float:
 
 
 def drawn(commands: Sequence[Command], draw: int | None) -> Sequence[Command]:
-    """Commands with a random draw of their noise added; draw None: unchanged commands."""
+    """Commands plus a random draw of their noise; draw: seed of the random numbers, None for unchanged commands."""
     if draw is None:
         return commands
     generator = np.random.default_rng(draw)

@@ -1,5 +1,5 @@
-"""A fit as a frozen value: recordings, free parameters and weights. Residuals, derivatives and searches are functions of the
-problem; `replace` makes a changed problem.
+"""A fit as an immutable object with recordings, free parameters and weights. Residuals, derivatives and searches are functions
+of the problem; `dataclasses.replace` makes a changed problem.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.samples import Array
 
 Errors = Sequence[list[Array] | None]
-"""For each recording: predicted minus recorded of each channel; None if the simulation diverges."""
+"""Predicted minus recorded values of each channel of a recording; None if the simulation diverges."""
 STEP = 1e-6
 """Step of finite differences, in the vector's units: logarithms, or typical sizes."""
 FAR = 1e3
@@ -34,7 +34,7 @@ HUBER = 3.0
 def weigh(values: Array, noise: float, quantum: float) -> Array:
     """Residuals (n,) or (n, k) of a channel, in standard deviations of its noise.
 
-    The zero of an encoder is known only within its step `quantum`; the weight of the mean is reduced accordingly.
+    The zero of an encoder is uncertain by its step `quantum`, so the weight of the mean residual is reduced.
     """
     sizes = values / noise
     zero = len(values) * (quantum / noise) ** 2 / 12.0
@@ -49,12 +49,12 @@ class Part:
     track: int
     channel: Channel
     noise: float
-    """Standard deviation by which its residuals are divided."""
+    """Standard deviation by which the channel's residuals are divided."""
 
 
 @dataclass
 class Meter:
-    """Counts evaluations and calls an observer."""
+    """Counter of the evaluations of a search, which calls an observer after each evaluation."""
 
     evaluations: int = 0
     cost: float = np.inf
@@ -69,7 +69,7 @@ class Meter:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Data of a fit. Residuals cover the training part of the fitted recordings.
+    """The least-squares problem of a fit. Residuals cover the training part of the fitted recordings.
 
     tracks, playing, weights and ends have an element for each recording; fitted recordings come first.
     """
@@ -78,7 +78,7 @@ class Problem:
     layout: Layout
     playing: tuple[Playing, ...]
     weights: tuple[tuple[float, ...], ...]
-    """For each recording and channel: standard deviation of the noise."""
+    """Standard deviation of the noise of each channel, by recording."""
     ends: tuple[float, ...]
     """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
@@ -92,7 +92,7 @@ class Problem:
 
     @property
     def whole(self) -> Problem:
-        """Problem that fits the held-out parts, too."""
+        """Problem in which the held-out parts are fitted, too."""
         return replace(self, ends=tuple(0.0 if track.data.held else track.data.duration for track in self.tracks))
 
     @property
@@ -101,7 +101,7 @@ class Problem:
         return self.playing[0].held
 
     def played(self, held: frozenset[str]) -> Problem:
-        """Problem in which these commands are played as staircases, in all recordings."""
+        """Problem in which the commands with given keys are played as staircases, in all recordings."""
         return replace(self, playing=tuple(replace(one, held=held) for one in self.playing))
 
     def under(self, layout: Layout) -> Problem:
@@ -147,7 +147,7 @@ class Problem:
 
 
 def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> list[Array] | None:
-    """Predicted minus recorded for each channel; whole: over the whole recording. None if the simulation diverges."""
+    """Predicted minus recorded values of each channel; whole: compare the whole recording. None if the simulation diverges."""
     one, until = problem.tracks[track], None if whole else problem.until(track)
     predicted = one.predict(problem.layout.table(x, track), problem.playing[track], until)
     problem.meter.count()
@@ -171,8 +171,8 @@ def _weighted(problem: Problem, differences: list[Array] | None, track: int) -> 
 def jacobian(
     problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None
 ) -> Array:
-    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: (m,) residuals at x; columns: computed
-    columns.
+    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
+    of the columns to compute.
     """
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
@@ -202,7 +202,7 @@ def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array
 
 
 def huber(values: Array) -> float:
-    """Mean Huber loss: squares, and linear beyond `HUBER`."""
+    """Mean Huber loss of the residuals: quadratic up to `HUBER`, linear beyond."""
     size = np.abs(values)
     return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
 
@@ -213,7 +213,9 @@ def mean_square(problem: Problem, x: Array) -> float:
 
 
 def with_own_substeps(problem: Problem, x: Array) -> Problem:
-    """Problem with the substeps that a run with the parameters x takes; the unchanged problem if it has them already."""
+    """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right
+    already.
+    """
     playing = []
     for number, (track, one) in enumerate(zip(problem.tracks, problem.playing, strict=True)):
         try:
@@ -225,14 +227,14 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
 
 
 def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Solution of bounded least squares from x, by a trust region; robust: with the Huber loss."""
+    """Solution of bounded least squares by a trust-region method that starts at x; robust: use the Huber loss."""
     from scipy.optimize import least_squares
 
     low, high = problem.layout.bounds
     # The start must lie inside the bounds. The first trust region around it has the width REACH.
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
-    # A parameter that is not searched over its logarithm may have grown far beyond its start.
+    # A parameter that is searched without a logarithm may have grown far beyond its start value.
     grown = [not entry.parameter.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
 

@@ -13,28 +13,28 @@ from asrsim.identification.search import Best, Stopped
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of a fit."""
+    """Progress of a running fit."""
 
     stage: str
     cost: float
     """Smallest mean square residual so far, relative to the noise."""
     evaluations: int
     elapsed: float
-    """Time since the start, s."""
+    """Time since the start of the fit, s."""
     remaining: float
-    """Estimated remaining time if this start is the last, s; nan: unknown."""
+    """Estimated remaining time if the search tries no further start, s; nan: unknown."""
 
 
 OFTEN = 0.2
 """Time between progress reports, s."""
 SEARCH, AFTERWARDS = 12, 40
-"""Estimated evaluations per parameter: of a search, and of all later stages."""
+"""Estimated number of evaluations per parameter in a search, and in all later stages together."""
 UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 """Status of a fit that reached its time limit, or that the user stopped."""
 
 
 class Watch:
-    """Calls the user's functions between evaluations, and ends the search on time."""
+    """Observer that calls the user's functions between evaluations, and ends the search at its time limit."""
 
     def __init__(
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
@@ -66,7 +66,7 @@ class Watch:
             self._report()
 
     def in_time(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
-        """Optional results; empty if the time limit is reached meanwhile."""
+        """Results of an optional computation; empty if the time limit is reached during the computation."""
         self.ignore_time = False
         try:
             return tuple(found())

@@ -31,7 +31,7 @@ class Result:
     """Covariance of the parameter vector."""
     channels: tuple[ChannelFit, ...]
     misfit: tuple[str, ...]
-    """Reasons why the model does not fit; empty if it fits."""
+    """Reasons why the model does not fit; empty if the model fits."""
     causes: tuple[str, ...]
     """Effects that the model may lack."""
     remarks: tuple[str, ...]
@@ -41,7 +41,7 @@ class Result:
     attempts: int
     successes: int
     status: str
-    """complete, unfinished (time limit reached), interrupted or checked."""
+    """Status of the fit: complete, unfinished (time limit reached), interrupted or checked."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
@@ -51,11 +51,11 @@ class Result:
     whole: bool = False
     """Whether the estimates are from whole recordings, including the held-out parts."""
     accepted: bool = False
-    """Whether a model that does not fit was accepted; intervals then show the spread of estimates from tenths of the
+    """Whether a model that does not fit was accepted. Intervals then show the spread between estimates from tenths of the
     recording.
     """
     played: Mapping[str, str] = field(default_factory=dict)
-    """Column of a command -> interpolation between its samples, as `interpolation:` of a playback."""
+    """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
 
     @property
     def fits(self) -> bool:
@@ -68,12 +68,14 @@ class Result:
         return min((one.explained for one in self.channels if not math.isnan(one.explained)), default=0.0)
 
     def find(self, key: str) -> Estimate:
-        """Estimate of a key, the first if each recording has a separate value. Raises KeyError."""
+        """Estimate of the parameter with a key; if each recording has a separate value, the estimate for the first recording.
+        Raises KeyError.
+        """
         for one in self.estimates:
             if key in (one.key, one.name):
                 return one
         raise KeyError(key)
 
     def values(self) -> dict[str, float]:
-        """Key -> estimate of the shared parameters, and those of the first recording, including tied parameters."""
+        """Estimates by key: shared parameters, parameters of the first recording, and tied parameters."""
         return self.layout.table(self.x, 0)

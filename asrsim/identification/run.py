@@ -27,7 +27,8 @@ from asrsim.samples import Array
 from asrsim.workers import one_thread
 
 APART = 10.0
-"""Ratio of the mean square errors of whole recordings and training parts above which no parameters explain both."""
+"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
+"""
 
 
 def identify(
@@ -77,13 +78,13 @@ def identify(
         try:
             return _judged(setup, best, before, status, watch, accept=accept)
         except Stopped:
-            # The search is over, but the user does not wait for the judgement.
+            # The user interrupts the judgement after the search is complete.
             watch.ignore_stop = True
             return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
-    """Status of the search, whose result is in `best`."""
+    """Search for the parameters, store the best fit in `best`, and return the status of the search."""
     try:
         search(best, setup, watch.stage)
         watch.stage("substeps and weights")
@@ -134,7 +135,9 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences on effects that the model may lack, from the training part, or from whole recordings if that part fits."""
+    """Sentences on effects that the model may lack, from the training part, or from whole recordings if the
+    training part fits.
+    """
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
         plain = plain.whole
@@ -158,7 +161,7 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool]]:
     """Problem, estimate, uncertainty and entries at bounds, from whole recordings if the fit is complete and explains them."""
     if status != "complete":
-        # In a check an entry may start at a bound, such as a delay of 0; it was not driven there.
+        # In a check an entry may start at a bound, such as a delay of 0; then no search moved the entry to the bound.
         met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
         found = uncertainty(problem, trained, met, foreseen=status == "checked", quick=status == INTERRUPTED)
         return problem, trained, found, met

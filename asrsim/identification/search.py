@@ -1,5 +1,5 @@
-"""The search: least squares from several starts, some with a growing horizon. Substeps and weights are then adapted to the
-estimates.
+"""The search: least squares from several start vectors, for some starts with a growing fitted part of the recording. Substeps
+and weights are then adapted to the estimates.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ from asrsim.identification.setup import Setup
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
-"""Successive fractions of the training part: predicted and recorded oscillations stay within half a period."""
+"""Successive fractions of the training part that are fitted, so that predicted and recorded oscillations differ by less than
+half a period.
+"""
 AGREED = 2
 """Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
 OUTLIER = 6.0
 """Robust standard deviations above which a residual is an outlier."""
 SPREAD = 3.0
-"""Factor by which starts are scattered."""
+"""Factor by which start values are scattered."""
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
@@ -40,7 +42,7 @@ class Stopped(Exception):  # noqa: N818 - a request, not an error
 
 @dataclass
 class Best:
-    """The best fit so far, stored outside the search so that it survives an interruption."""
+    """The best fit so far, stored outside the search so that the fit survives an interruption."""
 
     problem: Problem
     x: Array
@@ -48,10 +50,10 @@ class Best:
     how: str = "start"
     attempts: int = 0
     successes: int = 0
-    """Number of searches that ended at the best cost."""
+    """Number of searches that reached the smallest cost."""
 
     def offer(self, found: Extended, how: str) -> None:
-        """Store the end of a search if it is the best."""
+        """Store the result of a search if it is the best fit so far."""
         self.attempts += 1
         near = np.isfinite(self.cost) and max(self.cost, found.cost) < 1.02 * min(self.cost, found.cost)
         if found.cost < self.cost * (1.0 - 1e-4):
@@ -83,7 +85,9 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
 
 
 def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts: the user's, then scattered starts with differently divided losses."""
+    """Start vectors of the search: the user's start, then scattered starts that divide friction and damping differently among
+    motor and link.
+    """
     generator = np.random.default_rng(0)
     yield "the start", start, SHORT
     yield "the start, horizon growing", start, GROWING
@@ -114,7 +118,7 @@ def has_outliers(values: Array) -> bool:
 
 
 def refined(problem: Problem, x: Array, rounds: int) -> Array:
-    """Least-squares solution from a vector near it, with the Huber loss if there are outliers."""
+    """Least-squares solution, from a start vector near the solution; with the Huber loss if there are outliers."""
     return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
 

@@ -11,12 +11,12 @@ from asrsim.identification.result import Result
 from asrsim.identification.verdicts import HOPELESS, Estimate
 
 CORRELATED = 0.95
-"""Correlation above which two estimates are named."""
+"""Correlation of two estimates above which the correlation is reported."""
 NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
 
 Columns = Sequence[tuple[str, list[str], bool]]
-"""Heading, cells and whether they are numbers, for `asrsim.cli.console.say_table`."""
+"""Column of a table: heading, cells, and whether the cells are numbers; for `asrsim.cli.console.say_table`."""
 
 
 def columns(result: Result) -> Columns:
@@ -50,7 +50,7 @@ def errors(result: Result) -> Columns:
 
 
 def remarks(result: Result) -> Iterator[tuple[str, str]]:
-    """(text, style) of reasons, correlations and remarks."""
+    """Reasons, correlations and remarks as pairs (text, style)."""
     for one in result.estimates:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
@@ -65,7 +65,7 @@ def remarks(result: Result) -> Iterator[tuple[str, str]]:
 
 
 def judgement(result: Result) -> Iterator[tuple[str, str]]:
-    """(text, style) of whether the model fits."""
+    """Statement whether the model fits, as pairs (text, style)."""
     if result.status == "checked":
         yield "check only: these intervals are possible with the recordings if the start values are close", "bold"
         return
@@ -94,7 +94,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:
-    """Number as text; 0 if it is negligible beside the width of its interval."""
+    """Number as text; 0 if the number is negligible relative to the width of its interval."""
     width = 0.0 if math.isnan(one.low) else one.high - one.low
     return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
 

@@ -26,7 +26,7 @@ _TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A recording, and how its columns are read."""
+    """A recording, and the mapping of its columns."""
 
     file: Path = declare(File(noun="recording", attach=False, folder=True, exists=False), doc="the recording")
     mapping: tuple[str, ...] = declare(
@@ -68,7 +68,7 @@ _FREE = MapOf(of=_WISH, noun="key", star=False)
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A fit as data. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
+    """The contents of a fit file. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
 
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
@@ -109,7 +109,7 @@ class Task:
     )
     name: str = ""
     file: Path | None = None
-    """The fit file; None if the task was made from a scenario."""
+    """Path of the fit file; None if the task was made from a scenario."""
 
 
 _KEYS: Block[Any] = block_of(Task, "fit")
@@ -130,11 +130,12 @@ def task_of(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to the fit file's; other
-    arguments replace its values. Raises InputError with every problem.
+    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to those of the fit file;
+    other arguments replace values of the fit file. Raises InputError with every problem.
 
-    free: `KEY[=...]` texts, or key -> value as in a fit file; ties: `KEY=[FACTOR*]KEY` texts, or key -> text; own: keys with
-    a separate value for each recording; mapping, rate: for all recordings; plugins: files that the fit file may load.
+    free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
+    parameters with a separate value for each recording; mapping, rate: apply to all recordings; plugins: files that the fit
+    file may load.
     """
     path, faults, base = Path(scenario), list[Problem](), Path()
     fit = kind_of(path) == "fit"
@@ -171,12 +172,12 @@ def task_of(
 
 
 def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float | None) -> list[dict[str, Any]]:
-    """Recordings as in a fit file."""
+    """List of recordings in the format of a fit file."""
     return [{"file": str(one), "map": one_or_more(mapping), "rate": rate} for one in one_or_more(files)]
 
 
 def _with(root: Node, given: Mapping[str, Any]) -> Node:
-    """Document with replaced values; mappings and recordings to validate are merged."""
+    """Document of a fit file with replaced values; mappings and recordings to validate are merged."""
     if not isinstance(root.value, dict):
         return root
     merged = dict(root.value)
@@ -202,7 +203,7 @@ def _read(root: Node, base: Path, faults: list[Problem]) -> dict[str, Any]:
 
 
 def _tie(key: str, text: str, path: Path) -> Tie:
-    """Tie from `other` or `0.5 * other`. Raises InputError."""
+    """Tie of a parameter, from a text such as `other` or `0.5 * other`. Raises InputError."""
     match = _TIE.fullmatch(text.strip())
     if match is None or (number := _number(match["factor"] or "1")) is None:
         hint = "Write KEY=OTHER or KEY=0.5*OTHER"
@@ -211,7 +212,9 @@ def _tie(key: str, text: str, path: Path) -> Tie:
 
 
 def _wish(text: str) -> tuple[str, dict[str, float | None]]:
-    """Key, and start and bounds, from `KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises InputError."""
+    """Key, start and bounds of a parameter, from a text `KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises
+    InputError.
+    """
     key, equals, value = text.partition("=")
     numbers = [_number(part) for part in value.split(":")] if equals else []
     if not key.strip() or None in numbers or len(numbers) > 3:

@@ -18,19 +18,19 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
-"""Last parts of keys of parameters that belong to recordings, not to the robot."""
+"""Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL = 4.5
-"""Standard errors within which a recording's initial state equals the scenario's."""
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state."""
 SOON = 0.05
-"""Latest begin of a channel that gives the initial state, s."""
+"""A channel gives the initial state only if its first sample is not later than this time, s."""
 KEPT = 6
 """Number of predictions, and of played commands, that a track caches."""
 
 
 Settings = tuple[tuple[str, float], ...]
-"""Pairs of key and value."""
+"""Values of parameters as pairs of key and value."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Playing:
 
     substeps: Substeps
     held: frozenset[str] = frozenset()
-    """Keys of commands that are played as staircases: each sample is held until the next."""
+    """Keys of commands that are played as staircases: each sample is constant until the next."""
     draw: int | None = None
     """Random seed of the noise that is added to the recorded commands; None: no noise."""
 
@@ -48,7 +48,9 @@ class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
     def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Collection[str] = ()) -> None:
-        """trusted: `joint.quantity` whose zero is free; these joints start as in the scenario."""
+        """trusted: names `joint.quantity` of the channels whose zero is free; the joints of these channels start as in the
+        scenario.
+        """
         self.data = data
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
@@ -67,13 +69,13 @@ class Track:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Compared channels."""
+        """Channels that are compared with the simulation."""
         return self.data.channels
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
     def _begin(self, trusted: Collection[str]) -> None:
-        """Set the initial state: the scenario's, unless the recording contradicts it."""
+        """Set the initial state to the scenario's, unless the recording contradicts the scenario."""
         home = self.positions, self.velocities
         positions, velocities, motors, uncertain = [*home[0]], [*home[1]], dict[str, Sequence[float]](), list[str]()
         for j, joint in enumerate(self.door.joints):
@@ -85,7 +87,7 @@ class Track:
             moving = abs(speed) > STILL * speed_error
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
-            # A start that is not a round number was read from a noisy recording.
+            # An initial position that is not a round number was probably copied from a noisy recording.
             measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
             if abs(place - positions[j]) > STILL * place_error or moving or measured:
                 compared = channel not in self.data.guides
@@ -117,7 +119,7 @@ class Track:
 
     @property
     def playing(self) -> Playing:
-        """Unchanged recorded commands, with the default substeps."""
+        """Playing with unchanged recorded commands and the default number of substeps."""
         return Playing(self.door.substeps)
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
@@ -130,7 +132,7 @@ class Track:
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
-        """Predictions as from `predict` for several sets of parameters, in one rollout."""
+        """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
         steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
@@ -162,7 +164,7 @@ class Track:
             for what, start in (("position", self.positions), ("velocity", self.velocities))
         )
         for drive in self.door.drives:
-            # A noisy recording may begin slightly beyond a stop.
+            # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,

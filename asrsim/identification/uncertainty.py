@@ -1,7 +1,8 @@
 """Intervals of the estimates, from the noise in the residuals and from the spread between blocks of the recordings.
 
-The covariance of least squares is H S H: H is the inverse of J'J, S the covariance of J'r. S follows from the noise of each
-channel: from its spectrum, by an autoregression of the residuals, and from the steps of its encoder.
+The covariance of least squares is H S H: J is the Jacobian of the residuals r, H the inverse of J'J, and S the covariance of
+J'r. S follows from the noise of each channel: from its spectrum, by an autoregression of the residuals, and from the steps of
+its encoder.
 """
 
 from __future__ import annotations
@@ -19,23 +20,25 @@ from asrsim.samples import Array
 BLOCKS = 10
 """Number of blocks of each recording whose gradients give the spread."""
 CHANCE = 0.95
-"""Quantile of the spread under white noise above which the spread between blocks is used."""
+"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise."""
 GONE = 1e3
 """Standard deviation, in the vector's units, above which a direction is unidentifiable."""
 CORNER = 1e-5
-"""Step of finite differences, in the vector's units: larger than kinks due to sticking, smaller than standard deviations."""
+"""Step of finite differences, in the vector's units: larger than the kinks that sticking causes, smaller than the standard
+deviations.
+"""
 REACH = 1e-3
-"""Longest step of a directional derivative, in the vector's units."""
+"""Longest step with which a directional derivative is computed, in the vector's units."""
 DRAWS = 100
 """Number of random draws of an encoder's quantisation."""
 AGREES, ROUNDS = 0.3, 4
-"""Relative change of directional derivatives below which they are accepted; largest number of rounds."""
+"""Relative change below which corrected directional derivatives are accepted; largest number of rounds of correction."""
 PLAYED = 8
 """Number of random draws of the commands' noise."""
 CORRECTIONS = 3
 """Number of rounds that correct autocovariances for the fitted parameters."""
 STATIONARY = 1e-3
-"""Smallest distance of an autoregression from instability."""
+"""Smallest allowed distance of an autoregressive model from instability."""
 FINER = 4
 """Factor by which substeps are refined to estimate the time-step error."""
 
@@ -47,9 +50,11 @@ class Uncertainty:
     inverse: Array
     """Pseudo-inverse (n, n) of J'J in the identifiable directions."""
     covariance: Array
-    """Covariance (n, n) of the vector, scaled to the standard deviations below."""
+    """Covariance (n, n) of the vector, scaled so that its diagonal agrees with `deviation`."""
     deviation: Array
-    """Standard deviations (n,): the larger of two estimates, from noise and from blocks; nan for unidentifiable entries."""
+    """Standard deviations (n,), the larger of an estimate from noise and an estimate from blocks; nan for unidentifiable
+    entries.
+    """
     jacobian: Array
     """Derivatives (m, n) of the weighted residuals."""
     quantile: Array
@@ -59,9 +64,9 @@ class Uncertainty:
     freedom: float
     """Degrees of freedom of the noise's variance."""
     scores: Array
-    """(blocks, n) gradients of the blocks' sums of squares; empty if only white noise is assumed."""
+    """Gradients (blocks, n) of the blocks' sums of squares; empty if only white noise is assumed."""
     firsts: NDArray[np.intp]
-    """(recordings,) first row of each recording in the scores."""
+    """First row of each recording in the scores, (recordings,)."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
         """Uncertainty with other standard deviations (n,) and quantiles (n,), and the resulting covariance."""
@@ -71,9 +76,10 @@ class Uncertainty:
         return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
-        """Standard deviations (k,), from noise or from the spread between blocks, and half widths of the 95 % interval in them.
+        """Standard deviations (k,) from noise or from the spread between blocks, and half widths of the 95 % intervals in units
+        of these deviations.
 
-        directions: (k, n) derivatives of the estimated quantities with respect to J'r.
+        directions: derivatives (k, n) of the estimated quantities with respect to J'r.
         """
         from scipy.special import chdtri, stdtrit
 
@@ -108,13 +114,13 @@ class _Noise:
     spectrum: Array
     """Power spectrum (n + 1,) at the frequencies of 2 n samples."""
     freedom: float
-    """Degrees of freedom of its level at low frequencies."""
+    """Degrees of freedom of the estimated spectral level at low frequencies."""
 
     @staticmethod
     def of(covariances: Array, samples: int) -> _Noise:
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
-        # The level is power / (1 - total)^2; the variance of `total` is that of least squares.
+        # The level is power / (1 - total)^2; the variance of `total` follows from the least-squares fit of the coefficients.
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
@@ -129,9 +135,10 @@ class _Noise:
         return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
 
     def lost(self, basis: Array, spread: Array, taken: Array, lags: int) -> Array:
-        """Autocovariance (lags,) of the noise minus that of the residuals, which fitting the parameters has reduced.
+        """Autocovariance (lags,) of the noise minus the autocovariance of the residuals, which are smaller since parameters
+        were fitted.
 
-        basis: (n, k) orthonormal basis of the Jacobian's columns; spread: C times basis; taken: (k, k) basis' C basis, summed
+        basis: orthonormal basis (n, k) of the Jacobian's columns; spread: C times basis; taken: basis' C basis (k, k), summed
         over the channels.
         """
         n, own = len(basis), np.fft.irfft(self.spectrum)[:lags]
@@ -146,9 +153,9 @@ class _Noise:
 def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
     """Covariance (n, n) of J'r due to the channels' noise, and its degrees of freedom.
 
-    Fitting reduces the residuals, most if the noise is as slow as the motion. Their autocovariances are corrected by the
-    expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15).
-    left: (m,) residuals; slopes: (m, n).
+    Fitting reduces the residuals, especially if the noise is as slow as the motion. The autocovariances of the residuals are
+    corrected by the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left: residuals (m,); slopes: Jacobian (m,
+    n).
     """
     parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
     basis = np.linalg.qr(slopes)[0]
@@ -188,8 +195,8 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 def uncertainty(
     problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False, quick: bool = False
 ) -> Uncertainty:
-    """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise; quick: with
-    one simulation for each entry.
+    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: assume that the residuals are white
+    noise; quick: compute derivatives with one simulation for each entry.
     """
     n = len(x)
     left = residuals(problem, x)
@@ -208,7 +215,7 @@ def uncertainty(
         empty = ~np.any(scores != 0.0, axis=1)
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
-        # At a bound the sum of the gradients differs from 0: subtract the mean.
+        # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
         bound = np.asarray(at_bound, dtype=bool)
         scores[:, bound] -= scores[:, bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
@@ -258,13 +265,15 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
     if problem.tracks[0].door.exact_in_time:
         playing = [replace(one, substeps=(FINER * one.substeps[0], one.substeps[1])) for one in problem.playing]
         change = residuals(replace(problem, playing=tuple(playing)), x) - residuals(problem, x)
-        # Extrapolated to infinitely fine substeps, for an error of first order, as with sticking joints.
+        # Extrapolate the time-step error to infinitely fine substeps; sticking joints cause an error of first order.
         variance += (found.inverse @ (found.jacobian.T @ change) / (1.0 - 1.0 / FINER)) ** 2
     return found.with_deviation(np.sqrt(variance), found.quantile)
 
 
 def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
-    """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, which contain this noise."""
+    """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, since recorded torques contain
+    this noise.
+    """
     tracks = [problem.tracks[i] for i in problem.fitted]
     if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
         return

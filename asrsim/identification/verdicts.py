@@ -24,20 +24,22 @@ NONE = 1.0
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 VANISHED = 0.01
-"""Fraction of its start value below which a positive parameter without effect has vanished."""
+"""A positive parameter without effect counts as vanished below this fraction of its start value."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
-"""Last parts of keys of positions, zeros and delays, whose relative error is meaningless."""
+"""Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
 LACKING = (
     ("motor", "motor", "motors have no dynamics"),
     ("controller", "controller", "there is no controller"),
     (("spring", "max_deflection", "hysteresis"), "spring", "there is no spring"),
 )
-"""First words of a parameter's name, part of the mode that it belongs to, and what is said where the mode lacks this part."""
+"""First words of a parameter's name, part of the operation mode to which the parameter belongs, and message if the mode lacks
+this part.
+"""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """The result for a parameter."""
+    """Estimate of a parameter, with its interval and verdict."""
 
     key: str
     name: str
@@ -45,14 +47,14 @@ class Estimate:
     start: float
     value: float
     low: float
-    """Lower end of the 95 % interval; nan if there is none."""
+    """Lower end of the 95 % interval; nan if there is no interval."""
     high: float
     verdict: str
     reason: str = ""
     combinations: tuple[str, ...] = ()
     track: int | None = None
     is_place: bool = False
-    """Whether it is a position, zero or delay, whose relative error is meaningless."""
+    """Whether the parameter is a position, zero or delay, whose relative error is meaningless."""
 
     @property
     def margin(self) -> float:
@@ -69,9 +71,8 @@ class Estimate:
 
 
 def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Estimate]:
-    """Estimates of a model that does not fit. missed: largest fraction of a channel's deviation that it leaves.
-
-    Nothing is known to 5 % by a model that misses more than that of the recording.
+    """Estimates of a model that does not fit. missed: largest fraction of a channel's standard deviation that the model leaves
+    unexplained. If this fraction exceeds 5 %, no parameter is identified to 5 %.
     """
     reason = f"the model misses {percent(missed)} of {channel}"
     return [
@@ -115,7 +116,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
             verdict, listed = RATIO, tuple(map(str, own))
             reason = "identified is " + "; ".join(listed)
         elif math.isnan(margin) or (margin >= NONE and not place):
-            # By itself it has an effect, but other parameters together have the same effect.
+            # The parameter alone has an effect, but other parameters together can produce an equal effect.
             verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
         elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
@@ -133,7 +134,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
 
 
 def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
-    """Interval of the value; not symmetric if the logarithm is estimated."""
+    """Interval of the value, which is not symmetric if the logarithm is estimated."""
     parameter = entry.parameter
     if parameter.logarithmic:
         middle = parameter.start * math.exp(x)
@@ -143,7 +144,9 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
 
 
 def _vanished(entry: Entry, value: float) -> str:
-    """Reason if a parameter moved so far from its start that it has no effect; empty otherwise."""
+    """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
+    move so far.
+    """
     share = value / entry.start if entry.parameter.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""

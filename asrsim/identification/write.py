@@ -25,14 +25,16 @@ MARK = b"<!-- written by asrsim identify -->\n"
 
 
 def as_dict(result: Result) -> dict[str, Any]:
-    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are for `asrsim sweep --fit`."""
+    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
+    sweep --fit`.
+    """
     from asrsim import __version__
 
-    # A parameter whose logarithm is estimated is drawn by its logarithm, so that draws stay positive.
+    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
     bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
     slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
-    # A sweep draws numbers of the robot, except those without effect.
+    # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
         i for i, one in enumerate(result.estimates)
         if one.track is None
@@ -74,7 +76,7 @@ def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Joint or link -> name -> value, for the keys that belong to the robot."""
+    """Values of the robot's parameters, by joint or link and by name."""
     joints = {joint.name for joint in result.robot.moving_joints}
     links = {link.name for link in result.robot.links}
     blocks = {block.joint: block.parameters for block in result.robot.actuators}
@@ -89,10 +91,10 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
-    """Key -> value of the identified parameters (or all), and of parameters tied to them."""
+    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
     kept = {
         one.key for one in result.estimates
-        # Even a weak pre-sliding stiffness is better than the default, with which the other estimates would not fit.
+        # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
             everything or one.verdict == IDENTIFIED
@@ -176,7 +178,7 @@ def _scenario_text(
 
 
 def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
-    """Data in which playbacks of these columns have the interpolation that was fitted."""
+    """Data of a scenario in which playbacks of the fitted columns have the fitted interpolation."""
     if not isinstance(data, Mapping):
         return data
     between = columns.get(data.get("column", "")) if "file" in data else None

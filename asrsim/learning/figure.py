@@ -1,4 +1,4 @@
-"""Picture of learning, like the paper's figure 15."""
+"""Picture of iterative learning: errors, positions and inputs over the iterations, like the paper's figure 15."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ MOST_POINTS = 1000
 
 
 def learning_figure(problem: LearningProblem, result: LearningResult, settings: Learning, title: str = "") -> Figure:
-    """Figure with errors over the iterations, and positions and inputs of each joint in all iterations (early ones faint)."""
+    """Figure with errors over the iterations, and positions and inputs of each joint in all iterations (early iterations
+    faint).
+    """
     from asrsim.plots.figures import new_figure
     from asrsim.plots.style import plain
 

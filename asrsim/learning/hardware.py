@@ -1,9 +1,9 @@
-"""Learning on the real robot, trial by trial: the next input follows from each recording; files keep the state in between.
+"""Learning on the real robot, trial by trial: the next input follows from each recording; files store the state between trials.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
 twin, and plants drawn from the posterior of the fit, predict the error of the next trial: the change of the input is halved
-until no prediction exceeds 1.2 times the best error. If that fails, and with the other laws, a warning is given before the
-trial.
+until no prediction exceeds 1.2 times the best error. If even the smallest change predicts a worse trial, a warning is given
+before the trial. With the other laws the change is not halved, and only the warning is given.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
 WORSE = 1.2
-"""Ratio of a trial's largest error to the best so far, above which the trial is called worse."""
+"""Ratio of a trial's largest error to that of the best trial so far, above which the trial counts as worse."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Fractions of the change that are tried until no worse trial is predicted."""
+"""Fractions of the input's change that are tried in turn until no worse trial is predicted."""
 SMOOTH = 0.02
 """Window over which recorded positions are averaged, s, so that noise does not count as an error."""
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
@@ -50,21 +50,21 @@ class HardwareStep:
     trials: tuple[Trial, ...]
     """All trials on the robot."""
     outcome: str | None
-    """Why learning ended; None: it goes on."""
+    """Reason why learning ended; None: learning continues."""
     converged: bool
     twin: Twin | None
     """Model fitted to the robot; None after learning has ended."""
     foretold: float
-    """Ratio of the largest predicted error of the next trial to the best so far."""
+    """Ratio of the largest predicted error of the next trial to the largest error of the best trial so far."""
     recording: Recording
     clock: str
-    """Alignment of the recording's clock, in words."""
+    """Description of how the recording's clock was aligned with the motion."""
     findings: tuple[Problem, ...]
     """Notes about the recording."""
 
     @property
     def warning(self) -> str | None:
-        """Warning that the next trial may be worse than the best so far; None if that is not expected."""
+        """Warning that the next trial may be worse than the best trial so far; None if no worse trial is expected."""
         if self.foretold <= WORSE:
             return None
         much = (
@@ -84,8 +84,8 @@ def next_input(
     """Process the recording of the last input, and write the next input into `folder`.
 
     The first input is learned.csv, if `asrsim ilc` wrote it into the folder, or else inverse dynamics. lag: alignment of the
-    recording's clock with the desired motion. The last recording may be given again with another lag or mapping: the trial is
-    then replaced. Raises InputError for a recording that does not fit, OutputError.
+    recording's clock with the desired motion. If the last recording is given again with another lag or mapping, its trial is
+    replaced. Raises InputError for a recording that does not fit, OutputError.
     """
     from asrsim.recordings import read_recording
 
@@ -159,7 +159,7 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
 
 
 def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
-    """Inputs (n, joints) that were written last."""
+    """Inputs (n, joints) of the file that was written last, for the next trial."""
     from asrsim.signals.recorded import read_column
 
     path = folder / (NEXT if trials else INPUTS)
@@ -181,7 +181,7 @@ def _digest(path: Path) -> str:
 
 
 def _digests(folder: Path) -> list[str]:
-    """Digests of the recordings used so far, in their order."""
+    """Hash values of the recordings used so far, in the order of the trials."""
     try:
         return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
     except FileNotFoundError:
@@ -192,7 +192,7 @@ def _digests(folder: Path) -> list[str]:
 
 
 def _changes(folder: Path) -> dict[str, float] | None:
-    """Relative changes of the previous twin's parameters; None if there is no previous twin."""
+    """Relative changes of the parameters of the previous trial's twin; None if there is no previous twin."""
     try:
         data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
         return {str(name): float(value) for name, value in data["identified"]["changes"].items()}

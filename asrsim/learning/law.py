@@ -14,12 +14,12 @@ from asrsim.samples import Array
 from asrsim.scenario.goal_keys import Learning
 
 CREEP = 1.1
-"""Growth of the error over `patience` trials below which learning continues."""
+"""Relative growth of the error over `patience` trials below which learning continues."""
 
 
 @dataclass(frozen=True)
 class FixedGain:
-    """Equation 13 with the filter and gains of the settings."""
+    """Learning law of equation 13, with the filter and the gains of the settings."""
 
     problem: LearningProblem
     settings: Learning
@@ -59,6 +59,6 @@ def zero_phase(values: Array, cutoff: float, order: int, step: float) -> Array:
     if cutoff >= 0.5 / step:
         return values
     sections = butter(order, cutoff, fs=1.0 / step, output="sos")
-    # Long enough for the filter's transient to decay; the odd extension keeps the end values.
+    # The padding is long enough for the filter's transient to decay; the odd extension keeps the end values.
     padding = min(len(values) - 1, int(3.0 / (cutoff * step)))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding), dtype=float)

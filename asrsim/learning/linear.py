@@ -1,11 +1,12 @@
 """Soft joints linearised along a motion: the response of the motion to changes of the inputs.
 
-About a motion, with k_i = d tau_i / d theta_i, rho of the reference map, and matrices that change with time:
+The linearised equations about a motion, with joint positions q, motor positions theta_i, inputs u, spring stiffnesses k_i = d
+tau_i / d theta_i, and factors rho_i from inputs to motor references. The matrices change with time:
 
-    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: slopes of the rigid robot's inverse dynamics
+    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: derivatives of the rigid inverse dynamics
     J_i theta_i'' + (d_i + D_i) theta_i' + (P_i + k_i) theta_i = P_i rho_i u + k_i q + I_i int (rho_i u - theta_i)
 
-integrated by the midpoint rule.
+The equations are integrated by the midpoint rule.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from asrsim.samples import Array
 POSTURES = 101
 """Number of postures of a motion at which the rigid robot is linearised, with linear interpolation between them."""
 NUDGE = 1e-6
-"""Step of central differences, rad and rad/s."""
+"""Step of central differences, in rad for positions and in rad/s for velocities."""
 CLIP = 0.98
-"""Fraction of the deflection limit at which springs beyond the limit are linearised: at the limit their slope is 0."""
+"""Springs beyond their deflection limit are linearised at this fraction of the limit, since at the limit their slope is 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,21 +42,21 @@ class Linearised:
     mass: Array = field(repr=False)
     """Mass matrices (n, m, m), kg m^2."""
     rates: Array = field(repr=False)
-    """Slopes (n, m, m) of the rigid robot's torques with the velocities, and damping, N m s/rad."""
+    """Derivatives (n, m, m) of the rigid robot's torques with respect to the velocities, plus damping, N m s/rad."""
     slopes: Array = field(repr=False)
-    """Slopes (n, m, m) of the rigid robot's torques with the positions, N m/rad."""
+    """Derivatives (n, m, m) of the rigid robot's torques with respect to the positions, N m/rad."""
     springs: Array = field(repr=False)
     """Stiffnesses k_i (n, m, 2) of the springs, N m/rad."""
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
-        """Joints with all masses and stiffnesses multiplied by factors."""
+        """Linearised joints with all masses and stiffnesses multiplied by factors."""
         return Linearised(
             time=self.time, drives=self.drives, mass=mass * self.mass, rates=self.rates, slopes=mass * self.slopes,
             springs=stiffness * self.springs,
         )  # fmt: skip
 
     def held(self, tail: float) -> Linearised:
-        """Joints with the motion extended by `tail` s, during which they rest at its end."""
+        """Linearised joints with the motion extended by `tail` s, in which the joints rest at the end of the motion."""
         step = float(self.time[1] - self.time[0])
         more = max(round(tail / step), 1)
 
@@ -69,7 +70,9 @@ class Linearised:
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
-        """Matrices of each step, of the state (n - 1, s, s) and the inputs (n - 1, s, m); first states: joint positions."""
+        """Matrices of each time step: of the state (n - 1, s, s), and of the inputs (n - 1, s, m). The first states are the
+        joint positions.
+        """
         step = float(self.time[1] - self.time[0])
         change, inputs = self.continuous
         change, inputs = 0.5 * (change[1:] + change[:-1]), 0.5 * (inputs[1:] + inputs[:-1])
@@ -81,7 +84,9 @@ class Linearised:
 
     @cached_property
     def continuous(self) -> tuple[Array, Array]:
-        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions of joints and motors, their velocities, integrals."""
+        """System matrices A (n, s, s) and B (n, s, m) of x' = A x + B u. The state x contains positions of joints and motors,
+        their velocities, and integrals of controllers.
+        """
         n, m, motors = len(self.time), len(self.drives), self._moving
         size = m + len(motors)
         mass, rates, slopes = (np.zeros((n, size, size)) for _ in range(3))
@@ -119,7 +124,7 @@ class Linearised:
 
     @property
     def _moving(self) -> list[tuple[int, int]]:
-        """(joint, motor) for each motor that has states, in the order of the states."""
+        """Index pairs (joint, motor) of the motors that have states, in the order of the states."""
         return [
             (joint, motor)
             for joint, drive in enumerate(self.drives) if drive.mode.controller and drive.mode.spring
@@ -175,7 +180,7 @@ def linearise_along(
 
 
 def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
-    """Function that interpolates samples (k, m, m) at `knots` linearly at `time`."""
+    """Function that interpolates samples (k, m, m), given at the times `knots`, linearly at the times `time`."""
     from scipy.interpolate import make_interp_spline
 
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
@@ -184,7 +189,7 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
     """Stiffnesses d tau_i / d theta_i (n, 2) at motor positions (n, 2), N m/rad; 0 for an adjuster.
 
-    Springs beyond their deflection limit are evaluated just before it, since at the limit their slope is 0.
+    Springs beyond their deflection limit are evaluated just before the limit, since at the limit their slope is 0.
     """
     law = over_arrays(drive.actuator.elastic_torques)
     most = CLIP * drive.max_deflection

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """Plant and the soft arm of its scenario.
+    """A plant and the model of its arm with soft joints.
 
-    Driven joints that do not learn follow their own references and are soft too: in the linearised arm they come after the
-    learned joints.
+    Driven joints that do not learn follow their own references. These joints are soft too, and come after the learned joints in
+    the linearised arm.
     """
 
     plant: Plant
@@ -56,7 +56,7 @@ class ArmModel:
 
     @cached_property
     def linear(self) -> Linearised:
-        """Joints linearised along the desired motion."""
+        """Arm linearised along the desired motion."""
         motion = self.inverse.motion
         columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
         positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
@@ -73,7 +73,7 @@ class ArmModel:
 
 @contextmanager
 def learning_model(plant: Plant) -> Iterator[ArmModel]:
-    """Context with the model of a plant, which is released at the end."""
+    """Context manager with the model of a plant; the model is released at the end."""
     robot = plant.prepared.robot
     with model_of(plant.scenario, robot) as model:
         yield ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=robot, model=model))

@@ -1,14 +1,15 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-The joints' response is lifted: a matrix G maps the coefficients of the whole input to samples of the whole motion. The input
-is a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: nominal; heavier and
-softer; lighter and stiffer. The change du = B c of the best trial's input follows from its error e over the whole time,
+The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input is
+a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: a nominal model, a heavier
+and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input follows from its error e over
+the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
-After a trial that is not better, the next trial starts from the best one again, with ten times rho; after a better trial,
-rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough step
-reduces it.
+If a trial is not better than the best trial, the next trial again corrects the best trial, with ten times rho; after a better
+trial, rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough
+step reduces it.
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ EVERY = 2
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
 """Factors of mass and stiffness of the models."""
 RHO = 0.1
-"""Smallest weight of the input's change relative to the error."""
+"""Smallest weight rho of the input's change relative to the error."""
 TAIL = 20
-"""Number of knots after the end of the motion, where the last inputs still act; the last error is repeated there."""
+"""Number of knots after the end of the motion, where the last inputs still act; after the end the last error is repeated."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
-"""Factor on the weight of changes after a worse trial, and divisor after a better trial."""
+"""Factor on the weight rho of changes after a worse trial, and divisor of rho after a better trial."""
 REHEARSALS = 4
 """Largest number of further updates in a model before each trial."""
 PROGRESS = 0.99
-"""Fraction of the best error below which a trial counts as progress."""
+"""A trial counts as progress if its error is below this fraction of the best error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +49,11 @@ class Band:
     """Cubic B-splines over the time of a motion, for changes of the input."""
 
     knots: Array
-    """Knots with repeated ends, s."""
+    """Knots of the splines, s; the first and the last knot are repeated."""
 
     @classmethod
     def over(cls, duration: float, tail: float) -> Band:
-        """Splines for a motion of `duration` s and `tail` s after it."""
+        """Splines for a motion of `duration` s and the `tail` s after the motion."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)
         return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
@@ -77,14 +78,14 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
     middle = 0.5 * (linear.time[1:] + linear.time[:-1])
-    # Before the first command arrives, its value holds, as in a run.
+    # During the initial delay the first command is in effect, as in a simulation.
     values = [band.at(middle - delay).toarray() for delay in delays]
     columns = band.count * m
     state = np.zeros((states.shape[1], columns))
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
     latest = 0
     for index in range(n - 1):
-        # Splines of later times have not acted yet.
+        # Splines that begin at a later time have no effect yet.
         latest = max([latest, *(int(np.flatnonzero(value[index])[-1]) + 1 for value in values if value[index].any())])
         active = latest * m
         part = states[index] @ state[:, :active]
@@ -98,7 +99,7 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
 
 
 class Lifted:
-    """Lifted models of an arm. linear: joints along the motion; delays: delay of each learned joint's command, s."""
+    """Lifted models of an arm. linear: arm linearised along the motion; delays: delay of each learned joint's command, s."""
 
     def __init__(self, time: Array, linear: Linearised, delays: Sequence[float]) -> None:
         self._time = time
@@ -129,7 +130,7 @@ class Lifted:
 
 @dataclass(frozen=True)
 class NormOptimal:
-    """The law `auto`."""
+    """The learning law `auto`: norm-optimal updates of the best trial's input."""
 
     problem: LearningProblem
     lifted: Lifted

@@ -1,4 +1,4 @@
-"""The simulated robot as a plant for learning: inputs in, link positions out."""
+"""The simulated robot as a plant for learning: inputs are joint references, outputs are link positions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from asrsim.simulation.run import Run
 
 TRIALS = 10
-"""Typical number of runs that learning needs; it decides whether compilation is worthwhile."""
+"""Typical number of runs that learning needs; this number decides whether compilation is worthwhile."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,13 @@ class Plant:
 
     scenario: Scenario
     robot: Robot = field(repr=False)
-    """Robot of the file, without the scenario's changes."""
+    """Robot of the robot file, without the scenario's changes."""
     learning: Learning = field(repr=False)
     """The scenario's block `ilc`."""
     prepared: Prepared = field(repr=False)
-    """Robot with the scenario's modes and parameters, whose references are the desired motion; all trials start from it."""
+    """Simulation with the scenario's modes and parameters, whose references are the desired motion; each trial is derived from
+    this simulation.
+    """
     joints: tuple[str, ...]
     time: Array = field(repr=False)
     """Times (n,) of the simulation steps, s."""
@@ -68,7 +70,7 @@ class Plant:
         return replace(self, prepared=self.prepared.vary(numbers), delay=delay)
 
     def run(self, inputs: Array) -> Run:
-        """Run with inputs (n, joints) that keeps every sample."""
+        """Simulate a run with inputs (n, joints), and keep every sample."""
         from asrsim.simulation.run import simulate
 
         prepared = self.prepared.with_references(
@@ -78,12 +80,12 @@ class Plant:
             }
         )
         if self.scenario.initial_equilibrium:
-            # The start depends on the first references.
+            # The initial state of a run depends on the first references.
             prepared = prepared.vary({})
         return simulate(prepared, alike=TRIALS)
 
     def outputs(self, inputs: Array) -> Array:
-        """Link positions (n, joints) with these inputs, rad; NaN after a divergence."""
+        """Simulated link positions (n, joints) for inputs (n, joints), rad; NaN after a divergence."""
         found = np.full_like(self.reference, np.nan)
         try:
             run = self.run(inputs)

@@ -31,7 +31,7 @@ def write_playback(
 ) -> None:
     """Write a scenario that plays the learned inputs from the CSV file `inputs`. Raises OutputError.
 
-    It claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
+    The scenario claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
     """
     import yaml
 
@@ -69,12 +69,12 @@ def write_playback(
 
 def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, Any]:
     references = {joint: dict(signals) for joint, signals in given.items()}
-    # The entry for all joints applies name by name.
+    # The entry for all joints applies separately to each parameter name.
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # Entries that every joint replaces would have no effect.
+    # A parameter of this entry that every joint replaces would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives if drive.mode
@@ -85,7 +85,7 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
 
 
 def rounded_up(value: float) -> float:
-    """Value rounded up to `DIGITS` digits."""
+    """Error rounded up to `DIGITS` digits, so that the claim is not smaller than the error."""
     if value <= 0.0:
         return 0.0
     places = DIGITS - 1 - floor(log10(value))

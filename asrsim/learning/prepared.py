@@ -26,7 +26,7 @@ MOST_DEMANDS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """Inputs of `learn`."""
+    """A prepared learning problem: the inputs of `learn`."""
 
     plant: Plant
     problem: LearningProblem
@@ -55,7 +55,9 @@ class Prepared:
         return [*lines, *(beyond or most)]
 
     def reach(self, result: LearningResult) -> str:
-        """Statement whether the motion is within reach, from trials simulated with all limits; empty with the law `paper`."""
+        """Statement whether the joints can perform the motion, from trials simulated with all limits; empty with the law
+        `paper`.
+        """
         if self.settings.law != "auto":
             return ""
         error = f"the best simulated trial is {self.problem.worst(result.best)} off"
@@ -63,13 +65,13 @@ class Prepared:
         if result.converged:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
         if not beyond:
-            # Friction, or the start, may prevent the motion; more trials may overcome that.
+            # Friction or the initial state may prevent the motion; more trials may remove such errors.
             return f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may"
         return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
 def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
-    """Learning problem of a plant. model: from `learning_model`."""
+    """Learning problem of a plant. model: model of the plant from `learning_model`."""
     learning = plant.learning
     settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
     guesses: dict[str, Callable[[], Array]] = {

@@ -20,8 +20,9 @@ MISSING = 0.02
 BRIDGED = 0.1
 """Longest gap within the motion that is interpolated, s."""
 OFF, BETTER = 0.05, 0.5
-"""Conditions for a note about the clock: offset in s beyond a robot's delay, and fraction of the error that remains after
-moving the clock."""
+"""Conditions for a note about the clock: smallest offset in s, larger than any robot's delay, and largest fraction of the error
+that remains after the clock is shifted.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +32,15 @@ class Recorded:
     outputs: Array = field(repr=False)
     """Link positions (n, joints) at the plant's times, rad or m."""
     clock: str
-    """Alignment of the recording's clock, in words."""
+    """Description of how the recording's clock was aligned with the motion."""
     findings: tuple[Problem, ...]
     """Notes about the file, its clock, gaps and implausible columns."""
 
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
-    """Trial in a recording.
-
-    lag: alignment of its clock with the motion. Raises InputError for a recording that is too short, lacks a joint, or has
-    columns with implausible units or signs, unless the user stated them.
+    """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError for a
+    recording that is too short, lacks a joint, or has columns with implausible units or signs, unless the user stated units and
+    signs.
     """
     pairing, findings = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}

@@ -32,7 +32,7 @@ KINDS = {
     STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json",
     PICTURE: "picture",
 }  # fmt: skip
-"""File of a learning run -> its kind in `asrsim.outfile`."""
+"""Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
 """Largest number of demands that are written."""
 
@@ -44,11 +44,11 @@ class Session:
     prepared: Prepared
     result: LearningResult
     replaced: str
-    """Message about replaced files of an earlier run; empty if there were none."""
+    """Message about replaced files of an earlier run; empty if no files were replaced."""
 
     @property
     def reach(self) -> str:
-        """Statement whether the motion is within reach."""
+        """Statement whether the joints can perform the motion."""
         return self.prepared.reach(self.result)
 
 
@@ -75,7 +75,7 @@ def run_session(
             on_start(prepared)
 
         def ended(trial: Trial) -> None:
-            # The state of this run is on disk now, so the files of the earlier run can be removed.
+            # Once the state of this run is saved, the files of the earlier run can be removed.
             for path in earlier if trial.number == 0 else ():
                 if path.name != STATE:
                     remove_ours(path, KINDS[path.name])
@@ -110,7 +110,7 @@ def _earlier(folder: Path, scenario: Scenario, *, resume: bool, overwrite: bool)
 
 
 def session_data(session: Session) -> dict[str, Any]:
-    """Numbers of a session as plain data."""
+    """Results of a learning session as plain data for JSON."""
     prepared, result = session.prepared, session.result
     scenario = prepared.plant.scenario
     return {
@@ -130,7 +130,7 @@ def session_data(session: Session) -> dict[str, Any]:
 
 
 def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
-    """Numbers of a trial as plain data, in rad and s."""
+    """Results of a trial as plain data for JSON, in rad and s."""
     return {
         "iteration": trial.number,
         "largest_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.largest, strict=True)},
@@ -141,7 +141,7 @@ def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
 
 
 def demand_data(demand: Demand) -> dict[str, Any]:
-    """Demand of the motion on one part of a joint, as plain data."""
+    """Demand of the motion on a component of a joint, such as a motor, as plain data."""
     return {
         "joint": demand.joint,
         "what": demand.what,

@@ -34,7 +34,9 @@ NOT_OF_THE_PLANT = ("ilc", "expect", "log_rate")
 
 
 def identity_of(plant: Plant) -> str:
-    """Hash of everything that the plant depends on: robot, scenario, contents of their files, laws of the actuators."""
+    """Hash of everything that the plant depends on: robot, scenario, contents of the files that they use, and laws of the
+    actuators.
+    """
     kept = {key: value for key, value in plant.scenario.resolved.items() if key not in NOT_OF_THE_PLANT}
     digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode())
     digest.update(plant.robot.text.encode())
@@ -67,7 +69,7 @@ def fingerprint(problem: LearningProblem, settings: Learning) -> str:
 
 
 def save_state(path: Path, problem: LearningProblem, settings: Learning, trials: Sequence[Trial]) -> None:
-    """Write all trials to `path` (NumPy's npz), complete or not at all."""
+    """Write all trials to `path` in NumPy's npz format; the file is replaced only when it is complete."""
     head = {
         "format": FORMAT, "fingerprint": fingerprint(problem, settings), "scenario_path": problem.origin[0],
         "variant": problem.origin[1], "seconds": [trial.seconds for trial in trials],

@@ -16,13 +16,13 @@ from asrsim.samples import Array
 from asrsim.scenario.goal_keys import Learning
 
 Simulate = Callable[[Array], Array]
-"""Inputs (n, joints) -> link positions (n, joints)."""
+"""Function from inputs (n, joints) to link positions (n, joints)."""
 Outcome = Literal["converged", "growing", "stalled", "exhausted"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningProblem:
-    """Motion to be learned."""
+    """A desired motion that is to be learned, with the inputs of the first trial."""
 
     joints: tuple[str, ...]
     time: Array
@@ -32,7 +32,9 @@ class LearningProblem:
     first_guess: Array
     """Inputs (n, joints) of trial 0, rad."""
     units: tuple[str, ...] = ()
-    """Unit of each joint's position, `rad` or `m`; empty: all `rad`. Other docstrings of this module say `rad` for both."""
+    """Unit of each joint's position, `rad` or `m`; empty: all `rad`. Other docstrings of this module write `rad` even for
+    prismatic joints.
+    """
     identity: str = ""
     """Hash of the plant: a saved state of another plant is rejected."""
     origin: tuple[str, str] = ("", "")
@@ -40,7 +42,7 @@ class LearningProblem:
 
     @property
     def step(self) -> float:
-        """Time between samples, s."""
+        """Sampling interval, s."""
         return float(self.time[1] - self.time[0])
 
     @property
@@ -65,7 +67,7 @@ class LearningProblem:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """Trial; number 0 has the first guess as its input, and number i the input after i updates."""
+    """A trial. The input of trial 0 is the first guess; the input of trial i is the result of i updates."""
 
     number: int
     inputs: Array = field(repr=False)
@@ -104,13 +106,13 @@ class Trial:
 
 
 class Law(Protocol):
-    """Law of learning. It depends only on the trials so far, so a resumed run continues exactly."""
+    """A learning law. Its updates depend only on the trials so far, so a resumed run continues exactly."""
 
     def propose(self, trials: Sequence[Trial]) -> Array:
         """Next inputs (n, joints), rad."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Outcome and reason if this law gives up after the last trial; None to continue."""
+        """Outcome and reason if this law ends learning after the last trial; None to continue."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,9 +157,9 @@ def learn(
 ) -> LearningResult:
     """Result of learning inputs whose outputs follow the reference.
 
-    on_trial: receives each new trial. state: file that is replaced after each trial; with `resume` learning continues from this
-    file, or starts if the file is missing. Raises InputError if the state belongs to another problem,
-    OutputError if it cannot be written.
+    on_trial: receives each new trial. state: file that is replaced after each trial. With `resume` learning continues from this
+    file, or starts at trial 0 if the file is missing. Raises InputError if the state belongs to another problem, OutputError if
+    it cannot be written.
     """
     trials: list[Trial] = []
     if resume and state is not None and state.exists():
@@ -177,7 +179,7 @@ def learn(
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
-    """Trial whose largest error is smallest; the first of equal trials."""
+    """Trial whose largest error is smallest; if several trials have equal errors, the first of these trials."""
     return min(trials, key=lambda trial: trial.worst if np.isfinite(trial.worst) else np.inf)
 
 

@@ -18,43 +18,43 @@ from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
 SPREAD, LOSSES = 0.25, 0.7
-"""Prior standard deviations of the logarithms of masses and stiffnesses, and of friction and damping."""
+"""Prior standard deviations of logarithms: of masses and stiffnesses, and of friction and damping."""
 DELAY = 0.02
 """Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""Smallest misfit of a plant with the right structure, rad."""
+"""Smallest misfit that the uncertainty assumes, rad; even the fit of a plant with the right structure has this misfit."""
 SAMPLES = 250
-"""Number of times at which the motion is compared."""
+"""Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
-"""Number of independent misfits of a joint: model errors are correlated over several samples."""
+"""Number of independent misfits that a joint counts for, since model errors are correlated over several samples."""
 ROUNDS = 4
 """Largest number of steps of the fit."""
 NUDGE = 0.2
-"""Step of finite differences, as a fraction of the priors."""
+"""Step of finite differences, as a fraction of the prior standard deviations."""
 LITTLE = 0.1
 """Relative reduction of the misfit below which the fit ends."""
 DIVERGED = 1e3
-"""Misfit of a plant that diverged, rad."""
+"""Misfit that is assigned to a plant that diverged, rad."""
 LIKELY = 6
 """Number of plants drawn from the posterior."""
 
 Forecast = Callable[[Array], Array]
-"""Inputs (n, joints) -> expected outputs (n, joints)."""
+"""Function from inputs (n, joints) to expected outputs (n, joints)."""
 Group = Mapping[tuple[str, str], float]
-"""(joint or link, name) -> value of parameters that are scaled together."""
+"""Values of parameters that are scaled together, by pairs (joint or link, name)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Twin:
-    """Fitted plant."""
+    """A plant fitted to the robot, and the uncertainty of the fit."""
 
     plant: Plant = field(repr=False)
     changes: Mapping[str, float]
-    """Group of parameters -> relative change; `delay` in s."""
+    """Relative change of each group of parameters, by name of the group; `delay`: change in s."""
     residual: float
     """Root mean square difference between the recorded motion and the twin's, rad."""
     before: float
-    """Root mean square difference before the fit, rad."""
+    """Root mean square difference between recorded and simulated motion before the fit, rad."""
     likely: tuple[Plant, ...] = field(repr=False)
     """Plants drawn from the posterior."""
 
@@ -97,7 +97,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
         here = weighted(x)
         return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
 
-    # Model errors are correlated over several samples, so fewer samples count.
+    # Model errors are correlated over several samples, so the number of independent samples is smaller.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     given = start or {}
     begin = np.array([*(np.log1p(given.get(name, 0.0)) for name in groups), given.get("delay", 0.0)])

@@ -1,4 +1,6 @@
-"""Twin beside a robot in real time: reads its topics of commands and joint states; publishes torques, stiffness and alarms."""
+"""Twin beside a robot in real time: it reads topics of commands and joint states, and publishes torques, stiffness
+and alarms.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +20,25 @@ from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.twin.twin import Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
-"""Fields of a step that are published for each joint, as std_msgs/Float64."""
+"""Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
-"""CDR of a std_msgs/Float64: encapsulation and value."""
+"""Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
 LONGEST_GAP = 0.1
-"""Longest time between stamps over which positions are interpolated, s."""
+"""Longest time between the stamps of two messages over which positions are interpolated, s."""
 QUIET = 0.5
 """Time without an alarm after which the next alarm of a joint is reported, s."""
 
 
 class LiveTwin:
-    """Twin that follows a robot; `run` executes it. `tell` receives sentences for the user."""
+    """Twin that follows a robot in real time in `run`. `tell` receives messages for the user."""
 
     def __init__(
         self, scenario: Scenario, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
         namespace: str = "", duration: float | None = None, tell: Callable[[str], None] = lambda text: None,
     ) -> None:  # fmt: skip
-        """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: in s, None: until stopped."""
+        """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
+        stops.
+        """
         prepared = with_ranges(scenario)
         prefix = prefix_of(namespace)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
@@ -48,9 +52,9 @@ class LiveTwin:
         )  # fmt: skip
         self._names, self._access = transports, access or Access()
         self._received: list[tuple[float, Array]] = []
-        """Stamps in s and positions that the twin has not followed yet."""
+        """Time stamps in s, and positions that the twin has not followed yet."""
         self._last: tuple[float, Array] | None = None
-        """Stamp and positions that the twin followed last."""
+        """Time stamp and positions that the twin followed last."""
         self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
@@ -83,8 +87,8 @@ class LiveTwin:
                 report(self._tell, self._commands.notices, transports)
 
     def _due(self) -> Iterator[Array]:
-        """Positions at the twin's steps, interpolated between the stamps of the messages: delays that vary do not matter. A
-        message without a stamp, or after a gap, is a single step.
+        """Positions at the twin's steps, interpolated between the time stamps of the messages, so that varying delays have no
+        effect. A message without a stamp, or after a gap, is a single step.
         """
         while self._received:
             stamp, positions = self._received.pop(0)
@@ -98,7 +102,7 @@ class LiveTwin:
                 yield start + (positions - start) * k / steps
 
     def _report_alarms(self, found: TwinStep) -> None:
-        """Tell of alarms of joints that had none for a while."""
+        """Report alarms of joints that had no alarm for a while."""
         for joint in np.flatnonzero(found.alarm).tolist():
             if self.time - self._alarm_ends[joint] > QUIET:
                 self.alarms += 1
@@ -106,7 +110,7 @@ class LiveTwin:
             self._alarm_ends[joint] = self.time
 
     def _without_positions(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Messages with commands; messages with positions are kept."""
+        """Received messages with commands; received messages with positions are stored for the next steps."""
         for transport in transports:
             for message in transport.poll():
                 if message.inlet < len(self._commands.inlets):

@@ -1,8 +1,8 @@
 """Observer of the torque that the model lacks: the torque that pulls the twin's links to their measured positions.
 
-It is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the mass matrix
-M. All poles of free links are then at -w, whatever couples the links, and a torque on one joint appears at that joint alone;
-springs and damping increase the stability.
+The observer is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the
+mass matrix M and the bandwidth w in rad/s. All poles of free links are then at -w for any coupling of the links, and a torque
+on one joint is observed at this joint alone; springs and damping increase the stability.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ SLOW, FAST = 0.7, 4.0
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
-    """Weights (2,) of a new value in both filters; step: in s, bandwidth: in Hz."""
+    """Weights (2,) of a new value in both low-pass filters; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
 class Controller:
-    """The controller for links of inertia 1, for errors of any shape."""
+    """The controller C(s) for links of inertia 1, for arrays of position errors of any shape."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
-        """step: in s; bandwidth: in Hz."""
+        """step: time step, s; bandwidth: bandwidth of the observer, Hz."""
         w = self._w = 2.0 * math.pi * bandwidth
         self.step = step
         self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
@@ -34,23 +34,23 @@ class Controller:
         self.integral, self._lagged = np.zeros(shape), np.zeros(shape)
 
     def respond(self, error: Array) -> Array:
-        """Torques for the next step from errors of position; the integral is left to `integrate`."""
+        """Torques for the next step from position errors. The integral is not updated here, but in `integrate`."""
         proportional, slow, quick = self._gains
         torque = proportional * error + slow * self.integral + quick * self._lagged
         self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
         return np.asarray(torque)
 
     def integrate(self, error: Array) -> None:
-        """Add a step of errors to the integral."""
+        """Add the position errors of a step to the integral."""
         self.integral += self.step * error
 
     def restart(self) -> None:
-        """Reset the state."""
+        """Reset the state of the controller."""
         self.integral[...] = self._lagged[...] = 0.0
 
 
 class Response(Controller):
-    """What the observer shows of torques on free links: the torques after its own delay."""
+    """Response of the observer to torques on free links: the torques with the observer's delay."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
         super().__init__(shape, step=step, bandwidth=bandwidth)
@@ -67,11 +67,11 @@ class Response(Controller):
 
 
 class Observer(Controller):
-    """Controllers of n joints."""
+    """Observer of n joints, coupled by the mass matrix."""
 
     def __init__(self, joints: int, *, step: float, bandwidth: float) -> None:
         super().__init__(joints, step=step, bandwidth=bandwidth)
-        # Response to a single wrong position.
+        # Response of the fast torque to one wrong measured position.
         free, share, fast = Response(1, step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1], np.zeros(1)
         total = np.zeros(1)
         for k in range(math.ceil(20.0 / (self._w * step))):
@@ -81,7 +81,7 @@ class Observer(Controller):
         """Standard deviation of the fast torque of a joint with inertia 1 per standard deviation of position noise, s^-2."""
 
     def update(self, error: Array, masses: Array, most: Array) -> Array:
-        """Torques (n,) for the next step, N m, from the differences measured - twin in rad (NaN: not measured).
+        """Torques (n,) for the next step, N m, from measured minus simulated positions in rad (NaN: not measured).
 
         masses: mass matrix (n, n), kg m^2; most: largest torques (n,), N m.
         """

@@ -219,7 +219,7 @@ def test_a_file_that_is_not_there_or_no_text(tmp_path):
     with pytest.raises(ScenarioError, match="UTF-8"):
         load_scenario(tmp_path / "binary.yaml")
     (tmp_path / "large.yaml").write_bytes(b"#" * 3_000_000)
-    with pytest.raises(ScenarioError, match="at most"):
+    with pytest.raises(ScenarioError, match="limit of 2000000 bytes"):
         load_scenario(tmp_path / "large.yaml")
 
 
