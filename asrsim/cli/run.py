@@ -82,13 +82,13 @@ def run(
                             started=progress.start, progress=progress.update, stop=interruption.stop,
                             certifying=progress.update_part,
                         )  # fmt: skip
-                    # Print and write the results of each variant at once, so that none are lost if drawing fails.
+                    # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
                     done.append(write_summary(executed))
                     for wanted, add in ((plot, _drawn), (report, _reported)):
                         if wanted and executed.run.status != "interrupted":
                             done[-1] = write_summary(add(done[-1]))
             except AsrsimError as error:
-                # This variant could not be built or written: the others would probably fail in the same way.
+                # This variant could not be built or written: the other variants would probably fail for the same reason.
                 failure = (title, error)
             if len(done) > before and not json:
                 print_run(done[-1].summary, quiet=quiet, printed=printed)
