@@ -48,7 +48,7 @@ def run(
 ) -> Done:
     """Simulate a scenario: write a log, a summary and plots of every variant, and check the scenario's claims.
 
-    Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
+    Results of an earlier run of the same scenario are replaced, and the command says so; results of another scenario are kept
     unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
     meet what the scenario expects, or is contradicted by a cross-check, 130 after Ctrl-C.
 
