@@ -111,7 +111,7 @@ class Result:
         return tuple(joint.name for joint in self.run.info.joints)
 
     def joint(self, name: str) -> JointSeries:
-        """Quantities of one joint; KeyError for an unknown name."""
+        """Quantities of one joint. Raises KeyError for an unknown name."""
         for info in self.run.info.joints:
             if info.name == name:
                 return JointSeries(self.samples, info)
@@ -151,12 +151,12 @@ class Result:
 
     @property
     def bodies(self) -> Mapping[str, Array]:
-        """Body -> poses (n, 7): position in m, orientation as quaternion x y z w."""
+        """Poses (n, 7) of each body: position in m, orientation as quaternion x y z w."""
         return self.samples.bodies
 
     @property
     def contacts(self) -> Mapping[str, Array]:
-        """Pair of bodies -> contact force (n, 3) on the first body, N."""
+        """Contact force (n, 3) on the first body of each pair of bodies, N."""
         return self.samples.contacts
 
 

@@ -62,7 +62,8 @@ def compile_function(
         dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
-        # Call the machine code directly: Numba's dispatcher checks types at every call. It owns the code and must stay alive.
+        # Call the machine code directly, as Numba's dispatcher checks types at every call. The dispatcher owns the code and
+        # must stay alive.
         def call(*values: Any) -> Any:
             return entry(*values)
 
@@ -178,8 +179,9 @@ def numbers_reader(count: int) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """Function for compiled code, row(address), that returns the array (n,) of floats (or integers) at the address. Its length
-    is unknown and not checked."""
+    """Function for compiled code, row(address), that returns the array (n,) of floats (or integers) at the address. The array's
+    length is unknown and not checked.
+    """
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic

@@ -27,7 +27,7 @@ class ConfinedError(Exception):
 
 
 def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, memory: int = MEMORY) -> bytes:
-    """Output (stdout) of the script for a request, which it reads as JSON from stdin. It should import nothing of asrsim.
+    """Output (stdout) of the script for a request, which the script reads as JSON from stdin. Scripts should not import asrsim.
 
     Raises ConfinedError if a limit is exceeded or the script ends with an error.
     """

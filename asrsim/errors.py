@@ -166,7 +166,7 @@ class DivergenceError(SimulationError):
         self.joint = joint
         self.time = time
         self.run: object | None = None
-        """Run up to the divergence, if it was kept."""
+        """Run up to the divergence, if its samples were kept."""
 
 
 def nearest(name: str, choices: Sequence[str]) -> str | None:
@@ -176,7 +176,7 @@ def nearest(name: str, choices: Sequence[str]) -> str | None:
 
 
 def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
-    """Hint with the most similar choice, None without one."""
+    """Hint with the most similar choice; None if no choice is similar."""
     found = nearest(name, choices)
     return f"Did you mean '{found}'?" if found else None
 
@@ -188,7 +188,7 @@ def listed(words: Iterable[object], most: int, between: str = ", ") -> str:
 
 
 def similar_file(path: Path) -> str | None:
-    """Hint with the name of a similar file for a path that does not exist; None without one."""
+    """Hint with the name of a similar file for a path that does not exist; None without a similar file."""
     try:
         names = [] if path.exists() else [one.name for one in path.parent.iterdir() if one.is_file()]
     except OSError:

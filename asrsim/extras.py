@@ -15,7 +15,7 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        # A library that is installed but broken gives its own reason.
+        # An installed but broken library raises an error with the reason.
         absent = isinstance(error, ModuleNotFoundError) and (error.name or name).split(".")[0] == name.split(".")[0]
         why = "is not installed here" if absent else f"cannot be loaded: {str(error).splitlines()[0]}"
         raise InputError(f"{name} {why}", hint=install(extra), code="no-library") from error

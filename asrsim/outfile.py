@@ -39,7 +39,7 @@ MARKS = {
     "fit file": rb"\A# Fit for `asrsim identify`",
     "schema": rb'"title": "asrsim scenario"',
 }
-"""Kind of file -> mark at its start or end, by which files written by asrsim are recognised."""
+"""Mark at the start or end of each kind of file, by which files written by asrsim are recognised."""
 _LOOKED_AT = 1 << 16
 """Number of bytes at the start and the end of a file that are searched for the mark."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 def pack(record: Any) -> NDArray[np.int64]:
-    """(k,) words of the record. The caller must keep these words and the record's arrays alive while their address is used."""
+    """Words (k,) of the record. The caller must keep these words and the record's arrays alive while their address is used."""
     return np.array(_words(record), dtype=np.int64)
 
 

@@ -31,7 +31,7 @@ def mapped(data: Any, leaf: Callable[[Any], Any]) -> Any:
 
 
 def misfit(data: Any, shape: Shape, place: str = "") -> str:
-    """Description of the first deviation of plain data from the structure `shape`; empty if there is none."""
+    """Description of the first deviation of plain data from the structure `shape`; empty if nothing deviates."""
     if isinstance(shape, tuple):
         return "" if any(not misfit(data, one) for one in shape) else f"{place or 'it'} is {_words(data)}"
     if isinstance(shape, list):

@@ -86,7 +86,7 @@ LIMITS = {
     "deflection": "deflection limit",
     "stop": "joint stop",
 }
-"""Limits for which a run counts the substeps that each joint spends at the limit -> heading of the limit's column."""
+"""Headings of columns with the number of substeps that each joint spent at a limit, by limit."""
 
 
 def linear_unit(unit: str) -> str:
@@ -95,7 +95,7 @@ def linear_unit(unit: str) -> str:
 
 
 PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}
-"""Unit of a revolute joint -> unit of a prismatic joint, for recordings and references."""
+"""Units of a prismatic joint by the corresponding unit of a revolute joint, for recordings and references."""
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:

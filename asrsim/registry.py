@@ -44,7 +44,7 @@ class Registry(Generic[T]):
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
         self._files: dict[str, str] = {}
-        """Name of an entry -> plugin file that registered it."""
+        """Plugin file that registered each entry, by name of the entry."""
         self._searched = entry_point_group is None
 
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:

@@ -73,18 +73,18 @@ class Samples:
     """Simulated times (n,), s."""
     joints: tuple[str, ...]
     values: Mapping[str, Array]
-    """Quantity name -> values (n, number of joints), SI; a column is NaN if the joint does not record the quantity."""
+    """Values (n, number of joints) of each quantity, SI; a column is NaN if the joint does not record the quantity."""
     bodies: Mapping[str, Array] = field(default_factory=dict)
-    """Object or link name -> poses (n, 7): position x y z in m, orientation quaternion x y z w, world frame."""
+    """Poses (n, 7) by name of the object or link: position x y z in m, orientation quaternion x y z w, world frame."""
     contacts: Mapping[str, Array] = field(default_factory=dict)
-    """"object/link" or "object/ground" -> contact force (n, 3) on the first body, N, world frame."""
+    """Contact force (n, 3) on the first body of a pair such as "object/link" or "object/ground", N, world frame."""
 
     def __repr__(self) -> str:
         span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
         return f"Samples({len(self.time)} of {', '.join(self.joints)}{span}: {', '.join(self.values)})"
 
     def forces_on(self, body: str) -> dict[str, Array]:
-        """Other body -> its contact force (n, 3) on this body, N, world frame; 0 without contact."""
+        """Contact forces (n, 3) on this body by name of the other body, N, world frame; 0 without contact."""
         forces = {}
         for pair, force in self.contacts.items():
             first, _, second = pair.partition("/")
@@ -154,7 +154,7 @@ class RunInfo:
     metadata: Mapping[str, str] = field(default_factory=dict)
     """Versions, seed, engine, stepping, substeps and similar entries as text."""
     attachments: Mapping[str, bytes] = field(default_factory=dict)
-    """Name -> content of further files needed to repeat the run (CSV playbacks, manager YAML)."""
+    """Content of further files needed to repeat the run (CSV playbacks, manager YAML), by name."""
     frames: tuple[Frame, ...] = ()
     """Frames of the links for `/tf`; not read back from a log."""
     frame_rate: float = 30.0

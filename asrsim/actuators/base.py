@@ -38,7 +38,7 @@ class Actuator:
     source: ClassVar[str]
     """Paper or datasheet that publishes the law."""
     law: ClassVar[str] = ""
-    """The law as text, for `asrsim actuators`."""
+    """The elastic law as text, which the command `asrsim actuators` prints."""
     motors: ClassVar[int] = 2
     """Number of motors with dynamics. With three or more motors, laws also take `theta_3` and so on, and the class must define
     `elastic_energy`."""
@@ -61,7 +61,8 @@ class Actuator:
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit it does not drop to 0."""
+        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit the stiffness does not drop to
+        0."""
         raise NotImplementedError
 
     @staticmethod

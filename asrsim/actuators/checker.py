@@ -1,7 +1,7 @@
 """Checks that the laws of an actuator agree with each other and with physics.
 
-Every check evaluates the laws at seeded random points: deflections inside the limit, default and perturbed parameters. It
-reports the worst value, and the point at which it occurs.
+Every check evaluates the laws at seeded random points: deflections inside the limit, default and perturbed parameters. The
+check reports the worst value, and the point at which this value occurs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Check:
     doc: str
     """The condition that the check tests."""
     figure: float | None = None
-    """Worst value that the check measured; None if it measures no value."""
+    """Worst value that the check measured; None if the check measures no value."""
     limit: float | None = None
     """Largest allowed `figure`."""
     detail: str = ""
@@ -192,7 +192,8 @@ def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
 
 
 def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    """Asymmetry of the stiffness matrix. If it is symmetric, the springs do no work round closed paths of link and motors."""
+    """Asymmetry of the stiffness matrix. If the matrix is symmetric, the springs do no work round closed paths of link and
+    motors."""
     for point in _points(actuator):
         yield min(float(np.abs(m - m.T).max() / max(np.abs(m).max(), 1e-12)) for m in _slopes(actuator, point)), point
 

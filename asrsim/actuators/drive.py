@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Drive:
     """An actuator on its joint, for simulation, gravity compensation and learning.
 
-    Tuples about controllers or motors have one entry per motor; they are empty in modes without controllers or motors.
+    Tuples about controllers or motors have one entry per motor; these tuples are empty in modes without controllers or motors.
     """
 
     joint: str
@@ -83,7 +83,7 @@ class Drive:
 
     @cached_property
     def motor_damping(self) -> tuple[float, ...]:
-        """Viscous damping of each motor in N m s/rad; it includes the back-EMF if the command is a voltage."""
+        """Viscous damping of each motor in N m s/rad; this damping includes the back-EMF if the command is a voltage."""
         return tuple(d + one.lag for d, one in zip(self._of_motors("damping"), self.electric, strict=False))
 
     @cached_property

@@ -16,9 +16,9 @@ class Mode:
     units: tuple[str, ...]
     doc: str
     spring: bool = False
-    """Whether springs drive the link; otherwise the reference or the PID controller of the link drives it directly."""
+    """Whether springs drive the link; if not, the reference or the PID controller of the link drives the link directly."""
     motor: bool = False
-    """Whether the motors have dynamics; otherwise their positions equal the references at once."""
+    """Whether the motors have dynamics; without dynamics, their positions equal the references at once."""
     controller: bool = False
     """Whether PID controllers command the motors (in mode 1: the torque on the link)."""
     mapped: bool = False

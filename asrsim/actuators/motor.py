@@ -33,7 +33,7 @@ def motor_kick(
     implicitness: float,
     parameters: tuple[float, ...],
 ) -> tuple[float, float, float, float, float, float]:
-    """State of a motor after it has accelerated for `step` s at a fixed position.
+    """State of a motor after the motor has accelerated for `step` s at a fixed position.
 
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
@@ -52,7 +52,7 @@ def motor_kick(
     bristles = stiffness * (position - anchor)
     mean = velocity
     torque = friction = after = 0.0
-    # Friction depends on the mean speed over the kick, which is known after the first round. Two rounds give second order.
+    # Friction depends on the mean speed over the kick, which the first round computes. Two rounds give second order.
     for _ in range(2 if excess != 0.0 else 1):
         most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
         friction = most if bristles > most else -most if bristles < -most else bristles

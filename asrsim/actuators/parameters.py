@@ -31,11 +31,11 @@ class Parameter:
     minimum: float = -math.inf
     maximum: float = math.inf
     exclusive_minimum: bool = False
-    """Whether the value must be larger than `minimum`; otherwise it may equal `minimum`."""
+    """Whether the value must be larger than `minimum`; if False, the value may equal `minimum`."""
     finite: bool = True
     """Whether the value must be finite; infinite values mean that there is no limit."""
     unused: str = ""
-    """Reason why the value has no effect; empty if it has an effect."""
+    """Reason why the value has no effect; empty if the value has an effect."""
     needs: str = ""
     """Name of another parameter; this parameter has no effect while the other is 0."""
     optional: bool = False
@@ -43,7 +43,7 @@ class Parameter:
     the model is off."""
 
     def fault(self, value: float) -> str | None:
-        """Reason why `value` is not allowed; None if it is allowed."""
+        """Reason why `value` is not allowed; None if `value` is allowed."""
         if math.isnan(value):
             return "must be a number"
         if self.finite and math.isinf(value):

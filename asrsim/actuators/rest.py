@@ -80,7 +80,7 @@ def increasing_roots(
     """Roots (n,) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
     The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`. Regula falsi (Illinois) then
-    narrows the bracket, with a bisection where three steps have not halved it.
+    narrows the bracket, with a bisection where three steps have not halved the bracket.
     """
     with np.errstate(all="ignore"):
         near, at_near = np.array(start, dtype=float), function(start)

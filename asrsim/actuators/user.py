@@ -48,9 +48,9 @@ def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | No
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a plugin file and register every actuator class that it defines; a file may be loaded again.
 
-    The file may also add to any other registry of asrsim: signals, measures, recording readers, engines, steppings. It runs as
-    ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored. Returns
-    the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
+    The file may also add to any other registry of asrsim: signals, measures, recording readers, engines, steppings. The file
+    runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
+    Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
     malformed actuator.
     """
     path = Path(path)

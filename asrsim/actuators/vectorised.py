@@ -83,7 +83,8 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
 
 def _energy_law(actuator: Any) -> Callable[..., float]:
-    """Energy law of the actuator in J; if it declares none, the integral of its torques from the undeflected springs."""
+    """Energy law of the actuator in J; if the actuator declares no energy law, the integral of its torques from the undeflected
+    springs."""
     if actuator.elastic_energy is not Actuator.elastic_energy:
         own: Callable[..., float] = actuator.elastic_energy
         return own

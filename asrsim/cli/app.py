@@ -29,7 +29,7 @@ HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
 class PlainCommand(TyperCommand):
-    """Command help without typer's braces around required arguments and parentheses around default values."""
+    """Command whose help text has no braces around required arguments and no parentheses around default values."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
@@ -82,7 +82,7 @@ def first_sentence(function: Any) -> str:
     return cleandoc(function.__doc__).split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".") + "."
 
 
-# Without rich markup the help is displayed in half the time.
+# Disable typer's rich markup: plain help appears in half the time.
 app = typer.Typer(
     cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
     context_settings=HELP,
@@ -152,7 +152,7 @@ def _call() -> int:
 
 
 def _report_error(error: BaseException) -> int:
-    """Exit code for an error, after printing its message."""
+    """Print the message of an error, and return the exit code."""
     from asrsim.cli.console import complain, error_lines
     from asrsim.errors import AsrsimError
 

@@ -1,4 +1,6 @@
-"""Frame of every command: the options `--plugin`, `--quiet` and `--json`, the JSON document, and the exit code."""
+"""Decorator for the functions of commands: the options `--plugin`, `--quiet` and `--json`, the JSON document, and the exit
+code.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document o
 
 @dataclass(frozen=True, kw_only=True)
 class Done:
-    """Result of a command."""
+    """Result that the function of a command returns."""
 
     data: Mapping[str, Any] | Sequence[Any]
     """JSON document that `--json` prints."""
@@ -33,7 +35,7 @@ class Done:
     always: Callable[[], object] | None = None
     """Function that prints the text that appears even with `--quiet`."""
     code: int = 0
-    """Exit code."""
+    """Exit code of the command."""
 
 
 def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -> Callable[[Callable[..., Done]], Any]:

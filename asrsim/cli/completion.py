@@ -1,4 +1,4 @@
-"""Shell completion of variants of the scenario on the command line."""
+"""Shell completion for the names of a scenario's variants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Printing for all commands: styled lines and tables without heavy imports; plain text without a terminal."""
+"""Functions that print lines and tables for all commands, with styles on a terminal and as plain text elsewhere."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SHOWN = 6
 
 
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
-"""Escape codes of colours."""
+"""ANSI escape codes that set colours and text styles."""
 MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
 """Escape codes that asrsim prints: colours, and on stderr the cursor movements of progress bars."""
 
@@ -43,7 +43,7 @@ class CleanStream:
         self._allowed = allowed
 
     def write(self, text: str) -> int:
-        """Write the text without foreign control characters."""
+        """Write the text without control characters, except the escape codes that asrsim prints."""
         parts = self._allowed.split(text)
         parts[::2] = [printable(part) for part in parts[::2]]
         return self._stream.write("".join(parts))
@@ -120,7 +120,7 @@ def say_rows(
 
 
 def line_width() -> int:
-    """Width of a terminal line in characters; unlimited without a terminal."""
+    """Width of a terminal line in characters; unlimited if the output is not a terminal."""
     return shutil.get_terminal_size().columns if is_terminal() else sys.maxsize
 
 
@@ -139,7 +139,7 @@ def say_written(paths: Sequence[Path], remark: str = "") -> None:
 def say_problems(problems: Sequence[Problem], word: str) -> None:
     """Print one line per problem, warnings on stderr; problems that differ only in their position in the file share a line."""
     for line in problem_lines(problems):
-        if word == "warning":  # stdout is for results that programs read
+        if word == "warning":  # stdout contains only results, which other programs may read
             complain(f"{styled(word, 'yellow', sys.stderr)} {line}")
         else:
             say(f"{styled(word, 'yellow')} {line}")
@@ -181,7 +181,7 @@ def error_as_dict(error: AsrsimError) -> dict[str, Any]:
 
 @contextmanager
 def json_errors(json: bool) -> Iterator[None]:
-    """Context that prints an expected error (exit code 1) or an interruption as JSON on stdout if `json` is set."""
+    """Context manager that prints an expected error (exit code 1) or an interruption as JSON on stdout if `json` is set."""
     try:
         yield
     except AsrsimError as error:

@@ -1,4 +1,4 @@
-"""Findings of `asrsim check` in a file, as data; another module prints them."""
+"""Findings of `asrsim check` in a file, as data; `asrsim.cli.tables` prints the findings."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class FileReport:
     kind: str
     """Kind of the file: robot or scenario."""
     title: str = ""
-    """Names of the variants, for a scenario."""
+    """Names of the variants if the file is a scenario."""
     robot: Robot | None = None
     step: float | None = None
     """Time step, s."""
     figures: tuple[StepFigures, ...] = ()
     substeps: Mapping[str, Any] | None = None
-    """Substeps of a run and the quantities that determine them; None: a run is impossible."""
+    """Number of substeps of a run and the quantities that determine this number; None: a run is impossible."""
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -144,7 +144,7 @@ def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, A
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
-    """Problems of an error; an error without problems becomes a single problem."""
+    """Problems that an error contains; an error without problems becomes a single problem."""
     return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
 
 

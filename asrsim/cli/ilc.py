@@ -58,8 +58,8 @@ def ilc(
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
     Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
-    (ilc.png), and the state to resume from. What an earlier run of the same scenario left there is replaced, and the command
-    says so; that of another one is kept unless --overwrite is given. Exit code: 0, 1 if learning did not converge or a run
+    (ilc.png), and the state to resume from. Files of an earlier run of the same scenario are replaced, and the command says so;
+    files of another scenario are kept unless --overwrite is given. Exit code: 0, 1 if learning did not converge or a run
     failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml

@@ -1,4 +1,4 @@
-"""Ctrl-C: the first ends a run cleanly, the second ends the command. SIGTERM acts like Ctrl-C."""
+"""Handling of Ctrl-C: the first Ctrl-C ends a run cleanly, the second ends the command. SIGTERM acts like Ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @contextmanager
 def like_an_interruption() -> Iterator[None]:
-    """Context in which SIGTERM raises KeyboardInterrupt, as SIGINT does, so that files are closed and child processes ended."""
+    """Context manager under which SIGTERM raises KeyboardInterrupt, so that files are closed and child processes are ended."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -34,14 +34,14 @@ def like_an_interruption() -> Iterator[None]:
 
 
 class Interruption:
-    """Context in which the first signal only sets `requested`, and the second raises KeyboardInterrupt.
+    """Context manager under which the first signal only sets `requested`, and the second signal raises KeyboardInterrupt.
 
     Before the first call of `stop` the first signal raises KeyboardInterrupt too: compiling a loop may take half a minute and
     does not call `stop`, and no files need closing yet.
     """
 
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
-        """message: text printed at the first signal; empty: the signal is the normal end of the command."""
+        """message: text printed at the first signal; empty if a signal is the normal way to end the command."""
         self.requested = False
         self._polled = False
         self._message = message

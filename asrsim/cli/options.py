@@ -1,4 +1,4 @@
-"""Options shared by several commands, and the conversion of their values."""
+"""Command-line options that several commands have, and the conversion of the options' values."""
 
 from __future__ import annotations
 

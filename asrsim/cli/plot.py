@@ -103,7 +103,7 @@ def plot(
 
 
 def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
-    """Default folder of the pictures: beside a single log, in a subfolder for several logs, in `out` for recordings alone."""
+    """Default folder of the pictures: the folder of a single log, a subfolder for several logs, `out` for recordings alone."""
     if not logs:
         return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:

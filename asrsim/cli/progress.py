@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from asrsim.sweeps.run import Progress as SweepProgress
 
 PATIENCE = 0.4
-"""Delay before a bar appears, s: short work needs neither a bar nor the import of rich."""
+"""Delay before a progress bar appears, s: short work needs neither a progress bar nor the import of rich."""
 
 
 class Bar:
-    """Context that removes its bar at the end. The bar goes to stderr, so that stdout contains only results."""
+    """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr: stdout contains only
+    results.
+    """
 
     def __init__(self, title: str = "", *, show: bool) -> None:
         self._title = title
@@ -69,17 +71,17 @@ class RunBar(Bar):
         self._part = ""
 
     def start(self, _info: object = None) -> None:
-        """Start the measurement of the speed when the simulation loop begins."""
+        """Begin to measure the simulation speed; called when the simulation loop begins."""
         self._began = clock.perf_counter()
 
     def update(self, simulated: float) -> None:
-        """Show that the run has reached `simulated` s."""
+        """Show that the run has reached the simulated time `simulated`, s."""
         speed = simulated / max(clock.perf_counter() - self._began, 1e-9)
         note = f"{simulated:.2f} of {self._duration:g} s, {speed:.3g} x real time"
         self.draw(simulated / self._duration, note, f"{self._title}, {self._part}" if self._part else None)
 
     def update_part(self, part: str, simulated: float) -> None:
-        """Show that another run of the scenario, named `part`, has reached `simulated` s."""
+        """Show that another run of the scenario, named `part`, has reached the simulated time `simulated`, s."""
         if part != self._part:
             self._part = part
             self.start()
@@ -90,7 +92,7 @@ class FitBar(Bar):
     """Progress bar of a fit: task, cost and evaluations."""
 
     def update(self, progress: FitProgress) -> None:
-        """Show the progress of the search."""
+        """Show stage, cost, number of evaluations and remaining time of the fit."""
         cost = f"cost {progress.cost:.4g}, " if math.isfinite(progress.cost) else ""
         left = f", about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
         self.draw(None, f"{progress.stage}: {cost}{progress.evaluations} evaluations{left}")
@@ -100,7 +102,7 @@ class SweepBar(Bar):
     """Progress bar of a study: finished runs, their rate, and numbers of failed runs."""
 
     def update(self, progress: SweepProgress) -> None:
-        """Show the progress after new rows."""
+        """Show the number of finished runs, their rate, and the numbers of failed runs."""
         from asrsim.sweeps.table import shares
 
         runs = f"{progress.done}/{progress.total}, {progress.rate:.3g} runs/s"

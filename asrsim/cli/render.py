@@ -13,7 +13,7 @@ from asrsim.cli.console import say, say_problems, say_written
 from asrsim.cli.options import End, Start, check_window, into_folder
 
 SIZE = 360
-"""Square root of a picture's area, pixels."""
+"""Size of a picture: square root of its area, pixels."""
 
 
 @command("Print nothing.", plugins=False)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
 
 SHOWN = 10
-"""Number of differing series that are printed."""
+"""Largest number of differing series that are printed."""
 
 
 @command("Print differences only.", plugins=False)

@@ -48,7 +48,7 @@ def run(
 ) -> Done:
     """Simulate a scenario: write a log, a summary and plots of every variant, and check the scenario's claims.
 
-    Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
+    Results of an earlier run of the same scenario are replaced, and the command says so; results of another scenario are kept
     unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
     meet what the scenario expects, or is contradicted by a cross-check, 130 after Ctrl-C.
 
@@ -82,13 +82,13 @@ def run(
                             started=progress.start, progress=progress.update, stop=interruption.stop,
                             certifying=progress.update_part,
                         )  # fmt: skip
-                    # Print and write the results of each variant at once, so that none are lost if drawing fails.
+                    # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
                     done.append(write_summary(executed))
                     for wanted, add in ((plot, _drawn), (report, _reported)):
                         if wanted and executed.run.status != "interrupted":
                             done[-1] = write_summary(add(done[-1]))
             except AsrsimError as error:
-                # This variant could not be built or written: the others would probably fail in the same way.
+                # This variant could not be built or written: the other variants would probably fail for the same reason.
                 failure = (title, error)
             if len(done) > before and not json:
                 print_run(done[-1].summary, quiet=quiet, printed=printed)

@@ -67,8 +67,8 @@ def _print_passive(robot: Robot) -> None:
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:
-    """Groups of blocks with equal actuator, mode and parameters, so that a robot with many arms fits on a screen. Prismatic
-    joints (`slides`) form separate groups because of their units.
+    """Groups of joints' actuator blocks with equal actuator, mode and parameters, so that a robot with many arms fits on a
+    screen. Prismatic joints (`slides`) form separate groups because of their units.
     """
     groups: dict[tuple[object, ...], list[ActuatorBlock]] = {}
     for block in blocks:

@@ -26,7 +26,7 @@ def _has_names(node: Node) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """A limits file as data."""
+    """The contents of a limits file."""
 
     limits: Mapping[str, Mapping[str, Any]] = declare(
         MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False)),
@@ -52,7 +52,7 @@ class Limits:
 
     @property
     def gains(self) -> dict[str, tuple[float, ...]]:
-        """Values to choose from, by `joint.parameter`."""
+        """Values of gains that a design may choose from, by `joint.parameter`."""
         return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
 
 
@@ -60,7 +60,7 @@ LIMITS: Block[Limits] = block_of(Limits, "limits")
 
 
 def read_limits(path: Path) -> Limits:
-    """Limits of a file. Raises InputError with every problem."""
+    """Read a limits file. Raises InputError with every problem."""
     found = read_file(LIMITS, path)
     problems = list(_faults(found, path))
     if problems:
@@ -103,7 +103,7 @@ def located(problems: Sequence[Problem], path: Path) -> list[Problem]:
 
 
 def _line(node: Node, key: str) -> int | None:
-    """Line of the longest part of a dotted key that the file contains; names may contain dots."""
+    """Line number of a dotted key, or of the longest leading part of the key that the file contains. Names may contain dots."""
     if isinstance(node.value, dict):
         for name, inner in node.value.items():
             if key == name or key.startswith(f"{name}."):

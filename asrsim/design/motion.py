@@ -14,11 +14,13 @@ KNOTS = 3
 LEVELS, AMPLITUDES, FREQUENCIES = slice(0, KNOTS), slice(KNOTS, 2 * KNOTS), slice(2 * KNOTS, 3 * KNOTS)
 PHASE, RISE = 3 * KNOTS, 3 * KNOTS + 1
 NUMBERS = RISE + 1
-"""Free numbers of a segment for each reference, from 0 to 1. Levels: 0.5 is the reference of the start."""
+"""Number of free parameters of a segment for each reference. Each is between 0 and 1; a level of 0.5 is the reference of the
+start.
+"""
 SLOWEST, FASTEST = 0.4, 16.0
-"""Range of frequencies, Hz."""
+"""Lowest and highest frequency of the sines, Hz."""
 QUICKEST, LONGEST = 0.01, 0.25
-"""Shortest change of level, s; longest change, as a fraction of the segment."""
+"""Shortest duration of a change of level, s; longest duration, as a fraction of the segment."""
 
 
 def ramp(share: Array) -> Array:
@@ -37,7 +39,7 @@ class Segment:
     """Sizes (references,) of the motion; size 1 covers the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
-        """Fractions (references, n) of each reference's range, from -1 to 1."""
+        """Motion (references, n) as fractions of each reference's range, from -1 to 1."""
         rows = [scale * _row(numbers, time, length) for numbers, scale in zip(self.numbers, self.scales, strict=True)]
         return np.asarray(np.clip(rows, -1.0, 1.0))
 

@@ -19,7 +19,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.signals.sampled import Sampled
 
 POSITION_NOISE = 1e-3
-"""Noise of positions for which the file gives none, rad (m)."""
+"""Noise of measured positions if the limits file gives no noise, rad (m)."""
 GROWTH = 20.0
 """Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger sensitivity indicates
 chaos.
@@ -71,12 +71,12 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Use of limits and information of a motion."""
+    """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
     """Largest used fraction (bounds,) of each limit over all robots; a limit is exceeded above 1."""
     when: float
-    """Time of the largest fraction, s."""
+    """Time at which the largest fraction of a limit is used, s."""
     information: Array | None
     """Fisher matrices (robots, groups, n, n); None if not computed, or if a robot is near chaos."""
 
@@ -171,7 +171,7 @@ class Plant:
                     yield from (Channel(drive.name, one, size, group) for one in quantities)
 
     def substeps_of(self, gains: Mapping[str, float], robots: Sequence[Array]) -> Substeps:
-        """Substeps that the stiffest of these robots needs."""
+        """Number of substeps that the stiffest of several robots needs."""
         needed = [self.door.substeps_of(self._numbers(gains, x)) for x in robots]
         return max(one[0] for one in needed), max(one[1] for one in needed)
 
@@ -224,7 +224,9 @@ class Plant:
         return Outcome(shares.max(axis=1, initial=0.0), when, information)
 
     def _fisher(self, runs: Sequence[Array | None], moves: Array) -> Array | None:
-        """Fisher matrices (groups, n, n) from the runs of a robot and its neighbours; None if sensitivities grow too much."""
+        """Fisher matrices (groups, n, n) from runs of a robot with its own and with slightly changed parameters; None if
+        sensitivities grow too much.
+        """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
             return None
@@ -243,6 +245,6 @@ class Plant:
 
 
 def _by_motor(name: str) -> list[str]:
-    """Quantities that a limit applies to: `motor_torque` stands for the torque of each motor."""
+    """Quantities to which a limit applies. A limit of `motor_torque` applies to the torque of each motor."""
     motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
     return motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]

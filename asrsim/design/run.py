@@ -29,13 +29,13 @@ from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
 ROUNDS = 25
-"""Rounds of the search; a fifth of them for each choice of gains."""
+"""Number of rounds of the search; each choice of gains gets a fifth of this number."""
 SHORTEST, PROBE = 0.5, 0.2
 """Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
 CHECKS, FACTOR = 24, 2.0
 """Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
 MANY = 27
-"""Largest number of choices of gains."""
+"""Largest number of combinations of gains that are tried."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""
 
@@ -60,7 +60,7 @@ class Design:
 
     @property
     def seconds(self) -> float:
-        """Length of the motion."""
+        """Duration of the motion, s."""
         return float(self.found.motion.shape[1] - 1) * self.step
 
     @property
@@ -204,7 +204,9 @@ def _choices(limits: Limits) -> Iterator[dict[str, float]]:
 
 
 def _probe(search: Search) -> None:
-    """Raise InputError if the start exceeds limits, no motion keeps them, or no recorded quantity depends on a parameter."""
+    """Raise InputError if the start exceeds limits, no motion keeps the limits, or no recorded quantity depends on
+    a parameter.
+    """
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
     resting = search.play(home, checked=True)
@@ -253,5 +255,7 @@ def _named(gains: Mapping[str, float]) -> str:
 
 
 def _size(entry: Entry) -> float:
-    """Relative change of a value for a unit change of the vector; relative to the typical size where the value is zero."""
+    """Relative change of each value per unit change of the parameter vector; if a value is zero, relative to its
+    typical size.
+    """
     return float(entry.slope(0.0) / (abs(entry.value(0.0)) or entry.parameter.size))

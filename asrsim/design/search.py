@@ -34,12 +34,12 @@ deviations from small and larger changes differed by a factor of 1.8, fits scatt
 of 9.5, they scattered 9.4 times as far.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about each parameter before any experiment: its order of magnitude is known."""
+"""Information about the logarithm of each parameter before any experiment, whose order of magnitude is assumed to be known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A motion within the limits."""
+    """A motion within the limits, with its information."""
 
     name: str
     segments: tuple[Segment, ...]
@@ -67,13 +67,13 @@ class Search:
     generator: np.random.Generator
     stop: Callable[[], bool] = lambda: False
     plain: dict[str, Found] = field(default_factory=dict)
-    """Best step and best chirps."""
+    """Best plain motions by name: step and chirps."""
     library: list[Found] = field(default_factory=list)
     """Segments within the limits."""
     picked: list[int] = field(default_factory=list)
     """Indices of the library's segments that make the joined motion."""
     best: Found | None = None
-    """Best confirmed whole motion."""
+    """Best whole motion whose information is confirmed by larger changes of the parameters."""
     success: tuple[Found, int, Segment] | None = None
     """Motion that the last variation improved, index of the varied segment, and the segment before its variation."""
 
@@ -124,7 +124,7 @@ class Search:
         return best
 
     def judged(self, name: str, segments: Sequence[Segment], rows: int) -> Found | None:
-        """Motion with its information; None if a robot is near chaos."""
+        """Motion with its Fisher information; None if a robot is near chaos."""
         motion = self.plant.motion(segments, rows)
         outcome = self.play(motion, changes=SMALL)
         if outcome is None or outcome.information is None:
@@ -132,7 +132,9 @@ class Search:
         return Found(name, tuple(segments), motion, outcome.information, float(self.score(outcome.information)))
 
     def confirmed(self, found: Found) -> Found | None:
-        """Motion with the smaller information of that from small and that from larger changes; None if the two do not agree."""
+        """Motion with the smaller of two estimates of its information, from small and from larger changes of the parameters.
+        None if the two estimates do not agree.
+        """
         least, small = found, self.deviations(found.information)
         size = np.minimum(small.min(axis=0), LARGEST)
         for share in LARGER:
@@ -150,7 +152,7 @@ class Search:
         """Joined motion within the limits on all robots, with confirmed information; None if its score is not below `above`."""
         rows = self.plant.rows
         if self.checks and above < np.inf:
-            # The further robots take long to simulate, and a motion that becomes smaller does not score better.
+            # Simulating the further robots takes long, so bad motions are rejected first. Scaling down improves no score.
             found = self.judged(name, segments, rows)
             if found is None or found.score >= above:
                 return None
@@ -161,7 +163,7 @@ class Search:
     def start(self) -> None:
         """Try usual test motions: one step, and chirps with stiffness presets at rest or at an end of their range.
 
-        Chirps are tried as segments first; the best of them then last for the whole motion.
+        Chirps are tried as segments first; the best chirps are then extended to the whole motion.
         """
         presets = self.plant.presets
         chirps = dict[str, list[Found]]()
@@ -180,7 +182,9 @@ class Search:
                 self.better(whole)
 
     def try_segment(self, segment: Segment) -> Found | None:
-        """Segment within the limits, added to the library; None if it cannot be used, or the search is stopped."""
+        """Scale a segment into the limits and add it to the library; None if the segment cannot be used, or the search is
+        stopped.
+        """
         if self.stop() and self.library:
             return None
         rows = (self.plant.rows - 1) // self.count + 1
@@ -190,7 +194,7 @@ class Search:
         return found
 
     def extend(self, count: int) -> None:
-        """Try more segments: at first new segments, then more often variations of the picked ones."""
+        """Try more segments: at first new segments, later more often variations of the picked segments."""
         presets = self.plant.presets
         for _ in range(count):
             if self.picked and len(self.library) >= FIRST and self.generator.random() < 0.9:
@@ -220,7 +224,7 @@ class Search:
         """Indices of segments; segments are exchanged until no exchange improves the score."""
         chosen, before = list(begin), np.inf
         while len(chosen) < self.count:
-            # The first segments are judged as if they were repeated.
+            # While fewer segments are chosen than the motion needs, the chosen segments are scored as if they were repeated.
             total = matrices[chosen].sum(axis=0) + matrices
             chosen.append(int(np.argmin(self.score(total * (self.count / (len(chosen) + 1))))))
         best = float(self.score(matrices[chosen].sum(axis=0)))
@@ -233,7 +237,7 @@ class Search:
         return chosen
 
     def run(self, rounds: int, progress: Callable[[float], None] = lambda _: None) -> Found | None:
-        """Best motion after so many rounds, or when stopped; None if no confirmed motion keeps the limits."""
+        """Best motion after a number of rounds, or when the search is stopped; None if no confirmed motion keeps the limits."""
         if not self.plain:
             self.start()
         for number in range(rounds):

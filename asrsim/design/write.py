@@ -1,4 +1,4 @@
-"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the promised intervals."""
+"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the predicted intervals."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ class File(Kind[Path]):
     exists: bool = True
     """True: the file must exist when the document is read."""
     beside: str = ""
-    """Ending of a document that describes the file, such as `.yaml` for `lab.csv.yaml`; it is attached too, if it exists."""
+    """Ending of a document about the file, such as `.yaml` for `lab.csv.yaml`. An existing document is attached too."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -245,7 +245,7 @@ class Optional(Kind[T | None], Generic[T]):
 
 
 def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
-    """(value,) of the node; None for an invalid value, after recording its problem and path in `reading`."""
+    """Tuple (value,) with the node's value; None for an invalid value, after recording its problem and path in `reading`."""
     try:
         return (kind.read(node, path, reading),)
     except Rejected:

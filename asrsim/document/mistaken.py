@@ -19,15 +19,15 @@ COMMANDS = {
     "recording": "asrsim init ROBOT.urdf --experiment {path}",
     "summary": "asrsim report {folder}",
 }
-"""Kind of file -> command that reads it."""
+"""Command that reads each kind of file."""
 ENDINGS = {
     ".urdf": "robot", ".xacro": "robot", ".mcap": "log", ".csv": "recording", ".tsv": "recording", ".bag": "recording",
     ".db3": "recording", ".mat": "recording", ".npz": "recording", ".npy": "recording", ".xlsx": "recording",
     ".parquet": "recording", ".feather": "recording",
 }  # fmt: skip
-"""File ending -> kind."""
+"""Kind of file for each file ending."""
 FOLDERS = {"log.mcap": "log", "study.json": "study"}
-"""File in a folder -> kind of the folder."""
+"""Kind of a folder, by the name of a file that the folder contains."""
 KEYS = {
     "summary": {"generator"},
     "scenario": {"robot", "references", "duration"},
@@ -35,9 +35,9 @@ KEYS = {
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
-"""Kind -> top-level keys. Any of these keys identifies the kind; the first match wins."""
+"""Top-level keys of each kind of file. Any of these keys identifies the kind; the first match wins."""
 DOCUMENTS = (".yaml", ".yml", ".json")
-"""Endings of files with keys."""
+"""Endings of files whose kind is detected by their keys."""
 
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:

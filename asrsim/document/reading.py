@@ -23,14 +23,14 @@ class Reading:
     base: Path = field(default_factory=Path)
     """Folder that relative paths refer to."""
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Name in the document -> file, searched before the folder (attachments of a log)."""
+    """Files by their name in the document (attachments of a log), which take precedence over files in the folder."""
     problems: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
     """Unique short name -> file that the document names; files in a folder have names `folder/file`."""
     unread: list[KeyPath] = field(default_factory=list)
     """Paths of the invalid values, which are left out of the result."""
     renamed: dict[int, object] = field(default_factory=dict)
-    """id of a node with a file name -> name of the attachment."""
+    """Name of the attachment for each node with a file name, by id of the node."""
 
     def fault(
         self,

@@ -27,7 +27,7 @@ _WORDS: dict[str, bool | float | None] = {
     }.items()
     for spelling in (word, word.title(), word.upper())
 } | {"": None, "~": None}  # fmt: skip
-"""Unquoted word -> value by the core schema of YAML 1.2."""
+"""Values of unquoted words in the core schema of YAML 1.2."""
 
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = "plain"

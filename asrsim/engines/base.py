@@ -37,7 +37,7 @@ Point = tuple[float, float, float]
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
     """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
-    share of a step, for engines that cannot divide a kick."""
+    fraction of a step, for engines that cannot divide a kick."""
     total = lengths.sum()
     shares = lengths / total
     whole = 1.0 if abs(total - 1.0) < ROUNDING else float(total)
@@ -117,9 +117,9 @@ class Engine(Protocol):
         """
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance the world by one step. exchange: (p, n, 5), see `POSITION`. wrenches: (p, w, 6) force (N) and torque (N m) of
-        each wrench of the scenario. lengths: (p,) lengths of the pieces as shares of the step; their sum is 1, or 1/2 in the
-        first step of a staggered run. All arrays are C-contiguous."""
+        """Advance the world by one step. exchange: (p, n, 5), see `POSITION`. wrenches: force (N) and torque (N m) of each
+        wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or 1/2
+        in the first step of a staggered run. All arrays are C-contiguous."""
 
     def scene(self) -> Scene:
         """Poses of the bodies and contact forces at the present state."""

@@ -46,7 +46,7 @@ def _sizes(table: Any) -> tuple[int, int, int, int]:
 
 
 def link_motion(scenario: Scenario, joint: str) -> Signal:
-    """Motion of a joint's link on a bench: locked unless the scenario prescribes it."""
+    """Motion of a joint's link on a bench: the link is locked unless the scenario prescribes a motion."""
     return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
 
 
@@ -101,7 +101,7 @@ class BenchEngine:
 
     @property
     def native(self) -> Native | None:
-        """A step through a table of the whole motion; None if the table would be larger than `LONGEST`."""
+        """A step through a table of the whole motion; None if this table would be larger than `LONGEST`."""
         joints, steps = len(self.joints), self._duration / self._step + 4.0
         if not steps * joints < LONGEST or not compiling.available():
             return None

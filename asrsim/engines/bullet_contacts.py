@@ -40,8 +40,8 @@ ARREST = 1e9
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece. The room's `change`
-    becomes the change of velocity in a step without contacts.
+    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece. The function sets
+    `change` of the room to the change of velocity in a step without contacts.
 
     This function runs as Python or compiled.
     """
@@ -56,8 +56,8 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
 
 class _Saved:
-    """A saved state in Bullet's memory. It is removed with this object, unless the physics client has ended: then the client's
-    number may belong to another client."""
+    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
+    client's number may belong to another client."""
 
     def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
         self.number = p.saveState(physicsClientId=client)
@@ -190,7 +190,7 @@ class BulletContacts:
             self._world.move((fraction - 1.0) * self._step * np.array(self._scenario.gravity))
             self._read()
         if lagging or not whole:
-            # Bullet evaluates velocity torques at the velocities that it stores: correct the difference.
+            # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
             push += model.bias_at(room.qpos, rotation, room.velocity) - room.bias
         if self._indices:
             p.setJointMotorControlArray(
@@ -215,7 +215,7 @@ class BulletContacts:
                 self._frictions[j] = bound
 
     def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
-        """Set a velocity motor: at target 0 it acts as Coulomb friction of level `force`."""
+        """Set a velocity motor: with target 0, the motor acts as Coulomb friction of level `force`."""
         p = self._p
         p.setJointMotorControl2(
             self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
@@ -230,10 +230,11 @@ class BulletContacts:
         return False
 
     def _reach_stops(self, ends: list[float]) -> list[int]:
-        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are beyond them already.
+        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are already beyond a
+        stop.
 
-        ends: velocities of the joints at the end of the step if there were no contacts; they take a joint to its stop at most.
-        Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
+        ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
+        its stop at most. Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
         """
         arrived = []
         for j, lower, upper in self._stops:
@@ -263,7 +264,7 @@ class BulletContacts:
     # -- surroundings -----------------------------------------------------------------------------------------------
 
     def vary(self, robot: Robot) -> bool:
-        """Whether the inertials are unchanged: Bullet cannot change those of a loaded robot."""
+        """Whether the inertials are unchanged: Bullet cannot change the inertials of a loaded robot."""
         return robot.links == self.robot.links
 
     def scene(self) -> Scene:

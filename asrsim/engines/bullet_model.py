@@ -1,8 +1,8 @@
 """Kinematics and dynamics of the robot without its world, by PyBullet's routines on a separate physics client.
 
-PyBullet's dynamics routines follow unusual conventions, which this module converts. They order the degrees of freedom by
-Bullet's links. They describe a floating base along the principal axes of its inertia, with angular before linear velocity, and
-ignore its orientation. Forces on the base they return with linear before angular components.
+PyBullet's dynamics routines follow unusual conventions, which this module converts. The routines order the degrees of freedom
+by Bullet's links. For a floating base, the routines use the principal axes of the base's inertia, with angular before linear
+velocity, and ignore the base's orientation. Forces on the base are returned with linear before angular components.
 """
 
 from __future__ import annotations
@@ -211,7 +211,8 @@ class BulletModel(RigidModel):
         if index == -1:
             return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
         # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
-        # Jacobian in the frame of the base's inertia; its manual says otherwise. The tests check it by differences of poses.
+        # Jacobian in the frame of the base's inertia; Bullet's manual states other conventions. The tests check the Jacobian by
+        # differences of poses.
         turned = self.matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client

@@ -8,9 +8,9 @@ These functions run as Python or compiled. In one step each degree of freedom is
      POSITIVE   it slides in positive direction, with the full Coulomb friction; without friction it moves freely
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
-Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach it; in the next step it
-rests there. The impulse of the impact is thus divided over two steps, in proportion to the time that each part acts, so that
-the positions of the other joints remain second-order accurate.
+Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach the stop; in the next step
+the joint rests at the stop. The impulse of the impact is thus divided over two steps, in proportion to the time that each part
+acts, so that the positions of the other joints remain second-order accurate.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def settle(room: Any) -> None:
     `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
     all forces except friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction;
     `slowest` (v,) <= 0 and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the
-    states, at first those of the last step. Work space: `square` (v, v), `push` and `places` (v,).
+    states of the degrees of freedom, on entry those of the last step. Work space: `square` (v, v), `push` and `places` (v,).
     """
     size = len(room.bound)
     for i in range(size):
@@ -105,8 +105,8 @@ def _solve(square: Any, values: Any, count: int) -> None:
 
 
 def _swap(room: Any, single: bool) -> bool:
-    """Change the state of each degree of freedom whose impulse or velocity contradicts the state. single: change only the first
-    one. Returns whether any state changed."""
+    """Change the state of each degree of freedom whose impulse or velocity contradicts the state. single: whether to change
+    only the first of these states. Returns whether any state changed."""
     changed = False
     regime = room.regime
     for i in range(len(regime)):

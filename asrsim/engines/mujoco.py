@@ -124,7 +124,7 @@ class MujocoEngine(RigidEngine):
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance by one step. The step is compiled after `native` has been read; the bits are identical."""
+        """Advance by one step. The step is compiled after `native` has been read; the results are bitwise identical."""
         if self._contacts is not None:
             self._contacts.step(self._record, self._state, exchange, wrenches, lengths)
         elif self._call is not None:

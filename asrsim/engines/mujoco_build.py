@@ -63,7 +63,8 @@ def link_body(name: str) -> str:
 def base_centre(scenario: Scenario, robot: Robot) -> Array:
     """Origin (3,) of the root link's MuJoCo body in m, in the frame of the link; the centre of mass if the base floats.
 
-    The linear velocity of the base is then that of its centre of mass, as in PyBullet, and both engines compute equal steps.
+    The linear velocity of the base is then the velocity of its centre of mass, as in PyBullet, and both engines compute equal
+    steps.
     """
     return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
 
@@ -138,7 +139,8 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
 
 
 def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
-    """Set the inertia of a mesh to that of its bounding box, as PyBullet does; the centre of mass is the origin of the mesh."""
+    """Set the inertia of a mesh to the inertia of its bounding box, as PyBullet does; the centre of mass is the origin of the
+    mesh."""
     geom = model.geom(f"object/{item.name}")
     mesh = int(geom.dataid[0])
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
@@ -151,7 +153,8 @@ def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
-    """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger one."""
+    """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger
+    coefficient."""
     frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
     if scenario.world.ground:
         frictions[GROUND] = scenario.world.ground_friction

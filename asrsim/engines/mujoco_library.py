@@ -36,7 +36,8 @@ def library_version() -> str:
 
 @cache
 def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
-    """A warning if packages of different MuJoCo versions are installed in one folder, where each overwrites files of the other.
+    """A warning if packages of different MuJoCo versions are installed in one folder, where the packages overwrite each other's
+    files.
 
     folder: the site-packages folder to check; None: the folder that `mujoco` is imported from.
     """
@@ -53,7 +54,7 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
     if len(set(found.values())) < 2:
         return ()
     message = f"{' and '.join(' '.join(one) for one in found.items())} overwrite each other's files in {folder / 'mujoco'}"
-    # Before version 4, `mujoco` contained the library; since then it depends on `mujoco-core` of the same version.
+    # Before version 4, `mujoco` contained the library; since version 4, `mujoco` depends on `mujoco-core` of the same version.
     alone = "--no-deps " if found["mujoco"].startswith(("2.", "3.")) else ""
     hint = (
         "run `pip uninstall -y mujoco mujoco-core`, then `pip install mujoco-core`, or, if another package needs this version "
@@ -82,7 +83,8 @@ def _library() -> Any:
 
 
 def stop_the_clock() -> None:
-    """Switch off the timing of MuJoCo's routines, which takes a tenth of their time. The bindings would switch it on again."""
+    """Switch off the timing of MuJoCo's routines, which takes a tenth of the routines' computing time. The bindings would
+    switch it on again."""
     ctypes.c_void_p.in_dll(_library(), "mjcb_time").value = None
 
 

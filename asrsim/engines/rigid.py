@@ -104,7 +104,7 @@ def make_room(
 
 
 def plain(record: Any) -> Any:
-    """The record with memoryviews of its arrays, since Python reads single numbers from them several times faster."""
+    """The record with memoryviews of its arrays, since Python reads single numbers from memoryviews several times faster."""
     kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
     return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
 
@@ -123,8 +123,8 @@ def aim(room: Any, state: Any) -> None:
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
-    """Change `room.velocity` in a piece of the kick; `room.change` becomes the change. length: of the piece, as a share of a
-    step."""
+    """Change `room.velocity` in a piece of the kick; store this change in `room.change`. length: length of the piece as a
+    fraction of a step."""
     step = room.scheme[STEP]
     time = length * step
     for i in range(len(room.velocity)):
@@ -135,8 +135,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         room.inertia[j] = room.matrix[i, i]
         room.matrix[i, i] += room.scheme[IMPLICITNESS] * time * damping
         room.bound[i] = time * exchange[piece, j, FRICTION]
-        # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing it back
-        # would give it a velocity.
+        # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
+        # back would give the joint a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
     settle(room)
@@ -172,13 +172,13 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
 
 
 def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Apply `aim`."""
+    """Begin a step: the function `aim` for these arguments."""
     aim(room, state)
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Compute kick and drift from mass matrix and bias in the room. forces: (p, v, 1) N m, generalised forces of the
-    wrenches."""
+    """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
+    m."""
     for piece in range(len(lengths)):
         for i in range(len(room.force)):
             room.force[i] = forces[piece, i, 0]
@@ -219,7 +219,7 @@ class Calculation:
     """A function that changes a room, a vector of numbers (such as a state) and an exchange. It also takes the forces (p, v, 1)
     and the lengths (p,) of the pieces of a kick.
 
-    It is compiled if this process has imported Numba; the bits are identical.
+    The function is compiled if this process has imported Numba; the results are bitwise identical.
     """
 
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:

@@ -25,14 +25,14 @@ def make_env(
         size: Edge of the pictures in pixels.
         options: The keyword arguments below.
         variant: Name of a variant of the scenario, as in `asrsim.run`.
-        overrides: Changes of the scenario, as in `asrsim.run`.
+        overrides: Changes to values of the scenario, as in `asrsim.run`.
         control_rate: Rate of the actions in Hz; the control period must be a whole number of steps. Default 50.
         observe: Quantities to observe, for all joints that have them, in the order of the joints: any quantity of
             `asrsim.quantities.QUANTITIES` except works, energies and losses; and `tip`, (3,) m. Default: position and
             velocity of the links.
         act: References that the actions set, as `name` or `joint.name`. Default: the first reference of every joint.
             Actions are in [-1, 1] and are scaled to the range of the reference (`reference_ranges`, else the robot's limits).
-        reward: Function that maps the state after each action to the reward. Default: the reward is 0.
+        reward: Function that returns the reward for the state after each action. Default: the reward is 0.
         terminated: Function of the state after each action that returns whether the episode is over.
         randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references.

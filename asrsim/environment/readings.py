@@ -14,12 +14,13 @@ from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
 _MOTORS = ("motor_1_position", "motor_1_velocity", "motor_2_position", "motor_2_velocity")
-"""Quantities of the state at the present time; for ideal motors, their positions in the last step."""
+"""Quantities of the state at the present time. The positions of ideal motors are those of the last step."""
 _STEP = (
     "link_torque", "damping_torque", "elastic_torque_1", "elastic_torque_2", "motor_1_torque", "motor_2_torque",
     "friction_torque_1", "friction_torque_2", "reference_1", "reference_2", "external_torque", "stiffness",
 )  # fmt: skip
-"""Quantities that belong to a step: values of the last step; at the start of an episode, of the first step."""
+"""Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
+step."""
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3

@@ -24,7 +24,7 @@ from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.worlds import Worlds
 
 LARGEST = float(np.finfo(np.float32).max)
-"""Bound in the observation space of values that are unbounded."""
+"""Bound that the observation space states for unbounded values."""
 Single = NDArray[np.float32]
 
 

@@ -32,7 +32,7 @@ class Export:
     """An exported model, and its differences from the simulation in asrsim."""
 
     files: tuple[Path, ...]
-    """Written files, the model first."""
+    """Paths of the written files; the model is the first file."""
     remarks: tuple[str, ...]
     """Sentences about parts of the scenario that the model lacks."""
     replay: Replay
@@ -60,14 +60,11 @@ def export_mjcf(
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
 
-    Args:
-        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
-        out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
-        variant, overrides: As for `asrsim.run`.
-        knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
-        timestep: Time step of the model, s; None: the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets its values, and its intervals become ranges for randomisation.
-        plot: Draw the error.
+    Args: scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3). out: Path of the model; meshes, picture of
+    the error, and ranges are written into the folder of the model. variant, overrides: As for `asrsim.run`. knots: Number of
+    knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad. timestep: Time step of
+    the model, s; None: the scenario's step. fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the
+    intervals of the fit become ranges for randomisation. plot: Draw the error.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent.
@@ -97,7 +94,7 @@ def export_mjcf(
     files += draw(result, path) if plot else []
     remarks = list(model.remarks)
     if distribution is not None:
-        # The models of both ends of an interval need equal numbers of tendons.
+        # Models with the values at both ends of an interval need equal numbers of tendons.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
         files.append(write_ranges(ready, distribution, lambda other: model_with(other, most).text, path, Path(str(fit))))
         if not distribution.fits:

@@ -22,8 +22,9 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 TINY = "1e-9"
-"""Mass (kg) and moments of inertia (kg m^2) of motor bodies: MuJoCo rejects massless ones. A motor's inertia is its joint's
-armature."""
+"""Mass (kg) and moments of inertia (kg m^2) of motor bodies: MuJoCo rejects bodies without mass. The real inertia of a motor is
+the armature of its joint.
+"""
 HARD: Mapping[str, str] = {"solreffriction": "0.004 1", "solimpfriction": "0.99 0.999 0.01"}
 """Solver parameters with which friction is nearly Coulomb friction."""
 STOP: Mapping[str, str] = {"solreflimit": "0.004 1", "solimplimit": "0.99 0.999 0.001"}
@@ -124,7 +125,7 @@ def motor_name(joint: str, index: int) -> str:
 
 
 def _add(parent: Any, tag: str, **attributes: Any) -> Any:
-    """New child element; numbers are written with all digits, and attributes that are None are left out."""
+    """Add a child element to an XML element; numbers are written with all digits, and attributes that are None are left out."""
     texts = {}
     for name, value in attributes.items():
         if value is not None:
@@ -201,7 +202,9 @@ def _friction(damping: float, friction: float) -> dict[str, Any]:
 
 
 def springs_of(drive: Drive, reach: float, adjuster: float, knots: int | None = None) -> tuple[Spline, ...]:
-    """Spline of each motor's spring. Raises ScenarioError for a law that depends on more than each motor's own deflection."""
+    """Splines of the springs of a drive, one for each motor. Raises ScenarioError for a law that depends on more than each
+    motor's own deflection.
+    """
     actuator, count = drive.actuator, drive.actuator.motors
     tail = [adjuster] if actuator.adjuster else [0.0] * (actuator.positions() - count)
 
@@ -268,7 +271,7 @@ def _actuator(
 
 
 def _keyframe(root: Any, prepared: Prepared) -> None:
-    """Add the start of the scenario as a keyframe."""
+    """Add the initial state of the scenario as a keyframe."""
     scenario = prepared.scenario
     motors = {drive.name: drive.motor_starts(drive.dynamic_motors) for drive in prepared.drives}
     starts = zip(prepared.initial_positions, prepared.initial_velocities, strict=True)

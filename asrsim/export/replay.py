@@ -33,7 +33,7 @@ class Replay:
 
     @property
     def error(self) -> Array:
-        """Differences MuJoCo - asrsim (n, joints), mrad (mm)."""
+        """Positions in MuJoCo minus positions in asrsim (n, joints), mrad (mm)."""
         return 1e3 * (self.theirs - self.ours)
 
     @property
@@ -63,7 +63,9 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def controls(prepared: Prepared, run: Mapping[str, Array], model: Any) -> Array:
-    """Controls of the model's actuators (n, actuators) at the scenario's steps: the references as goals of the motors."""
+    """Controls of the model's actuators (n, actuators) at the scenario's steps: commanded motor positions that follow from the
+    references.
+    """
     shape = run["link_position"].shape
     found = np.zeros((shape[0], model.nu))
     for j, stepped in enumerate(prepared.drives):
@@ -114,7 +116,7 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
 
 
 def draw(found: Replay, path: Path) -> list[Path]:
-    """Draw both motions and the error in a picture beside the model. Raises OutputError."""
+    """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
     with styled(mathematics=False):
         from matplotlib.figure import Figure
 

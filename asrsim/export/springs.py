@@ -10,13 +10,13 @@ import numpy as np
 from asrsim.samples import Array
 
 POINTS = 2001
-"""Number of deflections at which a law is evaluated."""
+"""Number of deflections at which a spring law is evaluated."""
 KNOTS, ERROR = (4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
 FAR = 1e6
 """End of a dead band that no motion reaches, rad."""
 OFFSET = 1e3
-"""Rest position of the weak linear piece that produces a constant torque, rad."""
+"""Rest position of a weak linear spring that produces a nearly constant torque, rad."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _joined(shapes: Sequence[Piece], factors: Sequence[float]) -> list[Piece]:
 
 
 def _flat_beyond(pieces: Sequence[Piece], edge: float) -> Piece:
-    """Piece that cancels the growth of all other pieces beyond an edge."""
+    """Piece that makes the total torque constant beyond a deflection `edge`."""
     slope = curve = third = 0.0
     for piece in pieces:
         u = max(edge - piece.high, 0.0) + min(edge - piece.low, 0.0)

@@ -22,7 +22,7 @@ LOAD_CELL = 0.05
 REPEATED = 10.0
 """Largest factor by which a longer recording is advised."""
 LONGEST = 600
-"""Longest experiment that is proposed, s."""
+"""Longest duration of a proposed experiment, s."""
 
 
 def _moved(result: Result) -> dict[str, dict[str, Any]]:

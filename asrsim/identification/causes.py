@@ -1,4 +1,4 @@
-"""Extensions of a model: adopted during a fit, or named as possible causes if the model does not fit."""
+"""Extensions of a model, which are adopted during a fit, or named as possible causes if the model does not fit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EXPLAINED = 0.9
 PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 FURTHER = 0.8
-"""A further cause is suspected if at most this fraction of the mean square error remains with it."""
+"""A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
 CAUSES, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
@@ -42,7 +42,7 @@ reached.
 """
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
-correlation to that of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
+correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
 """
 CALLED = {
     "passive_stiffness": "a passive spring of {}", "hysteresis_torque": "hysteresis of the springs of {}",
@@ -65,7 +65,7 @@ def stairs(problem: Problem) -> Iterator[Extension]:
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
     """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
-    friction share it.
+    friction share the stiffness.
     """
     layout = problem.layout
     known, tied = parameters_of(robot, (), {}), {tie.key: tie.to for tie in layout.ties}
@@ -131,7 +131,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _delay(problem: Problem) -> Iterator[Extension]:
-    """Extension by a common delay of all commands."""
+    """Extension of a problem by a common delay of all commands."""
     commands = list(dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands))
     if commands and not any(key.endswith(".delay") or key == "clock" for key in _taken(problem)):
         first, *others = (f"{key}.delay" for key in commands)
@@ -163,7 +163,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                     begins=((zero / offset.size, -float(np.log(slope))),), share=FURTHER,
                 )  # fmt: skip
         for name, parameter in (("zero", offset), ("gain", gain)):
-            # A shared parameter stays free; each recording but the first gets a separate value in addition.
+            # A shared parameter stays free; in addition each recording except the first gets a separate value.
             if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
                 wider = freed(problem, [parameter], tracks=list(problem.fitted)[parameter.key in free :])
                 text = f"a {name} of {key} in each recording"
@@ -202,7 +202,7 @@ def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
-    """Yield each tie, and a problem in which the tied parameter is free."""
+    """Yield each tie between parameters, and a problem in which the tied parameter is free."""
     layout = problem.layout
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:

@@ -27,9 +27,11 @@ DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
 MULTIPLIED = ("1", "m")
 """Units of gains, ratios and lever arms: positive parameters with these units are factors, never terms of a sum."""
 MOST, WHOLE = 4, 0.08
-"""Largest integer factor of a term in a sum; largest relative distance of a factor from that integer."""
+"""Largest integer factor of a term in a sum; largest relative deviation of a factor from the integer."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
-"""Names of the moments of inertia about the axes; largest deviation of an exponent from that of the inertia about the joint."""
+"""Names of the moments of inertia about the axes; largest deviation of an exponent from the exponent of the inertia about the
+joint.
+"""
 
 
 def percent(share: float) -> str:
@@ -51,7 +53,7 @@ def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Combination:
-    """Expression of several parameters that is identified although the parameters are not."""
+    """Expression of several parameters whose value is identified although the single parameters are not identified."""
 
     text: str
     """Formula, such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
@@ -79,7 +81,7 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     for j in set(range(len(free))) - set(pivots):
         exponents = np.eye(len(free))[j]
         for row, pivot, mine in zip(rows, pivots, parts, strict=True):
-            # Along a direction the pivot changes by 1 and entry j by row[j], so the product with these exponents is constant.
+            # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         if np.count_nonzero(exponents) > 1:
             # A form that overflows has an infinite interval and is not chosen.
@@ -183,7 +185,9 @@ def _power(name: str, power: float) -> str:
 
 
 def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[_Form]:
-    """Form other / (inertia + m r^2), with the inertia about the joint, where other * inertia^power is constant."""
+    """Form other / (inertia + m r^2), with the moment of inertia about the joint, for a constant product other *
+    inertia^power.
+    """
     beside, size = _beside(known, known.entries[inertia]), float(known.values[inertia])
     if beside > 0.0 and abs(power * (size + beside) / size + 1.0) <= ABOUT:
         change = np.zeros(len(known.free))
@@ -193,8 +197,8 @@ def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Itera
 
 
 def _beside(known: _Known, entry: Entry) -> float:
-    """Term m r^2 of the link if the entry is its moment of inertia about the joint's axis; 0 for other entries, or if m or r
-    is free.
+    """Term m r^2 of a link if the entry is the link's moment of inertia about the joint's axis; 0 for other entries, or if m or
+    r is free.
     """
     link, _, name = entry.parameter.key.rpartition(".")
     if name not in AXES or known.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
@@ -212,7 +216,7 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
     """Sum other + n pivot of parameters with the same unit, n a small integer."""
     first, second = known.entries[other], known.entries[pivot]
     a, b = float(known.values[other]), float(known.values[pivot])
-    # d a / a + power d b / b = 0: a + times b is constant nearby.
+    # From d a / a + power d b / b = 0 follows that a + times b is constant for small changes.
     times = power * a / b if b else 0.0
     signed, whole = min(a, b) <= 0.0, round(times)
     factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
@@ -231,7 +235,9 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:
-    """Sparse basis of the same space, in reduced echelon form with the largest elements as pivots, and the pivots' columns."""
+    """Sparse basis of the space that given vectors span, in reduced echelon form with the largest elements as pivots, and the
+    pivots' columns.
+    """
     rows, pivots = directions.copy(), []
     for i in range(len(rows)):
         pivot = int(np.argmax(np.abs(rows[i])))

@@ -38,7 +38,7 @@ class Guide:
     """Controller that brings a simulated joint back to its recorded position."""
 
     command: str
-    """Key of the recorded torque."""
+    """Key of the command with the recorded torque."""
     positions: Array
     """Recorded positions (n,) at the channel's times."""
     stiffness: float
@@ -65,7 +65,7 @@ class Channel:
 
     @property
     def key(self) -> str:
-        """`joint.quantity`."""
+        """Key of the channel: `joint.quantity`."""
         return f"{self.joint}.{self.quantity}"
 
     @property
@@ -80,14 +80,14 @@ class Command:
 
     joint: str
     quantity: str
-    """reference_1, reference_2 or external_torque."""
+    """Kind of the command: reference_1, reference_2 or external_torque."""
     name: str
     """Name of the reference in the joint's mode, or `external_torque`."""
     time: Array
     values: Array
     hold: bool
     source: str
-    """Column of the recording."""
+    """Column of the recording that contains the command."""
     unit: str
     scale: float = 1.0
     """Factor between the recorded quantity and the reference."""
@@ -96,23 +96,23 @@ class Command:
 
     @property
     def key(self) -> str:
-        """`joint.reference_1`."""
+        """Key of the command, such as `joint.reference_1`."""
         return f"{self.joint}.{self.quantity}"
 
     @cached_property
     def curve(self) -> Curve:
-        """Curve through the samples."""
+        """Curve of the command through the recorded samples."""
         return curve_through(self.time, self.values, hold=self.hold)
 
     @cached_property
     def as_stairs(self) -> Command:
-        """Command whose samples are held until the next sample."""
+        """Command that is constant between samples, each sample until the next."""
         return self if self.hold else replace(self, hold=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Data:
-    """One recording."""
+    """A recording that is prepared for a fit."""
 
     name: str
     path: Path
@@ -123,16 +123,16 @@ class Data:
     modes: Mapping[str, int]
     """Operation modes, by joint, that replace the robot's modes to suit the commands."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Parameters of controllers that replace the robot's, by joint."""
+    """Parameters of controllers that replace the robot's parameters, by joint."""
     guides: tuple[Channel, ...] = ()
-    """Recorded positions that joints follow; they are not compared."""
+    """Recorded positions that joints follow exactly and that are therefore not compared."""
     remarks: tuple[str, ...] = ()
     held: bool
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
 
 def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
-    """All recordings, the fitted ones first. Raises InputError with the problems of all recordings."""
+    """Read all recordings; the fitted recordings come first. Raises InputError with the problems of all recordings."""
     found: list[Data] = []
     problems: list[Problem] = []
     for held, experiments in ((False, task.experiments), (True, task.validate)):
@@ -271,7 +271,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
         if early.source not in mapped and np.array_equal(early.values, late.values):
-            continue  # a copy of a measurement, such as another topic of a log
+            continue  # a column that copies another measurement, such as another topic of a log
         a, b = (c.values - c.values.mean() for c in (early, late))
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
             found[late.source] = f"'{early.source}'"

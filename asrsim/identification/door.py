@@ -36,7 +36,7 @@ COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in (
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
 ENGINES_KEPT = 3
-"""Number of substep settings whose engines are kept open: fits alternate between settings."""
+"""Number of substep settings whose engines stay open, since fits alternate between settings."""
 AT_ONCE = cores()
 """Number of worlds of a rollout that run in parallel threads."""
 
@@ -95,7 +95,7 @@ class Door:
             try:
                 found = made.rollout(quantities, start=several, steps=steps)
             except RobotError:
-                # A set of parameters is not physical: simulate each set alone.
+                # If one set of parameters is not physical, each set is simulated alone.
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):

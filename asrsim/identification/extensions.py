@@ -28,14 +28,14 @@ FAR_OFF = 4.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """A problem with additional free parameters at the end of its vector, or with commands played as a staircase."""
+    """A problem with additional free parameters at the end of its parameter vector, or with commands played as a staircase."""
 
     text: str = ""
     flags: str = ""
     """Options of `asrsim identify` that add this extension."""
     problem: Problem
     begins: tuple[float | tuple[float, ...], ...] = ()
-    """Start values of the new entries; empty: the linearised optimum."""
+    """Start values of the new entries of the parameter vector; empty: the start is the optimum of the linearised problem."""
     finite: bool = False
     """Whether the effect of the extension is simulated at the start values, since derivatives do not show this effect."""
     restepped: bool = False
@@ -66,7 +66,9 @@ class _Place:
         return np.asarray(change - self._free @ (self._free.T @ change))
 
     def promises(self, extension: Extension) -> Iterator[tuple[float, Extension, Array]]:
-        """Fraction of the squared error that an extension would explain to first order, and the start of its refit."""
+        """Fraction of the squared error that an extension would explain to first order, and start vector for a refit with the
+        extension.
+        """
         from scipy.optimize import lsq_linear
 
         n, layout = len(self.x), extension.problem.layout
@@ -85,14 +87,14 @@ class _Place:
         yield self._share(alone @ moves), extension, np.append(self.x, extension.begins[:1] or moves)
 
     def _share(self, change: Array) -> float:
-        """Fraction of the squared error that a change explains; 0 if it is not significant."""
+        """Fraction of the squared error that a change of the residuals explains; 0 if the fraction is not significant."""
         before, after = float(self._left @ self._left), float(np.sum((self._left + change) ** 2))
         return 1.0 - after / before if (before - after) * len(change) > ASKED * after else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Extended:
-    """A problem with the adopted extensions, and its fit."""
+    """A problem with the adopted extensions, and the fitted parameter vector."""
 
     chosen: tuple[Extension, ...]
     problem: Problem

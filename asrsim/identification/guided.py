@@ -1,8 +1,9 @@
 """Joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate. Therefore a stiff
-controller brings the simulated joint back to the recorded position, and the torque that it adds is the error that is compared.
+controller brings the simulated joint back to the recorded position, and the additional torque of the controller is the error
+that is compared.
 
-The controller is that of mode 1. Its reference r holds the recorded torque u, position q and velocity v: P (r - x) - D x'
-= u + P (q - x) + D (v - x').
+The controller is that of mode 1. Its reference r combines the recorded torque u, position q and velocity v; x is the simulated
+position: P (r - x) - D x' = u + P (q - x) + D (v - x').
 """
 
 from __future__ import annotations
@@ -66,8 +67,9 @@ def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
     # The samples are so far apart that the controller does not correlate their errors.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
     # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
-    # frequency s in units of the bandwidth. The shares are integrals of their squares: for the position up to its cutoff s = 2;
-    # its noise is measured between s = 1 and 2, where the motion has ended. Jumps of friction need the torque far beyond s = 2.
+    # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
+    # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps
+    # of friction need the torque far beyond s = 2.
     above = smoothed(raw, 4.0 * band * step) - smoothed(raw, 2.0 * band * step)
     of_position = gain * float(np.std(above[inside])) * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
     noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step * TORQUE_SHARE), of_position))

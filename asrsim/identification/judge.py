@@ -18,7 +18,7 @@ FITS, SURE = 1.25, 2.0
 """Largest ratio of residuals to noise at which residuals count as noise; increase of this ratio for n samples, times sqrt(n).
 """
 WHITE = 0.3
-"""Lag-1 correlation of residuals below which they count as noise."""
+"""Lag-1 correlation below which residuals count as noise."""
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
@@ -28,9 +28,9 @@ EXPLAINED = 0.5
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
 OPPOSED = 0.5
-"""Size of a negative correlation of prediction and recording above which the sign may be wrong."""
+"""Magnitude of a negative correlation of prediction and recording above which the channel's sign may be wrong."""
 MOVES = 8.0
-"""Range of a recording, in standard deviations of its noise, above which it counts as moving."""
+"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ChannelFit:
     steps: float = 0.0
     """Largest RMS error of an encoder that rounds down."""
     opposed: bool = False
-    """Whether the prediction moves against the record: the sign may be wrong."""
+    """Whether prediction and recording have opposite directions, so that the channel's sign may be wrong."""
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0
@@ -165,9 +165,8 @@ def rms(values: Array) -> float:
 
 
 def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
-    """Reasons why the model does not fit; empty if it fits.
-
-    unsure: RMS change of each channel's held-out prediction within the intervals of the estimates.
+    """Reasons why the model does not fit; empty if the model fits. unsure: RMS change of each channel's held-out prediction
+    within the intervals of the estimates.
     """
     reasons = []
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
@@ -211,7 +210,7 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
 
 
 def praise(fits: Sequence[ChannelFit]) -> str:
-    """Sentence on the held-out part of a model that fits."""
+    """Sentence on the prediction of the held-out part by a model that fits."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
         return "the model fits; nothing was held out"

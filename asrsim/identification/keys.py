@@ -16,7 +16,7 @@ from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25
-"""Bound of delays and clock offsets, s."""
+"""Largest delay and largest clock offset that a fit allows, s."""
 TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
     "kg": 0.1, "kg m^2": 1e-3,
@@ -36,8 +36,8 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     logarithmic: bool = False
-    """Whether the search uses the logarithm of the parameter. It does for positive parameters, except friction and damping,
-    which may be 0.
+    """Whether the search uses the logarithm of the parameter. The logarithm is used for positive parameters, except friction
+    and damping, which may be 0.
     """
     own: bool = False
     """Whether each recording has a separate value."""
@@ -49,7 +49,9 @@ class Parameter:
 
 
 def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, Parameter]:
-    """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: `joint.quantity` -> unit."""
+    """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: units of the recorded channels,
+    by `joint.quantity`.
+    """
     found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(robot, commands, channels)]
     return {parameter.key: parameter for parameter in found}
 
@@ -116,7 +118,7 @@ def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, s
 
 
 def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:
-    """Free parameters in the order of the task, and ties between single keys. Raises InputError with every problem."""
+    """Free parameters in the order of the task, and ties between single parameters. Raises InputError with every problem."""
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
@@ -181,7 +183,7 @@ def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
 
 
 def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
-    """Keys that the pattern matches, and the keys that they follow: the text matched by `*` replaces `*` in the other key."""
+    """Keys that a pattern matches, each with the key to which it is tied; the text matched by `*` replaces `*` in that key."""
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
         if (match := pattern.fullmatch(key)) is not None:

@@ -20,7 +20,7 @@ class Entry:
 
     parameter: Parameter
     track: int | None
-    """Index of the recording that this entry belongs to; None: shared by all recordings."""
+    """Index of the recording to which this entry belongs; None: all recordings share the entry."""
     name: str
     """Displayed name: the key, with the recording's name if the recording has a separate value."""
     start: float

@@ -71,7 +71,7 @@ def lag_correlation(residuals: Array, lag: int = 1) -> float:
 
 
 def independent_samples(residuals: Array) -> float:
-    """Equivalent number of independent samples of residuals (n,), from their lag-1 correlation."""
+    """Number of independent samples to which residuals (n,) are equivalent, from the lag-1 correlation of the residuals."""
     correlation = min(max(lag_correlation(residuals), 0.0), 1.0 - 1e-6)
     return len(residuals) * (1.0 - correlation) / (1.0 + correlation)
 
@@ -104,7 +104,8 @@ def is_nothing(size: float, noise: float) -> bool:
 def swing(residuals: Array) -> float:
     """Frequency, in cycles per sample, of a significant line in the spectrum of residuals (n,); 0 if there is no such line.
 
-    The line is compared with the median of the frequencies around it, so that coloured noise has no lines.
+    The power of a line is compared with the median power of the frequencies around the line, so that coloured noise has no
+    lines.
     """
     from scipy.special import gammaincc
 
@@ -114,7 +115,7 @@ def swing(residuals: Array) -> float:
     centred = residuals - residuals.mean()
     power = np.abs(np.fft.rfft(whiten(centred, np.array([lag_correlation(centred)]))))[1:] ** 2
     around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
-    # Powers of noise are exponentially distributed: the median is log 2 times the mean.
+    # The power of noise at a frequency is exponentially distributed, so its median is log 2 times its mean.
     height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
     band = np.convolve(height, np.ones(WIDTH), "same")
     most = int(np.argmax(band))
@@ -178,7 +179,9 @@ def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, f
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:
-    """Value of a channel at time 0 and its error, from the mean of the samples before it moves, or from the first sample."""
+    """Value of a channel at time 0 and its error, from the mean of the samples before the channel moves, or from the first
+    sample.
+    """
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
     count = still if still >= LONG else 1

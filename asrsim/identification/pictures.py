@@ -32,7 +32,7 @@ def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> lis
 
 
 def figures(result: Result) -> dict[str, Figure]:
-    """Name -> figure of a recording; call it inside `asrsim.plots.output.styled`."""
+    """Figures of the recordings, by file name; to be called inside `asrsim.plots.output.styled`."""
     found: dict[str, Figure] = {}
     for number, end in enumerate(result.ends):
         channels = [one for one in result.channels if one.track == number]

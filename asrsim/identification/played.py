@@ -27,7 +27,7 @@ class Played(Signal):
 
     command: Command
     step: float
-    """Length of the averaging window, s."""
+    """Duration of the averaging window, s."""
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0

@@ -1,5 +1,5 @@
-"""A fit as a frozen value: recordings, free parameters and weights. Residuals, derivatives and searches are functions of the
-problem; `replace` makes a changed problem.
+"""A fit as an immutable object with recordings, free parameters and weights. Residuals, derivatives and searches are functions
+of the problem; `dataclasses.replace` makes a changed problem.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ HUBER = 3.0
 def weigh(values: Array, noise: float, quantum: float) -> Array:
     """Residuals (n,) or (n, k) of a channel, in standard deviations of its noise.
 
-    The zero of an encoder is known only within its step `quantum`; the weight of the mean is reduced accordingly.
+    The zero of an encoder is uncertain by its step `quantum`, so the weight of the mean residual is reduced.
     """
     sizes = values / noise
     zero = len(values) * (quantum / noise) ** 2 / 12.0
@@ -101,7 +101,7 @@ class Problem:
         return self.playing[0].held
 
     def played(self, held: frozenset[str]) -> Problem:
-        """Problem in which these commands are played as staircases, in all recordings."""
+        """Problem in which the commands with given keys are played as staircases, in all recordings."""
         return replace(self, playing=tuple(replace(one, held=held) for one in self.playing))
 
     def under(self, layout: Layout) -> Problem:
@@ -147,7 +147,7 @@ class Problem:
 
 
 def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> list[Array] | None:
-    """Predicted minus recorded values of each channel; whole: over the whole recording. None if the simulation diverges."""
+    """Predicted minus recorded values of each channel; whole: compare the whole recording. None if the simulation diverges."""
     one, until = problem.tracks[track], None if whole else problem.until(track)
     predicted = one.predict(problem.layout.table(x, track), problem.playing[track], until)
     problem.meter.count()
@@ -171,8 +171,8 @@ def _weighted(problem: Problem, differences: list[Array] | None, track: int) -> 
 def jacobian(
     problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None
 ) -> Array:
-    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: (m,) residuals at x; columns: computed
-    columns.
+    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
+    of the columns to compute.
     """
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns

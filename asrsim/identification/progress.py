@@ -13,16 +13,16 @@ from asrsim.identification.search import Best, Stopped
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of a fit."""
+    """Progress of a running fit."""
 
     stage: str
     cost: float
     """Smallest mean square residual so far, relative to the noise."""
     evaluations: int
     elapsed: float
-    """Time since the start, s."""
+    """Time since the start of the fit, s."""
     remaining: float
-    """Estimated remaining time if this start is the last, s; nan: unknown."""
+    """Estimated remaining time if the search tries no further start, s; nan: unknown."""
 
 
 OFTEN = 0.2
@@ -34,7 +34,7 @@ UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 
 
 class Watch:
-    """Calls the user's functions between evaluations, and ends the search on time."""
+    """Observer that calls the user's functions between evaluations, and ends the search at its time limit."""
 
     def __init__(
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None

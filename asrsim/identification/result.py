@@ -31,7 +31,7 @@ class Result:
     """Covariance of the parameter vector."""
     channels: tuple[ChannelFit, ...]
     misfit: tuple[str, ...]
-    """Reasons why the model does not fit; empty if it fits."""
+    """Reasons why the model does not fit; empty if the model fits."""
     causes: tuple[str, ...]
     """Effects that the model may lack."""
     remarks: tuple[str, ...]
@@ -41,7 +41,7 @@ class Result:
     attempts: int
     successes: int
     status: str
-    """complete, unfinished (time limit reached), interrupted or checked."""
+    """Status of the fit: complete, unfinished (time limit reached), interrupted or checked."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
@@ -68,7 +68,9 @@ class Result:
         return min((one.explained for one in self.channels if not math.isnan(one.explained)), default=0.0)
 
     def find(self, key: str) -> Estimate:
-        """Estimate of a key, the first if each recording has a separate value. Raises KeyError."""
+        """Estimate of the parameter with a key; if each recording has a separate value, the estimate for the first recording.
+        Raises KeyError.
+        """
         for one in self.estimates:
             if key in (one.key, one.name):
                 return one

@@ -84,7 +84,7 @@ def identify(
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
-    """Status of the search, whose result is in `best`."""
+    """Search for the parameters, store the best fit in `best`, and return the status of the search."""
     try:
         search(best, setup, watch.stage)
         watch.stage("substeps and weights")
@@ -135,7 +135,9 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences on effects that the model may lack, from the training part, or from whole recordings if that part fits."""
+    """Sentences on effects that the model may lack, from the training part, or from whole recordings if the
+    training part fits.
+    """
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
         plain = plain.whole

@@ -1,5 +1,5 @@
-"""The search: least squares from several starts, some with a growing horizon. Substeps and weights are then adapted to the
-estimates.
+"""The search: least squares from several start vectors, for some starts with a growing fitted part of the recording. Substeps
+and weights are then adapted to the estimates.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGREED = 2
 OUTLIER = 6.0
 """Robust standard deviations above which a residual is an outlier."""
 SPREAD = 3.0
-"""Factor by which starts are scattered."""
+"""Factor by which start values are scattered."""
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
@@ -53,7 +53,7 @@ class Best:
     """Number of searches that reached the smallest cost."""
 
     def offer(self, found: Extended, how: str) -> None:
-        """Store the end of a search if it is the best."""
+        """Store the result of a search if it is the best fit so far."""
         self.attempts += 1
         near = np.isfinite(self.cost) and max(self.cost, found.cost) < 1.02 * min(self.cost, found.cost)
         if found.cost < self.cost * (1.0 - 1e-4):

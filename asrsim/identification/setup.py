@@ -26,7 +26,7 @@ class Setup:
     scenario: Scenario
     robot: Robot
     asked: frozenset[str]
-    """Keys that the task frees."""
+    """Keys of the parameters that the task frees."""
     problem: Problem
 
 
@@ -49,7 +49,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     for one in data:
         tracks.append(Track(scenario, given, guided(one, robot, asked), trusted))
         stack.callback(tracks[-1].close)
-    # Free initial states of links that begin elsewhere than in the scenario, or in motion.
+    # Initial states are free for links that start in motion, or at other positions than in the scenario.
     starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
     free += [known[key] for key in starts if key not in asked]
     # Recordings that are not fitted keep the start values of their separate parameters.

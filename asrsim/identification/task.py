@@ -68,7 +68,7 @@ _FREE = MapOf(of=_WISH, noun="key", star=False)
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A fit as data. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
+    """The contents of a fit file. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
 
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
@@ -109,7 +109,7 @@ class Task:
     )
     name: str = ""
     file: Path | None = None
-    """The fit file; None if the task was made from a scenario."""
+    """Path of the fit file; None if the task was made from a scenario."""
 
 
 _KEYS: Block[Any] = block_of(Task, "fit")
@@ -130,8 +130,8 @@ def task_of(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to the fit file's; other
-    arguments replace its values. Raises InputError with every problem.
+    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to those of the fit file;
+    other arguments replace values of the fit file. Raises InputError with every problem.
 
     free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
     parameters with a separate value for each recording; mapping, rate: apply to all recordings; plugins: files that the fit

@@ -22,7 +22,7 @@ NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_veloci
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL = 4.5
-"""Standard errors within which a recording's initial state equals the scenario's."""
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state."""
 SOON = 0.05
 """A channel gives the initial state only if its first sample is not later than this time, s."""
 KEPT = 6
@@ -30,7 +30,7 @@ KEPT = 6
 
 
 Settings = tuple[tuple[str, float], ...]
-"""Pairs of key and value."""
+"""Values of parameters as pairs of key and value."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Playing:
 
     substeps: Substeps
     held: frozenset[str] = frozenset()
-    """Keys of commands that are played as staircases: each sample is held until the next."""
+    """Keys of commands that are played as staircases: each sample is constant until the next."""
     draw: int | None = None
     """Random seed of the noise that is added to the recorded commands; None: no noise."""
 
@@ -69,7 +69,7 @@ class Track:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Compared channels."""
+        """Channels that are compared with the simulation."""
         return self.data.channels
 
     # -- initial state -------------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ class Track:
 
     @property
     def playing(self) -> Playing:
-        """Unchanged recorded commands, with the default substeps."""
+        """Playing with unchanged recorded commands and the default number of substeps."""
         return Playing(self.door.substeps)
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
@@ -164,7 +164,7 @@ class Track:
             for what, start in (("position", self.positions), ("velocity", self.velocities))
         )
         for drive in self.door.drives:
-            # A noisy recording may begin slightly beyond a stop.
+            # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,

@@ -1,7 +1,8 @@
 """Intervals of the estimates, from the noise in the residuals and from the spread between blocks of the recordings.
 
-The covariance of least squares is H S H: H is the inverse of J'J, S the covariance of J'r. S follows from the noise of each
-channel: from its spectrum, by an autoregression of the residuals, and from the steps of its encoder.
+The covariance of least squares is H S H: J is the Jacobian of the residuals r, H the inverse of J'J, and S the covariance of
+J'r. S follows from the noise of each channel: from its spectrum, by an autoregression of the residuals, and from the steps of
+its encoder.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from asrsim.samples import Array
 BLOCKS = 10
 """Number of blocks of each recording whose gradients give the spread."""
 CHANCE = 0.95
-"""Quantile of the spread under white noise above which the spread between blocks is used."""
+"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise."""
 GONE = 1e3
 """Standard deviation, in the vector's units, above which a direction is unidentifiable."""
 CORNER = 1e-5
@@ -27,7 +28,7 @@ CORNER = 1e-5
 deviations.
 """
 REACH = 1e-3
-"""Longest step of a directional derivative, in the vector's units."""
+"""Longest step with which a directional derivative is computed, in the vector's units."""
 DRAWS = 100
 """Number of random draws of an encoder's quantisation."""
 AGREES, ROUNDS = 0.3, 4
@@ -37,7 +38,7 @@ PLAYED = 8
 CORRECTIONS = 3
 """Number of rounds that correct autocovariances for the fitted parameters."""
 STATIONARY = 1e-3
-"""Smallest distance of an autoregression from instability."""
+"""Smallest allowed distance of an autoregressive model from instability."""
 FINER = 4
 """Factor by which substeps are refined to estimate the time-step error."""
 
@@ -134,7 +135,8 @@ class _Noise:
         return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
 
     def lost(self, basis: Array, spread: Array, taken: Array, lags: int) -> Array:
-        """Autocovariance (lags,) of the noise minus that of the residuals, which fitting the parameters has reduced.
+        """Autocovariance (lags,) of the noise minus the autocovariance of the residuals, which are smaller since parameters
+        were fitted.
 
         basis: orthonormal basis (n, k) of the Jacobian's columns; spread: C times basis; taken: basis' C basis (k, k), summed
         over the channels.
@@ -151,9 +153,9 @@ class _Noise:
 def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
     """Covariance (n, n) of J'r due to the channels' noise, and its degrees of freedom.
 
-    Fitting reduces the residuals, most if the noise is as slow as the motion. Their autocovariances are corrected by the
-    expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15).
-    left: residuals (m,); slopes: Jacobian (m, n).
+    Fitting reduces the residuals, especially if the noise is as slow as the motion. The autocovariances of the residuals are
+    corrected by the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left: residuals (m,); slopes: Jacobian (m,
+    n).
     """
     parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
     basis = np.linalg.qr(slopes)[0]
@@ -193,8 +195,8 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 def uncertainty(
     problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False, quick: bool = False
 ) -> Uncertainty:
-    """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise; quick: compute
-    derivatives with one simulation for each entry.
+    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: assume that the residuals are white
+    noise; quick: compute derivatives with one simulation for each entry.
     """
     n = len(x)
     left = residuals(problem, x)
@@ -213,7 +215,7 @@ def uncertainty(
         empty = ~np.any(scores != 0.0, axis=1)
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
-        # At a bound the sum of the gradients differs from 0: subtract the mean.
+        # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
         bound = np.asarray(at_bound, dtype=bool)
         scores[:, bound] -= scores[:, bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)

@@ -24,9 +24,9 @@ NONE = 1.0
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 VANISHED = 0.01
-"""Fraction of its start value below which a positive parameter without effect has vanished."""
+"""A positive parameter without effect counts as vanished below this fraction of its start value."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
-"""Last parts of keys of positions, zeros and delays, whose relative error is meaningless."""
+"""Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
 LACKING = (
     ("motor", "motor", "motors have no dynamics"),
     ("controller", "controller", "there is no controller"),

@@ -25,14 +25,16 @@ MARK = b"<!-- written by asrsim identify -->\n"
 
 
 def as_dict(result: Result) -> dict[str, Any]:
-    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are for `asrsim sweep --fit`."""
+    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
+    sweep --fit`.
+    """
     from asrsim import __version__
 
     # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
     bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
     slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
-    # A sweep draws numbers of the robot, except those without effect.
+    # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
         i for i, one in enumerate(result.estimates)
         if one.track is None
@@ -92,7 +94,7 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
     kept = {
         one.key for one in result.estimates
-        # Even a weak pre-sliding stiffness is better than the default, with which the other estimates would not fit.
+        # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
             everything or one.verdict == IDENTIFIED
@@ -176,7 +178,7 @@ def _scenario_text(
 
 
 def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
-    """Data in which playbacks of these columns have the interpolation that was fitted."""
+    """Data of a scenario in which playbacks of the fitted columns have the fitted interpolation."""
     if not isinstance(data, Mapping):
         return data
     between = columns.get(data.get("column", "")) if "file" in data else None

@@ -1,6 +1,6 @@
 """First-order closed-loop inverse kinematics with damped least squares (Siciliano et al. 2010, section 3.7).
 
-The loop is closed on the model, not on the measured tip. With the measured tip it would integrate the deflection of the
+The loop is closed on the model, not on the measured tip. With the measured tip, the loop would integrate the deflection of the
 springs, and the references would drift without end.
 """
 
@@ -83,8 +83,8 @@ def bounded_step(
 ) -> Array:
     """Damped least-squares joint step (n,) towards `displacement` (rows,), within [lowest, highest] (n,) each.
 
-    A joint whose step would pass its bound is placed at the bound. Its motion is subtracted from the task, and the other
-    joints are solved again for the rest.
+    A joint whose step would pass its bound is placed at the bound. The motion of this joint is subtracted from the task, and
+    the steps of the other joints are computed again for the rest of the task.
     """
     step = np.zeros(jacobian.shape[1])
     active = free.copy()

@@ -23,8 +23,8 @@ EXACT = 1e-9
 def equilibrium_for_load(drive: Drive, position: float, load: float, preset: float, *, droop: bool = False) -> float:
     """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
 
-    preset: the second reference (stiffness preset, or adjuster in m). droop: include the steady-state error of the motors
-    under their load. Raises ScenarioError if the springs or the motors cannot hold the load.
+    preset: the second reference (stiffness preset, or adjuster in m). droop: whether to include the steady-state error of the
+    motors under their load. Raises ScenarioError if the springs or the motors cannot hold the load.
     """
     values = (np.array([value], dtype=float) for value in (position, load, preset))
     return float(equilibria_for_loads(drive, *values, droop=droop)[0])

@@ -1,14 +1,15 @@
 """Inverse model of one joint's drive: the input that gives the wanted torque on a link with the wanted motion.
 
 The deflection of the springs is found by inverting their law, so that this works for every registered actuator. The lag of
-the motors behind their references follows from their own motion (paper equations 7, 8 and 11):
+the motors behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position
+theta, gains P, I and D, inertia J, damping d, friction F and spring torque tau_el:
 
     P (r - theta) + I int (r - theta) = J theta'' + (d + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
-With theta = rho s + nu d, nu orthogonal to rho, the wanted torque gives s at each time. The distance d between the motors is
-commanded by the preset alone; it follows from nu (theta + lag) = nu c, a low-pass filter. The equilibrium is
-rho (theta + lag - c).
+The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each
+time. Only the preset commands the distance d between the motors; d follows from nu (theta + lag) = nu c, a low-pass filter. The
+equilibrium is rho (theta + lag - c).
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     d = across @ offsets / (across @ across)
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
-    # A torque beyond the largest torque of the springs is clipped just below it.
+    # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
     given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
@@ -143,7 +144,7 @@ def _distance(
     slopes = (law(s, d + NUDGE) - law(s, d - NUDGE)) / (2.0 * NUDGE)
     stretch = (law(s + NUDGE, d) - law(s - NUDGE, d)) / (2.0 * NUDGE)
     with np.errstate(all="ignore"):
-        # s changes with d, so that the torque on the link stays the same.
+        # The common position s of the motors changes with their distance d, so that the torque on the link stays constant.
         share = np.nan_to_num(slopes.sum(axis=0) / stretch.sum(axis=0), posinf=0.0, neginf=0.0)
     stiffness = np.maximum(droop @ (slopes - stretch * share), 0.0)
     common = smooth_motion(time, s[:, None])

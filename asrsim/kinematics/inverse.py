@@ -1,6 +1,7 @@
 """Inverse dynamics of soft joints: the input for a desired motion, and the demands of the motion on the drives.
 
-tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then the inverse model of each joint's drive
+The link torques are tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external, with damping c and friction F. The
+inverse model of each joint's drive then gives the input.
 """
 
 from __future__ import annotations
@@ -217,7 +218,7 @@ def demands_of(
         add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
     if drive.mode.spring:
         add("spring torque", torque, item.holdable, "N m")
-        # Of two springs, the one with the smaller deflection still yields when the other is at its limit.
+        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     if joint is not None:

@@ -62,7 +62,7 @@ def plan(
     compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
     duration: length of the run, s. presets: second references by joint; default: the preset of the task, or else the typical
     preset of the actuator.
-    Raises ScenarioError for paths that the robot cannot follow (it names the time), and for loads
+    Raises ScenarioError for paths that the robot cannot follow (the error names the time), and for loads
     that a spring or motor cannot hold.
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """Scenario in which references replace the task and the desired motions; unchanged if it has neither.
+    """Scenario in which references replace the task and the desired motions; unchanged if the scenario has no task and no
+    desired motions.
 
     robot: the robot with the scenario's modes and parameters. Presets in the scenario's references are kept, and gravity
     compensation accounts for them. Raises ScenarioError for poses that cannot be reached and loads that cannot be held.
@@ -41,7 +42,7 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    # The references replace the plan, so that preparing the scenario again does not plan it again.
+    # The references replace the plan, so that preparing the scenario again does not plan the task again.
     return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
 
 

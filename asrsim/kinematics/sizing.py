@@ -29,7 +29,7 @@ SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
 ENOUGH = 0.15
-"""Sag with proposed parameters, rad or fraction of the scale. It is below `SAG` as a margin for neglected effects."""
+"""Sag with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for neglected effects."""
 RESERVE = 0.5
 """Largest fraction of a motor's torque that holds an arm with proposed parameters. The rest moves the arm.
 (Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
@@ -228,7 +228,7 @@ def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """The block with motor limits multiplied by `RESERVE`: the rest of the torque is reserved for motion."""
+    """Copy of the actuator block with motor limits multiplied by `RESERVE`; the rest of the torque is reserved for motion."""
     values = block.values()
     return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 

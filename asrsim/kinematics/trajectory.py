@@ -45,7 +45,7 @@ class PoseTrajectory:
     ) -> PoseTrajectory:
         """Trajectory through the poses of a task.
 
-        start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose comes later than that.
+        start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose is later than time 0.
         """
         times = [pose.time for pose in poses]
         positions = [np.asarray(pose.position, dtype=float) for pose in poses]

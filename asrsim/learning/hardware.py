@@ -36,7 +36,7 @@ from asrsim.samples import Array
 WORSE = 1.2
 """Ratio of a trial's largest error to that of the best trial so far, above which the trial counts as worse."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Fractions of the change that are tried until no worse trial is predicted."""
+"""Fractions of the input's change that are tried in turn until no worse trial is predicted."""
 SMOOTH = 0.02
 """Window over which recorded positions are averaged, s, so that noise does not count as an error."""
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
@@ -192,7 +192,7 @@ def _digests(folder: Path) -> list[str]:
 
 
 def _changes(folder: Path) -> dict[str, float] | None:
-    """Relative changes of the previous twin's parameters; None if there is no previous twin."""
+    """Relative changes of the parameters of the previous trial's twin; None if there is no previous twin."""
     try:
         data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
         return {str(name): float(value) for name, value in data["identified"]["changes"].items()}

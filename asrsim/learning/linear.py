@@ -3,7 +3,7 @@
 The linearised equations about a motion, with joint positions q, motor positions theta_i, inputs u, spring stiffnesses k_i = d
 tau_i / d theta_i, and factors rho_i from inputs to motor references. The matrices change with time:
 
-    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: slopes of the rigid robot's inverse dynamics
+    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: derivatives of the rigid inverse dynamics
     J_i theta_i'' + (d_i + D_i) theta_i' + (P_i + k_i) theta_i = P_i rho_i u + k_i q + I_i int (rho_i u - theta_i)
 
 The equations are integrated by the midpoint rule.
@@ -49,14 +49,14 @@ class Linearised:
     """Stiffnesses k_i (n, m, 2) of the springs, N m/rad."""
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
-        """Joints with all masses and stiffnesses multiplied by factors."""
+        """Linearised joints with all masses and stiffnesses multiplied by factors."""
         return Linearised(
             time=self.time, drives=self.drives, mass=mass * self.mass, rates=self.rates, slopes=mass * self.slopes,
             springs=stiffness * self.springs,
         )  # fmt: skip
 
     def held(self, tail: float) -> Linearised:
-        """Joints with the motion extended by `tail` s, during which they rest at its end."""
+        """Linearised joints with the motion extended by `tail` s, in which the joints rest at the end of the motion."""
         step = float(self.time[1] - self.time[0])
         more = max(round(tail / step), 1)
 
@@ -180,7 +180,7 @@ def linearise_along(
 
 
 def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
-    """Function that interpolates samples (k, m, m) at `knots` linearly at `time`."""
+    """Function that interpolates samples (k, m, m), given at the times `knots`, linearly at the times `time`."""
     from scipy.interpolate import make_interp_spline
 
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
@@ -189,7 +189,7 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
     """Stiffnesses d tau_i / d theta_i (n, 2) at motor positions (n, 2), N m/rad; 0 for an adjuster.
 
-    Springs beyond their deflection limit are evaluated just before it, since at the limit their slope is 0.
+    Springs beyond their deflection limit are evaluated just before the limit, since at the limit their slope is 0.
     """
     law = over_arrays(drive.actuator.elastic_torques)
     most = CLIP * drive.max_deflection

@@ -56,7 +56,7 @@ class ArmModel:
 
     @cached_property
     def linear(self) -> Linearised:
-        """Joints linearised along the desired motion."""
+        """Arm linearised along the desired motion."""
         motion = self.inverse.motion
         columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
         positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
@@ -73,7 +73,7 @@ class ArmModel:
 
 @contextmanager
 def learning_model(plant: Plant) -> Iterator[ArmModel]:
-    """Context with the model of a plant, which is released at the end."""
+    """Context manager with the model of a plant; the model is released at the end."""
     robot = plant.prepared.robot
     with model_of(plant.scenario, robot) as model:
         yield ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=robot, model=model))

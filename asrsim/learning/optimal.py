@@ -1,8 +1,9 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input
-is a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: nominal; heavier and
-softer; lighter and stiffer. The change du = B c of the best trial's input follows from its error e over the whole time,
+The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input is
+a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: a nominal model, a heavier
+and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input follows from its error e over
+the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
@@ -48,11 +49,11 @@ class Band:
     """Cubic B-splines over the time of a motion, for changes of the input."""
 
     knots: Array
-    """Knots with repeated ends, s."""
+    """Knots of the splines, s; the first and the last knot are repeated."""
 
     @classmethod
     def over(cls, duration: float, tail: float) -> Band:
-        """Splines for a motion of `duration` s and `tail` s after it."""
+        """Splines for a motion of `duration` s and the `tail` s after the motion."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)
         return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
@@ -84,7 +85,7 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
     latest = 0
     for index in range(n - 1):
-        # Splines that begin later have no effect yet.
+        # Splines that begin at a later time have no effect yet.
         latest = max([latest, *(int(np.flatnonzero(value[index])[-1]) + 1 for value in values if value[index].any())])
         active = latest * m
         part = states[index] @ state[:, :active]
@@ -98,7 +99,7 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
 
 
 class Lifted:
-    """Lifted models of an arm. linear: joints along the motion; delays: delay of each learned joint's command, s."""
+    """Lifted models of an arm. linear: arm linearised along the motion; delays: delay of each learned joint's command, s."""
 
     def __init__(self, time: Array, linear: Linearised, delays: Sequence[float]) -> None:
         self._time = time

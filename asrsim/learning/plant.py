@@ -80,7 +80,7 @@ class Plant:
             }
         )
         if self.scenario.initial_equilibrium:
-            # The start depends on the first references.
+            # The initial state of a run depends on the first references.
             prepared = prepared.vary({})
         return simulate(prepared, alike=TRIALS)
 

@@ -31,7 +31,7 @@ def write_playback(
 ) -> None:
     """Write a scenario that plays the learned inputs from the CSV file `inputs`. Raises OutputError.
 
-    It claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
+    The scenario claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
     """
     import yaml
 
@@ -85,7 +85,7 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
 
 
 def rounded_up(value: float) -> float:
-    """Value rounded up to `DIGITS` digits."""
+    """Error rounded up to `DIGITS` digits, so that the claim is not smaller than the error."""
     if value <= 0.0:
         return 0.0
     places = DIGITS - 1 - floor(log10(value))

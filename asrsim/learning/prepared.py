@@ -71,7 +71,7 @@ class Prepared:
 
 
 def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
-    """Learning problem of a plant. model: from `learning_model`."""
+    """Learning problem of a plant. model: model of the plant from `learning_model`."""
     learning = plant.learning
     settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
     guesses: dict[str, Callable[[], Array]] = {

@@ -38,10 +38,9 @@ class Recorded:
 
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
-    """Trial in a recording.
-
-    lag: alignment of its clock with the motion. Raises InputError for a recording that is too short, lacks a joint, or has
-    columns with implausible units or signs, unless the user stated them.
+    """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError for a
+    recording that is too short, lacks a joint, or has columns with implausible units or signs, unless the user stated units and
+    signs.
     """
     pairing, findings = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}

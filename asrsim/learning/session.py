@@ -44,7 +44,7 @@ class Session:
     prepared: Prepared
     result: LearningResult
     replaced: str
-    """Message about replaced files of an earlier run; empty if there were none."""
+    """Message about replaced files of an earlier run; empty if no files were replaced."""
 
     @property
     def reach(self) -> str:

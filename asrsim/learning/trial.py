@@ -42,7 +42,7 @@ class LearningProblem:
 
     @property
     def step(self) -> float:
-        """Time between samples, s."""
+        """Sampling interval, s."""
         return float(self.time[1] - self.time[0])
 
     @property
@@ -112,7 +112,7 @@ class Law(Protocol):
         """Next inputs (n, joints), rad."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Outcome and reason if this law gives up after the last trial; None to continue."""
+        """Outcome and reason if this law ends learning after the last trial; None to continue."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,9 +22,9 @@ SPREAD, LOSSES = 0.25, 0.7
 DELAY = 0.02
 """Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""Smallest misfit of a plant with the right structure, rad."""
+"""Smallest misfit that the uncertainty assumes, rad; even the fit of a plant with the right structure has this misfit."""
 SAMPLES = 250
-"""Number of times at which the motion is compared."""
+"""Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
 """Number of independent misfits that a joint counts for, since model errors are correlated over several samples."""
 ROUNDS = 4
@@ -54,7 +54,7 @@ class Twin:
     residual: float
     """Root mean square difference between the recorded motion and the twin's, rad."""
     before: float
-    """Root mean square difference before the fit, rad."""
+    """Root mean square difference between recorded and simulated motion before the fit, rad."""
     likely: tuple[Plant, ...] = field(repr=False)
     """Plants drawn from the posterior."""
 

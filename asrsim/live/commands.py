@@ -1,4 +1,4 @@
-"""Checks of commands from outside: only finite numbers of the right count for known joints pass; others are counted."""
+"""Checks of commands from other programs: accepts finite numbers of the right count for known joints, and counts all others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.simulation.ranges import Range
 from asrsim.simulation.simulation import Simulation
 
 Target = tuple[str, str]
-"""Joint and reference."""
+"""Name of a joint and name of one of its references."""
 MOST_NOTICES = 100
 """Largest number of distinct refusals that are reported and counted separately."""
 
@@ -77,7 +77,7 @@ class CommandInput:
     def listen(
         self, messages: Iterable[Received], simulation: Simulation, time: float, ahead: float
     ) -> dict[Target, float]:  # fmt: skip
-        """New values of references: the last received, or the value of a trajectory `ahead` s after `time`."""
+        """New values of references: the last received value, or the value of a trajectory `ahead` s after `time`."""
         values: dict[Target, float] = {}
         for message in messages:
             for target, value in self.check(message):
@@ -123,7 +123,7 @@ class CommandInput:
         return found
 
     def clamp(self, target: Target, value: float) -> float:
-        """Value clamped to its range; clamped values are counted."""
+        """Value clamped to the range of its reference; clamped values are counted."""
         low, high = self._ranges[target[0]][target[1]]
         if not low <= value <= high:
             key = ".".join(target)

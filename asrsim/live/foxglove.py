@@ -20,15 +20,16 @@ from asrsim.live.transport import Access, Interface, Received, received
 from asrsim.log.topics import schema_name, schema_text
 
 WAITING = 5000
-"""Largest number of received messages that wait for the simulation; beyond it the oldest are dropped."""
+"""Largest number of received messages that wait for the simulation; when more messages wait, the oldest messages are dropped.
+"""
 MOST = 1000
-"""Largest number of messages taken at once, and of channels that clients may advertise."""
+"""Largest number of messages processed in one call, and largest number of channels that clients may advertise."""
 PATIENCE = 5.0
 """Time that a client waits for an answer, s."""
 
 
 class FoxgloveTransport:
-    """WebSocket server. Its threads only fill queues, which the simulation's thread empties."""
+    """WebSocket server. The server's threads only fill queues, which the simulation's thread empties."""
 
     def __init__(self, interface: Interface, access: Access) -> None:
         import foxglove
@@ -97,7 +98,7 @@ class FoxgloveTransport:
     # -- called by the server's threads -----------------------------------------------------------------------------
 
     def _ask(self, request: Callable[[], Any]) -> Any:
-        """Result of a request to the simulation's thread; None without an answer in time."""
+        """Answer of the simulation's thread to a request; None if the answer does not arrive in time."""
         answer: Future[Any] = Future()
         self._requests.append((request, answer))
         if not self._closed:
@@ -171,7 +172,7 @@ def _types() -> Any:
 
 
 def decoded(message: str, encoding: str, data: bytes) -> Any:
-    """Object from a client's message, in CDR or JSON. Raises the errors of the decoders."""
+    """Message object decoded from the bytes of a client's message in CDR or JSON. Raises the errors of the decoders."""
     if encoding == "json":
         missing = {"position": (), "effort": (), "velocities": ()}
         return json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields}))

@@ -1,7 +1,7 @@
-"""Proxy for a WebSocket server: only web pages of this machine, or of origins that the user names, may connect.
+"""Proxy for a WebSocket server that accepts only web pages of this machine or of origins that the user names.
 
-A browser allows every web page to open a WebSocket to this machine, and names the page in the header `Origin`. The server
-of foxglove-sdk ignores that header, so this module reads the head of each request and forwards permitted connections.
+A browser allows every web page to open a WebSocket to this machine, and names the page in the header `Origin`. The server of
+foxglove-sdk ignores the header `Origin`, so this module reads the head of each request and forwards permitted connections.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST_CLIENTS = 64
 MOST_NOTICES = 20
 """Largest number of refused origins that are reported."""
 _OWN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?|(file|app|foxglove|lichtblick)://.*")
-"""Origins of this machine's servers, and of desktop applications (Electron's send `file://`)."""
+"""Permitted origins: servers of this machine, and desktop applications (Electron applications send `file://`)."""
 _REFUSAL = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
@@ -41,8 +41,8 @@ class OriginProxy:
     """Listens at an address and forwards permitted connections to a server; `close` ends its thread."""
 
     def __init__(self, address: tuple[str, int], allowed: Collection[str], notices: list[str]) -> None:
-        """allowed: permitted origins besides this machine's; notices: receives a sentence per refused origin. Raises OSError if
-        the address is in use.
+        """allowed: permitted origins besides this machine's; notices: list to which one sentence per refused origin is added.
+        Raises OSError if the address is in use.
         """
         self._allowed, self._notices, self._clients = frozenset(allowed), notices, 0
         self._refused: set[str] = set()

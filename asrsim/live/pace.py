@@ -1,4 +1,4 @@
-"""Pace of a real-time run: due time of the next tick, lateness of ticks, and share of time spent working."""
+"""Timing of a real-time run: due time of the next tick, lateness of ticks, and fraction of the time spent working."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ NAP = 0.1
 RECENT = 10_000
 """Number of ticks whose lateness is kept."""
 WINDOW = 1.0
-"""Time over which ticks are judged together, s."""
+"""Length of the time window in which late ticks are counted, s."""
 
 
 def take_priority() -> bool:
     """Set real-time priority for this thread and the threads it starts, if the system permits it; return whether it was set.
 
-    The ordinary scheduler may leave two busy threads on one processor for up to 90 ms while another is idle. A process with
-    another scheduling policy, or with positive niceness, is left unchanged.
+    The ordinary scheduler may leave two busy threads on one processor for up to 90 ms while another processor is idle. A
+    process with another scheduling policy, or with positive niceness, is left unchanged.
     """
     try:
         if os.sched_getscheduler(0) == os.SCHED_OTHER and os.nice(0) <= 0:
@@ -46,23 +46,24 @@ class Pace:
     def __init__(
         self, speed: float, *, now: Callable[[], float] = time.perf_counter, sleep: Callable[[float], None] = time.sleep
     ) -> None:
-        """speed: simulated seconds per second; infinite: without waiting."""
+        """speed: simulated seconds per wall-clock second; infinite: run without waiting."""
         self._now, self._sleep = now, sleep
         self._late: deque[float] = deque(maxlen=RECENT)
         self.ticks, self.worst = 0, 0.0
         self.slips, self.slipped = 0, 0.0
         """Number of times that the run stopped catching up, and total time lost, s."""
         self.busy = 0.0
-        """Time spent working, s."""
+        """Time spent working (not sleeping), s."""
         self.speed = speed
         self._window = [0, 0]
-        """Number of ticks since the last judgement, and how many of them were late by more than a tick."""
+        """Number of ticks since the last judgement of the pace, and number of these ticks that were late by more than a tick.
+        """
         self._was_behind = False
         self.start()
         self._judge_at = self._awake + WINDOW
 
     def start(self) -> None:
-        """Restart the clock: at the beginning and after a pause."""
+        """Restart the clock at the beginning of the run and after a pause."""
         self._due = self._awake = self._now()
 
     def lateness(self) -> tuple[float, float]:
@@ -71,8 +72,8 @@ class Pace:
         return median, high
 
     def is_behind(self) -> bool:
-        """Whether more than half of the ticks were late by more than a tick in each of the last two seconds. True only once for
-        these seconds, so that a single pause of the machine is ignored.
+        """Whether more than half of the ticks were late by more than a tick in each of the last two seconds. Returns True only
+        once for these two seconds, so that a single pause of the machine is ignored.
         """
         if self._awake < self._judge_at:
             return False

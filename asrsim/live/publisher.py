@@ -22,7 +22,7 @@ STIFFNESS_JOINT = "_stiffness"
 
 
 class Publisher:
-    """Makes the messages of all topics from the simulation's last step."""
+    """Creates the messages of all topics from the last step of the simulation."""
 
     def __init__(self, simulation: Simulation, info: RunInfo, *, namespace: str = "") -> None:
         """info: description of the run; namespace: prefix of all topic names except `/clock` and `/tf`."""
@@ -31,7 +31,7 @@ class Publisher:
         self.prefix = prefix_of(namespace)
         topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
-        # Publish the answers to commands first: each message takes some microseconds.
+        # Publish the topics that answer commands first, because each message takes some microseconds.
         topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [Outlet(topic.name, topic.message) for topic in topics]
@@ -72,7 +72,7 @@ class Publisher:
         self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.add.outer(stamps, (0, 1))
 
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
-        """Messages of the outlets that are not latched, in order; empty for an outlet without subscribers or not due.
+        """Messages of the outlets that are not latched, in order; empty for an outlet that has no subscribers or is not due.
 
         time: time of the last step, ns; wanted: for each transport, see `asrsim.live.transport.Transport.wanted`.
         """

@@ -1,5 +1,5 @@
-"""ROS 2 transport with rclpy. It publishes CDR and takes messages without an executor, so all work is done in the simulation's
-thread.
+"""ROS 2 transport with rclpy. The transport publishes CDR and takes messages without an executor, so that all work is done in
+the simulation's thread.
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ DEPTH = 300
 message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
-"""Largest number of messages that a subscription keeps, and that are taken at once."""
+"""Largest number of messages that a subscription keeps, and that one call processes."""
 LOOK = 0.05
-"""Time between checks of services, subscribers and publishers, s."""
+"""Time between two checks for service requests, new subscribers and new publishers, s."""
 FLOAT64 = struct.Struct("<4xd")
-"""Layout of a little-endian std_msgs/Float64, the most frequent command; reading it is five times faster than with rclpy."""
+"""Layout of a little-endian std_msgs/Float64, the most frequent command; unpacking the bytes directly is five times faster than
+rclpy.
+"""
 LOCAL = (
     "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>",
     (
@@ -57,9 +59,9 @@ PROFILES = """\
   </times></data_writer>
 </profiles></dds>
 """
-"""Settings of Fast DDS that ROS does not offer. Only UDP: shared memory is a quarter faster, but becomes slow for 20 s after a
-subscriber was killed. Publishers ask for acknowledgements every 100 ms instead of 3 s, and wait 20 ms before sending again. A
-message blocked by a subscriber is dropped after 1 ms instead of 100 ms.
+"""Settings of Fast DDS that ROS does not offer. Only UDP is used: shared memory is a quarter faster, but becomes slow for 20 s
+after a subscriber was killed. Publishers ask for acknowledgements every 100 ms instead of 3 s, and wait 20 ms before sending
+again. A message blocked by a subscriber is dropped after 1 ms instead of 100 ms.
 """
 
 
@@ -140,7 +142,7 @@ class RosTransport:
             self._look()
         left = MOST
         for number, kind, subscription in self._spoken_to:
-            # Take raw bytes: this finds an empty queue in half the time.
+            # Take raw bytes, because rclpy then detects an empty queue in half the time.
             while left and (taken := subscription.handle.take_message(kind, True)) is not None:
                 left -= 1
                 data = taken[0]
@@ -178,7 +180,8 @@ def message_type(name: str) -> Any:
 
 @contextmanager
 def fast_dds(*, network: bool) -> Iterator[None]:
-    """Context with Fast DDS's settings for the participant created inside; the user's own settings have priority.
+    """Context manager that applies Fast DDS's settings to the participant created inside; the user's own settings have
+    priority.
 
     network: also reach other machines; otherwise the sockets are bound to 127.0.0.1. If the user has settings, ROS's range
     `LOCALHOST` is used instead, which listens on all interfaces but accepts nothing from other machines.
@@ -201,8 +204,8 @@ def fast_dds(*, network: bool) -> Iterator[None]:
 
 
 def load_rclpy() -> Any:
-    """rclpy of this environment, or of a sourced ROS for this Python version. Raises InputError if two of them conflict."""
-    # The rclpy wheels set this variable themselves, to folders of this environment.
+    """The module rclpy of this environment, or of a sourced ROS for this Python version. Raises InputError if both conflict."""
+    # The rclpy wheels set this environment variable to folders of this Python environment.
     foreign = [
         folder for folder in _folders_with("librcl.so") if not folder.resolve().is_relative_to(Path(sys.prefix).resolve())
     ]
@@ -220,13 +223,13 @@ def load_rclpy() -> Any:
         raise InputError(message, hint="Start with: env -u RMW_IMPLEMENTATION asrsim live ...", code="ros-rmw")
     try:
         return import_module("rclpy")
-    except Exception as error:  # a library of another build may raise any error
+    except Exception as error:  # a ROS library built for another system may raise any error
         message = f"rclpy of {origin} cannot be loaded: {(str(error).strip().splitlines() or [type(error).__name__])[0]}"
         raise InputError(message, hint=_cure(), code="ros-sourced") from error
 
 
 def _folders_with(library: str) -> list[Path]:
-    """Folders of LD_LIBRARY_PATH that contain a library."""
+    """Folders of LD_LIBRARY_PATH that contain the library with this name."""
     folders = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
     return [Path(folder) for folder in folders if folder and (Path(folder) / library).exists()]
 

@@ -1,4 +1,4 @@
-"""Live run: ticks in real time; every tick reads commands and publishes messages; the log is written alongside."""
+"""Live run: ticks in real time; every tick reads commands and publishes messages. The log is written during the run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Settings:
     """Settings of a live run."""
 
     speed: float = 1.0
-    """Simulated seconds per second; infinite: without waiting."""
+    """Simulated seconds per wall-clock second; infinite: run without waiting."""
     duration: float | None = None
     """Simulated time after which the run ends, s; None: the run ends when stopped."""
     rate: float = 1000.0
@@ -61,7 +61,7 @@ class Settings:
 
 
 class Session:
-    """Live run; `run` executes it. `tell` receives sentences for the user."""
+    """Live run, which the method `run` executes. tell: function that shows a sentence to the user."""
 
     def __init__(
         self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False,
@@ -119,7 +119,7 @@ class Session:
     # -- the run -----------------------------------------------------------------------------------------------------
 
     def run(self, *, stop: Callable[[], bool], status: Callable[[], None] = lambda: None) -> RunSummary:
-        """Summary of the run, after its end: `stop` returns True, the duration is over, or the motion diverges.
+        """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
 
         status: called a few times per second. Raises AsrsimError; files written so far stay readable.
         """
@@ -138,7 +138,7 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = files.enter_context(LogWriter(path, described))
-            # Exclude existing objects from garbage collection.
+            # Exclude the existing objects from garbage collection, which would make ticks late.
             gc.collect()
             gc.freeze()
             stack.callback(gc.unfreeze)
@@ -194,7 +194,9 @@ class Session:
         return late is None or steps < left
 
     def _ease(self) -> None:
-        """Halve the rate of the topics if they take much of the work; otherwise report once that the machine is too slow."""
+        """Halve the rate of the topics if publishing takes much of the working time; otherwise report once that the machine is
+        too slow.
+        """
         busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
         self._work = self.pace.busy, self._publishing
         if publishing >= TOPICS_SHARE * busy and self.rate >= 2.0 * LEAST_RATE:
@@ -275,7 +277,7 @@ class Session:
         report(self._tell, self.commands.notices, self.transports)
 
     def figures(self) -> dict[str, Any]:
-        """Lateness, load and command counts so far, as plain data."""
+        """Lateness, load and numbers of commands until now, as plain data."""
         pace, commands = self.pace, self.commands
         median, high = pace.lateness()
         return {

@@ -23,7 +23,7 @@ class Outlet:
     message: str
     """Message type, such as `sensor_msgs/JointState`."""
     latched: bool = False
-    """Whether the topic is published once and its message is sent to later subscribers too."""
+    """Whether the topic is latched: published once, with the message sent to later subscribers too."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,20 @@ class Inlet:
 
 @dataclass(frozen=True)
 class Received:
-    """Message received from outside, before its checks."""
+    """Message received from another program and not checked yet."""
 
     inlet: int
     """Index in `Interface.inlets`."""
     values: Sequence[float] = ()
-    """Values of a Float64 or an array; for a JointState its positions, or its efforts if it has no positions."""
+    """Values of a Float64 or an array; for a JointState the positions, or the efforts if there are no positions."""
     names: Sequence[str] | None = None
-    """Joints of the values, or of the points."""
+    """Names of the joints to which the values or the points belong."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
-    """Points of a JointTrajectory: time from now, s; positions; velocities (may be empty)."""
+    """Points of a JointTrajectory, each with time from now (s), positions, and velocities (may be empty)."""
     stamp: float = 0.0
-    """Time in the header of a JointState, s; 0: none."""
+    """Time stamp in the header of a JointState, s; 0 if there is no time stamp."""
     fault: str = ""
-    """Reason why the message cannot be read."""
+    """Reason why the message cannot be decoded; empty if there is none."""
 
 
 def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
@@ -105,7 +105,7 @@ class Interface:
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """Address, and clients that may connect."""
+    """Address of the transports, and the clients that may connect."""
 
     network: bool = False
     """Whether other machines may connect."""
@@ -114,7 +114,7 @@ class Access:
     origins: tuple[str, ...] = ()
     """Origins of web pages that may use the WebSocket, besides those of this machine."""
     domain: int | None = None
-    """ROS domain; None: ROS_DOMAIN_ID, else 0."""
+    """Number of the ROS domain; None: the environment variable ROS_DOMAIN_ID, else 0."""
 
 
 class Transport(Protocol):
@@ -135,7 +135,7 @@ class Transport(Protocol):
         """
 
     def poll(self) -> Iterable[Received]:
-        """Messages since the last call, some hundred at most. Also answers services."""
+        """Messages received since the previous call, at most some hundred. The call also answers service requests."""
 
     def close(self) -> None:
         """Close the transport."""
@@ -143,15 +143,15 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class TransportEntry:
-    """Registered transport."""
+    """Entry of the registry of transports."""
 
     make: Callable[[Interface, Access], Transport]
     """Function that opens the transport; raises InputError with advice if it is unavailable."""
     doc: str
     module: str
-    """Module that must be importable."""
+    """Python module that the transport needs."""
     extra: str = ""
-    """Extra of asrsim that installs the module."""
+    """Optional dependency group (extra) of asrsim that installs the module."""
 
     @property
     def available(self) -> bool:
@@ -197,7 +197,9 @@ def prefix_of(namespace: str) -> str:
 def opened(
     names: Sequence[str], interface: Interface, access: Access, tell: Callable[[str], None]
 ) -> Iterator[list[Transport]]:  # fmt: skip
-    """Context with open transports; `tell` receives their addresses. Raises InputError if a transport is unavailable."""
+    """Context manager that opens the transports; the function `tell` is called with their addresses. Raises InputError if a
+    transport is unavailable.
+    """
     transports: list[Transport] = []
     with ExitStack() as stack:
         for name in names:
@@ -214,7 +216,7 @@ def publish(transports: Sequence[Transport], time: int, messages: Sequence[bytes
 
 
 def report(tell: Callable[[str], None], notices: list[str], transports: Sequence[Transport]) -> None:
-    """Pass all notices of commands and transports to `tell`."""
+    """Show all notices of commands and transports to the user through the function `tell`."""
     for each in (notices, *(transport.notices for transport in transports)):
         while each:
             tell(each.pop(0))

@@ -21,7 +21,7 @@ class Column(NamedTuple):
     name: str = ""
     """Name of the quantity, body or contact; empty for the time."""
     part: str | int = ""
-    """Joint of a value, or component of a body's pose (0..6) or of a contact's force (0..2)."""
+    """Joint of a value, component of a body's pose (0..6), or component of a contact force (0..2)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
 
 
 def _decompress(packed: bytes, size: int) -> bytes:
-    """Decompressed content of a chunk, `size` bytes. Raises ValueError if it is damaged or larger."""
+    """Decompressed content of a chunk, `size` bytes. Raises ValueError if the chunk is damaged or larger."""
     import zstandard
 
     # A damaged or hostile file may state any size.

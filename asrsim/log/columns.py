@@ -38,7 +38,7 @@ class ColumnReader:
             joints: Joints to read.
 
         Returns:
-            Column -> view; empty if the chunk contains no samples.
+            Views by column; empty if the chunk contains no samples.
 
         Raises:
             ValueError: The chunk does not have asrsim's layout.

@@ -282,7 +282,7 @@ class McapContainer:
         self._storage.finish(body + summary, footer)
 
     def close(self) -> None:
-        """Close the file without a summary. It remains readable from the start."""
+        """Close the file without a summary. The file remains readable from the start."""
         self._storage.close()
 
     def _schema(self, message: str) -> int:

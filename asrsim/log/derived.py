@@ -49,7 +49,7 @@ DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = 
     "equilibrium_position": equilibrium_position,
     "position_error": position_error,
 }
-"""Name of a derived quantity (`asrsim.quantities.DERIVED`) -> its function."""
+"""Function that computes each derived quantity (`asrsim.quantities.DERIVED`), by name of the quantity."""
 
 _MOTORS = tuple(f"motor_{i}_position" for i in range(1, MOST_MOTORS + 1))
 _REFERENCES = tuple(f"reference_{i}" for i in range(1, MOST_MOTORS + 1))

@@ -36,7 +36,7 @@ class FrameMessages:
         return bool(self._moving) and time * self._rate + 1e-9 >= self._next
 
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
-        """(time in s, message) for each sample with a message due. Calls must follow the order of time."""
+        """Pairs (time in s, message) for the samples at which a message is due. Calls must follow the order of time."""
         if not self._moving or not len(samples.time):
             return []
         ticks = np.floor(samples.time * self._rate + 1e-9)

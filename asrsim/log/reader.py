@@ -47,7 +47,7 @@ class Log:
     truncated: bool
     """True: the run did not close its log. All samples up to the last complete chunk can be read."""
     status: str
-    """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if it could not write it."""
+    """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if the run wrote no status."""
 
 
 class LogReader:
@@ -77,12 +77,12 @@ class LogReader:
 
     @property
     def result(self) -> dict[str, str]:
-        """Metadata that the run wrote at its end; empty if it could not write them."""
+        """Metadata that the run wrote at its end; empty if the run wrote none."""
         return dict(self._structure.metadata.get(RESULT_METADATA, {}))
 
     @property
     def status(self) -> str:
-        """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if it could not write it."""
+        """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if the run wrote no status."""
         return self.result.get("status", "truncated")
 
     @property

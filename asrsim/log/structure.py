@@ -50,7 +50,7 @@ class Structure:
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     truncated: bool = False
-    """True: the file has no index, because its writer was killed or is still running, or because the file was cut."""
+    """True: the file has no index; its writer was killed or is still running, or the file was cut."""
 
 
 def corrupt(path: Path, what: str) -> LogError:
@@ -81,7 +81,7 @@ def read_structure(path: Path) -> Structure:
 
 
 def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """(opcode, offset of the content, length) of each record in `data`. Raises ValueError where a record exceeds the data."""
+    """Each record in `data` as (opcode, offset of the content, length). Raises ValueError where a record exceeds the data."""
     position = 0
     while position < len(data):
         opcode, length = struct.unpack_from("<BQ", data, position)

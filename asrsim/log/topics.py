@@ -22,7 +22,7 @@ LINK_STATE_FIELDS: dict[str, str] = {
     "tau": "link_torque",
     "stiff": "stiffness",
 }
-"""Field of the toolbox's `state_info` message -> quantity. asrsim's message adds a header and uses float64, not float32."""
+"""Quantity in each field of the toolbox's `state_info` message. asrsim's message adds a header and has float64, not float32."""
 
 _OWN_TOPICS = {
     *LINK_STATE_FIELDS.values(),
@@ -64,7 +64,7 @@ _FIELDS: dict[str, str] = {
 }
 
 OWN_MESSAGES = {name.split("/")[1]: text + "\n" for name, text in _FIELDS.items() if name.startswith("asrsim_msgs/")}
-"""Name -> definition of asrsim's messages, as the ROS package `asrsim_msgs` contains them."""
+"""Definitions of asrsim's messages by name, as in the ROS package `asrsim_msgs`."""
 
 _SEPARATOR = "=" * 80
 
@@ -109,7 +109,7 @@ REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
     7: ("motor_1_voltage_command", "motor_2_voltage_command"),
     8: ("motor_1_current_command", "motor_2_current_command"),
 }
-"""Operation mode -> names of its reference topics: the toolbox's names, or asrsim's for modes that the toolbox lacks."""
+"""Operation mode -> names of its reference topics: the toolbox's names, or asrsim's names for modes that the toolbox lacks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
 
 
 def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
-    """Topics of a joint in a compact log: one with all numbers (NaN if not recorded), and the separate topics."""
+    """Topics of a joint in a compact log: one topic with all numbers (NaN if not recorded), and the separate topics."""
     builder = CdrBuilder().header()
     for quantity in SAMPLE_FIELDS:
         builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)

@@ -86,7 +86,7 @@ class LogWriter:
                 self.flush()
 
     def aside(self, topic: Topic, time: float, data: bytes) -> None:
-        """Add a message of `topic` at `time` in s outside of the samples. It is written with the samples of that time."""
+        """Add a message of `topic` at `time` in s outside of the samples, written together with the samples of that time."""
         self._asides.append((self._container.channel(topic), round(time * 1e9), data))
 
     def _begin(self, time: float) -> None:

@@ -27,9 +27,9 @@ from asrsim.samples import Array
 
 METHODS = ("auto", "lines", "local")
 _STILL, _NOTHING = 1e-7, 1e-12
-"""Largest variation of an output that "does not move": relative to its size, and absolute in SI units."""
+"""Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
 _TRUSTED = 0.5
-"""Coherence below which a point is unreliable."""
+"""Coherence below which a point of the frequency response is unreliable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +57,14 @@ class FrequencyResponse:
     resolution: float
     """Distance between independent points, Hz."""
     method: str
-    """Estimator: lines or local."""
+    """Name of the estimator: lines or local."""
     band: tuple[float, float]
     """Excited band, Hz."""
     resonance: tuple[float, float] | None
     """Frequency (Hz) and gain of the largest peak inside the band; None if the gain has no peak."""
     bandwidth: float | None
-    """Frequency at which the gain first falls 3 dB below its value at the low end of the band, Hz; None if not inside the band.
+    """Frequency at which the gain first falls 3 dB below its value at the low end of the band, Hz; None if the gain does not
+    fall by 3 dB inside the band.
     """
     moves: bool
     """Whether the output moves. False: static friction stops the output, or the input does not act on the output."""

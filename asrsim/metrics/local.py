@@ -26,7 +26,7 @@ _STARTS, _REFINEMENTS = 3, 3
 
 @dataclass(frozen=True, kw_only=True)
 class _Order:
-    """Numbers of coefficients in a local model of the output."""
+    """Numbers of coefficients of a local rational model of the output."""
 
     gain: int
     leak: int

@@ -23,7 +23,7 @@ class Measure:
 
     name: str
     function: Callable[..., float]
-    """Function (time, values, [reference], **options) -> number; NaN if undefined."""
+    """Function with the arguments (time, values, [reference], **options) that returns a number; NaN if undefined."""
     unit: str
     """Unit of the number: `series` (unit of the series), a unit such as `s`, or "1" for a pure number."""
     needs: str
@@ -53,7 +53,7 @@ def _options_of(function: Callable[..., float]) -> dict[str, object]:
 
 
 MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures")
-"""All measures by name. Installed packages add theirs with the entry point group `asrsim.measures`."""
+"""All measures by name. Installed packages add measures with the entry point group `asrsim.measures`."""
 
 for _function, _unit, _needs in (
     (difference.rmse, "series", "pair"),

@@ -13,7 +13,7 @@ _FLOOR = (0.001, 0.03)
 """Smallest and largest noise threshold of the zero crossings, as a fraction of the largest excursion."""
 
 STILL = 1e-12
-"""Smallest variation that counts as motion, in rad, m or the unit of the series; less is rounding."""
+"""Smallest variation that counts as motion, in the unit of the series; smaller variations are rounding errors."""
 
 
 def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
@@ -64,7 +64,7 @@ def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[f
 
 
 def _even(up: list[float], down: list[float]) -> float | None:
-    """Frequency of evenly spaced crossings, None for uneven ones.
+    """Frequency of evenly spaced crossings, None for unevenly spaced crossings.
 
     Upward and downward crossings have one period but separate first times: a wrong mean value shifts the first times, not the
     period.

@@ -24,16 +24,18 @@ class Spectra:
     coherence: Array
     """Magnitude-squared coherence (m,), corrected for its bias."""
     deviation: Array
-    """Relative standard deviation of the complex response (m,); in each direction it is smaller by sqrt(2)."""
+    """Relative standard deviation (m,) of the complex response; the deviation of the real or imaginary part is smaller by
+    sqrt(2).
+    """
     freedom: float
-    """Number of complex degrees of freedom of each deviation."""
+    """Number of complex degrees of freedom from which each deviation is estimated."""
     averages: float
     resolution: float
     """Distance between independent points, Hz."""
 
 
 def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[Problem]]:
-    """Both series with an even step (the median step), on the longest segment without a gap of more than three samples."""
+    """Both series resampled to an even step (the median step) on the longest segment without a gap of over three samples."""
     keep = np.isfinite(time) & np.isfinite(u) & np.isfinite(y)
     if keep.sum() < 4:
         raise RecordingError("input and output have no samples in common", code="no-overlap")

@@ -15,7 +15,7 @@ from asrsim.metrics.values import SHARE, last_part, steady_state
 from asrsim.samples import Array
 
 ROUNDING = 1e-9
-"""Relative difference below which a value does not step, and fraction of a step below which an excess is not an overshoot."""
+"""Relative change below which a series counts as having no step, and fraction of the step below which there is no overshoot."""
 
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:

@@ -38,7 +38,7 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
 
     Args:
         time: Times (n,), s.
-        columns: Quantity -> values (n,): `link_position`, and if available `position_error` and `deflection` (derived, see
+        columns: Values (n,) by quantity: `link_position`, and if available `position_error` and `deflection` (derived, see
           `asrsim.log.derived`); measures of missing quantities are NaN.
         step: Sample at which the step begins, for overshoot and settling; None: there is no step, and overshoot and settling
         time are NaN.

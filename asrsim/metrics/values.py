@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.samples import Array
 
 SHARE = 0.1
-"""Fraction of the duration, at its end, over which the steady state is averaged."""
+"""Last fraction of the duration over which the steady state is averaged."""
 
 
 def final(_time: Array, values: Array) -> float:

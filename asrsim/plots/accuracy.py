@@ -19,8 +19,8 @@ SMALLEST = 1e-17
 def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Mapping[str, Any]) -> list[Path]:
     """Draw `accuracy.png` into `folder` and return its path; return an empty list if both tables are empty.
 
-    certificate, cross_check: tables of `summary.json`, empty if the run did not compute them. A dot marks the largest value
-    over the run; a bar reaches from the dot to the root mean square. Raises OutputError.
+    certificate, cross_check: tables of `summary.json`, empty if the run did not compute the table. A dot marks the largest
+    value over the run; a bar reaches from the dot to the root mean square. Raises OutputError.
     """
     engines = f"difference\n{cross_check.get('engine')} - {cross_check.get('other')}"
     named = (("numerical error\n(estimated)", certificate), (engines, cross_check))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
 NARROWEST = 3.0, 20.0
-"""Smallest ranges of the axes of gain (dB) and phase (degrees): smaller differences do not matter."""
+"""Smallest ranges of the gain axis (dB) and the phase axis (degrees), so that negligible differences look small."""
 
 
 def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
@@ -41,7 +41,7 @@ def pair_in_words(given: str | None, output: str | None) -> str:
 
 
 def _in_words(series: str) -> str:
-    """Name of a series in words: `elbow_1.link_torque` -> `link torque of elbow_1`."""
+    """Name of a series in words, such as `link torque of elbow_1` for `elbow_1.link_torque`."""
     joint, _, quantity = series.rpartition(".")
     return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
@@ -140,7 +140,7 @@ def label_frequencies(axes: Axes, start: float, end: float) -> None:
 
 
 def _decibels(one: Response) -> tuple[Array, Array, Array]:
-    """Gain and the edges of its confidence band, dB."""
+    """Gain, and lower and upper edge of the gain's confidence band, dB."""
     result = one.response
     floor = 1e-6 * max(float(result.gain.max()), 1e-12)
     level, low, high = (20 * np.log10(np.maximum(g, floor)) for g in (result.gain, result.gain_low, result.gain_high))

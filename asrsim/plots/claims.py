@@ -28,7 +28,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # Read only the claims and the names they use: the files that the run needed may be missing.
+    # Read only the claims and the names in the claims: the robot and signal files of the run may be missing.
     world = data.get("world")
     named = world.get("objects") if isinstance(world, dict) else None
     objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}
@@ -45,7 +45,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
     """Lag that the runs' claims state for each recording, by the path of the recording.
 
-    Pictures use the same lag as the claims; otherwise their numbers would contradict the verdicts below them.
+    Pictures use the same lag as the claims; with another lag the numbers in a picture would contradict the verdicts.
     """
     found: dict[str, LagChoice] = {}
     for info in infos:

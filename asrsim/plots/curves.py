@@ -22,7 +22,7 @@ REFERENCE = "reference_position"
 EXTRA: dict[str, Quantity] = {
     REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references ask for"),
 }
-"""Quantities that only pictures use: the position reference under one name for all operation modes."""
+"""Quantities that only pictures use: the position reference, which has the same name in all operation modes."""
 KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
 
 
@@ -35,7 +35,7 @@ class RunCurves:
     label: str
     """Short name of the run: the variant, or the file's name."""
     joints: tuple[JointInfo, ...]
-    """The selected joints."""
+    """Joints that were selected from the log."""
     curves: Mapping[tuple[str, str], Curve]
     """Curve of each (joint, quantity) that the run has."""
     bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class CurveSource:
     def run(
         self, curves: Mapping[tuple[str, str], Curve], samples: int, *, bodies: Mapping[str, Mapping[str, Curve]] | None = None
     ) -> RunCurves:
-        """Run of this log with the given curves."""
+        """Description of this log's run together with the given curves."""
         reader = self.reader
         return RunCurves(
             path=reader.path, info=reader.info, label=reader.info.variant or reader.path.stem, joints=self.joints,
@@ -149,7 +149,7 @@ def read_curves(
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
-    """The runs with distinct labels: variant, else the part of the path that differs, else a number."""
+    """The runs with distinct labels: the variant, else the part of the path in which the runs differ, else a number."""
     for labels in (
         [run.label for run in runs],
         _differing([run.path.resolve().with_suffix("").parts for run in runs]),
@@ -226,7 +226,7 @@ def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> d
 
 
 def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
-    """The chunks that contain samples. Raises LogError if times decrease."""
+    """Chunks of the log that contain samples. Raises LogError if times decrease."""
     last = -np.inf
     for part in parts:
         if not len(part.time):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 
 BINS = 1500
-"""Number of intervals per picture: more than a panel has pixels."""
+"""Number of intervals per picture, larger than the width of a panel in pixels."""
 
 
 class Envelope:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PER_PAGE = 3
-"""Number of joints on a page."""
+"""Largest number of joints on a page."""
 OVERVIEW_FROM = 5
 """Smallest number of joints for which the first page is an overview of all joints."""
 
@@ -136,7 +136,8 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
         slides, first = (prismatic[joints[i]] for i in (index, index - index % columns))
-        # Only the first panel of a row has a label; a joint of another kind (rad or m) names its unit in its title.
+        # Only the first panel of a row has an axis label; if a joint of the row has another unit (rad or m), its title states
+        # the unit.
         unit = "" if slides == first else " (m)" if slides else " (rad)"
         ax.set_title(shorten(joints[index], 30) + unit, loc="left", fontsize=8)
         if index % columns:

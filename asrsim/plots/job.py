@@ -82,7 +82,7 @@ class PlotResult:
         return all(result.holds for _, result in self.claims)
 
     def as_dict(self) -> dict[str, Any]:
-        """The result as data for `--json`."""
+        """Result of the plot job as data for `--json`."""
         return {
             "ok": self.ok,
             "runs": [
@@ -198,7 +198,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
             continue
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
-            # A recording has one clock: the lag found with the first run holds for the other runs.
+            # A recording has one clock: the lag found with the first run is used for the other runs too.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
         )  # fmt: skip
         for name, alignment in one.alignments.items():

@@ -1,4 +1,6 @@
-"""Positions of the panels on a page, in inches. They are computed beforehand: no layout solver runs."""
+"""Positions of the panels on a page, in inches. The positions are computed in advance, so that Matplotlib's layout solver is
+not needed.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 LEFT, GAP_X, GAP_Y, BOTTOM = 0.95, 0.98, 0.17, 0.44
 """Space for labels left of the panels, between columns, between rows, and below the lowest row, inch."""
 HEAD, TITLE = 0.34, 0.46
-"""Height of the figure's title, and of a column's title of two lines, inch."""
+"""Height of the figure's title, and height of a column's title with two lines, inch."""
 
 
 @dataclass(frozen=True, kw_only=True)

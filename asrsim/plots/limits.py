@@ -16,7 +16,7 @@ from asrsim.plots.world import Curve
 
 
 def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
-    """Upper and lower limits, from the log, of the quantity that a panel of `asrsim.plots.panels.PANELS` shows of a joint."""
+    """Upper and lower limits of a joint for a panel of `asrsim.plots.panels.PANELS`, read from the log."""
     kind = panel.removeprefix("quantity:")
     link = run.get(joint, "link_position")
     stops = _joint_limits(run.info.urdf).get(joint, {})
@@ -31,7 +31,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
         pairs = [_both(values.get(f"motor_{number}_max_torque", math.nan)) for number in motors]
     elif kind == "deflection":
         return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
-    # A limit of 0 counts as absent: URDF writes 0 for joints without limits.
+    # Ignore a limit of 0: in URDF, 0 stands for a joint without limits.
     curves = link or next((curve for (name, _), curve in run.curves.items() if name == joint), None)
     if curves is None:
         return []

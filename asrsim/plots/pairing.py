@@ -45,7 +45,9 @@ class Pair:
     count: int = 1
     """Number of recordings."""
     rmse: float
-    """Root mean square of the difference, in the unit of the quantity; mean over several recordings."""
+    """Root mean square of the difference, in the unit of the quantity; for several recordings the mean of their root mean
+    squares.
+    """
     nrmse: float
     """`rmse` divided by the range of the recording."""
 

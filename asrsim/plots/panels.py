@@ -33,7 +33,7 @@ class Panel:
     optional: tuple[str, ...] = ()
     """Quantities omitted while they are always zero."""
     shown: Callable[[JointInfo], bool] = lambda joint: True
-    """Whether a joint has this panel."""
+    """Function that returns whether a joint has this panel."""
     compared: tuple[str, ...] | None = None
     """Quantities drawn when a picture has several runs (distinguished by colour); None: `quantities`; (): no panel."""
 
@@ -104,7 +104,7 @@ PANELS: dict[str, Panel] = {
     )
 }
 _STILL = 1e-6
-"""Smallest change of a moving position, rad or m."""
+"""Smallest change of a position that counts as motion, rad or m."""
 JOINT_PANELS = ("position", "motors", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
 ENERGY_PANELS = ("energy", "residual", "numerical_error")
 

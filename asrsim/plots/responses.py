@@ -51,12 +51,12 @@ class Response:
     variant: int
     """Number of the run, which selects its line style."""
     source: str
-    """File of the log or recording."""
+    """Path of the log or recording."""
     experiment: bool
     unit: str
     """Unit of the gain; empty if input and output have the same unit."""
     output: str
-    """Quantity at the output."""
+    """Name of the quantity at the output."""
     response: FrequencyResponse
     findings: tuple[Problem, ...] = ()
 

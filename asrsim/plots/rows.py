@@ -1,4 +1,4 @@
-"""Metrics as tables for people: one line per series, one column per measure."""
+"""Metrics as text tables with one line per series and one column per measure."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
-    # With a fixed position Matplotlib need not measure all labels.
+    # Fixed position of titles, so that Matplotlib need not measure all labels.
     "axes.titley": 1.0,
     "axes.prop_cycle": f"cycler('color', {list(VARIANTS)})",
     "axes.edgecolor": "#8a8a8a",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BRIEF = 0.005
-"""Longest duration of a peak that is cut off, as a fraction of the time."""
+"""Longest duration of a peak that is cut off, as a fraction of the duration of the curve."""
 FLATTENED = 4.0
 """A peak is cut off if the full range exceeds the range of the other values by this factor."""
 
@@ -44,7 +44,7 @@ def show_values(
     """Scale the axis of values to all curves and to the limits that the curves approach.
 
     The range is never narrower than `still` or than rounding errors. brief: a peak that lasts for a moment and would flatten
-    the other values is cut off; an arrow and the peak's value mark it at the edge.
+    the other values is cut off; an arrow at the edge marks the peak and states its value.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     low = min((float(v.min()) for v in finite if len(v)), default=0.0)

@@ -222,7 +222,7 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
 
 
 def resample(time: Array, values: Array, grid: Array) -> Array:
-    """Values (n,) resampled at the times of the grid: (m,), NaN outside the record and in gaps of more than three steps.
+    """Values (m,) at the times of the grid, resampled from values (n,); NaN outside the record and in gaps above three steps.
 
     The interpolation is linear where the source is at least four times as fine as the grid. Elsewhere it is Akima's piecewise
     cubic (Journal of the ACM 17, 1970), which follows smooth motion and does not ring at steps. Nothing is filtered.

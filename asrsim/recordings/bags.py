@@ -57,7 +57,7 @@ def _members(message: Any) -> Mapping[str, Any]:
 
 
 def stamp_of(message: Any) -> int | None:
-    """Time stamp of a message, ns, from its header or its own fields; None where it is missing or zero."""
+    """Time stamp of a message, ns, from its header or its own fields; None if the stamp is missing or zero."""
     members = _members(message)
     for stamp in (_members(members.get("header")).get("stamp"), members.get("stamp"), members.get("timestamp")):
         parts = _members(stamp)
@@ -270,7 +270,7 @@ def _tables(
         except NoSignal:
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
-        except Exception:  # the message does not match its definition: counted and reported
+        except Exception:  # a message that does not match its definition is counted and reported
             broken[topic_id] += 1
             continue
         if numbers:

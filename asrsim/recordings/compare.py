@@ -30,10 +30,10 @@ from asrsim.samples import Array, JointInfo, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One quantity of one joint, simulated and recorded."""
+    """Simulated and recorded series of one quantity of one joint."""
 
     joint: str
-    """Name in the simulation."""
+    """Name of the joint in the simulation."""
     quantity: str
     unit: str
     time: Array
@@ -47,9 +47,9 @@ class Series:
     reading: str
     """Description of how the column was read."""
     metrics: Mapping[str, float]
-    """Measure -> value for the difference between simulation and recording; NaN where undefined."""
+    """Error measures of the simulation relative to the recording, by name; NaN where undefined."""
     steps: Mapping[str, tuple[float, float]]
-    """Measure of a step response -> its values (simulation, recording)."""
+    """Measures of the step response by name, each with the values (simulation, recording)."""
     findings: tuple[Problem, ...] = ()
 
     @property
@@ -103,7 +103,7 @@ def compare(
         samples: Samples of the simulation, for example of a log.
         recording: The experiment.
         infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
-        joints: Joint of the recording -> joint of the simulation; None: by name, or by order for guessed names.
+        joints: Maps joints of the recording to joints of the simulation; None: by name, or by order for guessed names.
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: auto, off, start, or the delay of the recording in s.
         lag_limit: s, largest lag that auto may find.
@@ -194,8 +194,8 @@ class Band:
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
     """Band of several recordings, at the times of the first recording; None if no recording has the series.
 
-    The band is NaN before the last run begins and after the first run ends, so that it never jumps there. In the gap of one
-    run, the band covers the other runs.
+    The band is NaN before the last run begins and after the first run ends, so that the band never jumps there. In the gap of
+    one run, the band covers the other runs.
     """
     found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
     if not found:

@@ -65,7 +65,7 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
 
 
 def matching_name(name: str, names: Sequence[str]) -> str | None:
-    """Name in `names` that equals `name` up to case and separators; None if there is none."""
+    """Name in `names` that equals `name` up to case and separators; None if no name does."""
     return next((other for other in names if _plain(other) == _plain(name)), None)
 
 

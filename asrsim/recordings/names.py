@@ -19,7 +19,7 @@ ALIASES: dict[str, str] = {
     "tau": "link_torque", "tau_ext": "external_torque", "preset": "reference_2", "motor_1": "motor_1_position",
     "motor_2": "motor_2_position",
 }  # fmt: skip
-"""Short name of a quantity -> its full name; both are valid in mappings and in columns called `joint.quantity`."""
+"""Full name of a quantity for each short name; both names are valid in mappings and in columns called `joint.quantity`."""
 _WORDS = {
     word: meant
     for meant, words in {
@@ -32,8 +32,8 @@ _WORDS = {
     }.items()
     for word in words.split()
 }  # fmt: skip
-"""Spelling in a column's name -> word in `_QUANTITIES`; "" for words without effect on the meaning, as in `q1_meas`; "?" for
-words that suggest a quantity of a joint, but may mean something else."""
+"""Word in `_QUANTITIES` for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?"
+for words that suggest a quantity of a joint, but may mean something else."""
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
@@ -46,7 +46,7 @@ _QUANTITIES = {
     }.items()
     for words in spellings.split(",")
 }  # fmt: skip
-"""Sorted words of a column's name -> quantity."""
+"""Quantity for the sorted words of a column's name."""
 _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
 """Words of an ambiguous name about which the user is asked."""
 
@@ -96,7 +96,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     words = [word for word in _words(tokens) if not word.isdecimal()]
     named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
     if named and unit is not None and unit.si == "rad":
-        words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
+        words.append("position")  # for example hub1_rad, Joint 1 [deg], elbow [deg]
     exact = "_".join(tokens)
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
     # Other characters (q', q*, a dot above) are ambiguous.
@@ -107,12 +107,12 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
     unclear = bool(numbers) and exact in KNOWN
-    if unclear and (joint or len(joints or ()) == 1):  # reference_1, motor_1_torque
+    if unclear and (joint or len(joints or ()) == 1):  # for example reference_1, motor_1_torque
         return _fitting(joint or (joints or [""])[0], exact, unit)
     if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
         return Meaning(reason="the number in its name is ambiguous", asked=True)
     if joint is None and not count and _words(tokens_of(owner)):
-        return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
+        return _of_joint(owner, quantity, unit, joints)  # for example elbow/position, /joint_states/elbow/position
     if joint is None:
         place = int(array[1]) if array else numbers[0] if numbers else None
         joint, doubt = joint_of(place, joints, indexed=array is not None)
@@ -127,7 +127,7 @@ def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str]
     place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
         return _fitting(called, quantity, unit)
-    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # the file is of another robot
+    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # the named joint belongs to another robot
     return Meaning(reason=doubt, asked=True) if doubt else _fitting(joint, quantity, unit)
 
 

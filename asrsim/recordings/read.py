@@ -73,7 +73,7 @@ def read_series(
         series, epoch = series_of(content, reading, findings)
         recording = _recording(path, content, series, reading, joints, findings=findings, epoch=epoch)
     except RecordingError as error:
-        # Where the file cannot be read, it may be another kind of document.
+        # A file that cannot be read may be another kind of document.
         unread = not series and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         other = mistaken(path, "recording") if unread else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]

@@ -1,4 +1,4 @@
-"""Finds probable errors of unit, sign and range in the numbers of columns. Only reports them, with the option that corrects."""
+"""Finds probable errors of unit, sign and range in the numbers of columns. Each report states the option that corrects."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.recordings.data import Column, RawSeries
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
-"""Typical wrong units: (value in this unit / value in SI, name of the unit)."""
+"""Typical wrong units, as pairs (value in this unit divided by the SI value, name of the unit)."""
 _FEWEST = 20
 """Smallest number of common samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7
@@ -39,7 +39,7 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         measured: Values of the column at the same times (n,).
         column: The column.
         joint: Joint of the simulation.
-        than: Name of the expected values, for messages.
+        than: Name of the expected values in messages.
     """
     target = f"{joint}.{column.quantity}"
     found = [] if (scale := suspect_scale(expected, measured, than, column.source, target)) is None else [scale]
@@ -74,7 +74,7 @@ def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str 
     most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
     if column.quantity != "link_position" or column.stated or not len(values):
         return None
-    farthest = float(np.percentile(values, 98))  # ignores single outliers
+    farthest = float(np.percentile(values, 98))  # percentiles ignore single outliers
     if farthest < 1.5 * most:
         return None
     return (

@@ -226,7 +226,7 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
 
 
 def _begins(share: float | None, below: float | None) -> bool:
-    """Whether a row begins the table: all of its cells are values, or at least half of its cells and of those below it."""
+    """Whether a row begins the table: all of its cells are values, or at least half of its cells and half of the next row's."""
     return share is not None and (share == 1.0 or (share >= 0.5 and (below is None or below >= 0.5)))
 
 

@@ -76,7 +76,7 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
-    """Whether a name means a time: all of its words do, or it is a single word with a unit of time."""
+    """Whether a name means a time: all of its words mean a time, or the name is a single word with a unit of time."""
     words = _stem(name)
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
@@ -100,7 +100,7 @@ def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> C
         return Clock(name="time", seconds=seconds, used=frozenset(named))
     stated = {name: find_raw(name, columns) for name in reading.time.columns}
     missing = [name for name, place in stated.items() if place is None]
-    if missing and not table.name:  # topics without the stated column have the times of their messages
+    if missing and not table.name:  # for topics without the stated column, the times of the messages are used
         raise RecordingError("the file has no such time column", key=missing[0], choices=tuple(names[:12]), code="no-time")
     places = [place for place in stated.values() if place is not None] or named[:1]
     if not places:
@@ -171,7 +171,7 @@ def _check_steps(values: Array, factor: float | None, *, name: str, findings: li
 
 
 def _since_first_date(values: Array, factor: float, size: float) -> tuple[Array, int]:
-    """Times in s, and the Unix time in ns of time 0; for Unix times the first is time 0, other times stay as they are.
+    """Times in s, and the Unix time in ns of time 0; Unix times are counted from the first time; other times are unchanged.
 
     size: median of the values.
     """

@@ -76,7 +76,7 @@ UNITS = {
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
     for spelling in spellings.split()
 }
-"""Spelling -> unit, for all known spellings."""
+"""Units by spelling, for all known spellings."""
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
@@ -96,7 +96,7 @@ def find_unit(text: str) -> Unit | None:
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    # newton-metre, N·m, lbf-ft: a force times a length, with any sign between them
+    # force times length with any sign between both units: newton-metre, N·m, lbf-ft
     joined = re.sub("(?<=[A-Za-z])[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))

@@ -56,18 +56,18 @@ recomputed from the log.
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """Row of the table of parameters."""
+    """Row of the page's table of parameters."""
 
     name: str
     value: float
     unit: str
     origin: str
-    """Origin in words: tag with line, default, or scenario."""
+    """Source of the parameter in words: URDF tag with its line, default value, or scenario."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunContent:
-    """Data of a run, except its time series."""
+    """Data of a run for the page, except the time series."""
 
     log: Path
     info: RunInfo
@@ -90,7 +90,7 @@ class Compared:
 
 
 def read_content(log: Path) -> RunContent:
-    """Data of one run. Raises LogError."""
+    """Data of one run, read from its log and the files beside the log. Raises LogError."""
     reader = open_log(log)
     notes: list[str] = []
     summary = _summary(log, reader.info) or _own_summary(log)
@@ -196,7 +196,7 @@ def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str,
 
 
 def picture(path: Path) -> str | None:
-    """PNG as a data URL with few colours; None if it cannot be read or is still too large for the page."""
+    """PNG file as a data URL, reduced to few colours; None if the picture cannot be read or is still too large for the page."""
     from io import BytesIO
 
     from PIL import Image
@@ -212,7 +212,7 @@ def picture(path: Path) -> str | None:
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
-    """Summary beside a log, None if it belongs to another log."""
+    """Content of the `summary.json` beside a log; None if the summary belongs to another log."""
     with suppress(OSError, ValueError, RecursionError):
         data = json.loads((log.parent / SUMMARY).read_text(encoding="utf-8"))
         fits = not misfit(data, _SUMMARY_SHAPE)

@@ -11,14 +11,11 @@ from typing import Any
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
-"""Length in letters from which a name in a table may be broken."""
+"""Smallest number of letters of a name that may be broken into two lines in a table."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
-    """Self-contained HTML page, with a security policy that forbids loading anything.
-
-    style: CSS; main, scripts: HTML.
-    """
+    """Self-contained HTML page, with a security policy that forbids loading other files. style: CSS; main, scripts: HTML."""
     from asrsim import __version__
 
     return "\n".join(
@@ -77,7 +74,7 @@ def _breakable(text: str) -> str:
 
 
 def bullets(items: Iterable[str]) -> str:
-    """HTML list; empty text without items."""
+    """HTML list; an empty text if there are no items."""
     text = "".join(f"<li>{escape(item)}</li>" for item in items)
     return f"<ul>{text}</ul>" if text else ""
 
@@ -88,7 +85,7 @@ def badge(text: str, *, good: bool) -> str:
 
 
 def number(value: Any) -> str:
-    """Number to five digits; "-" for a missing number."""
+    """Number as text with five digits; "-" for a missing number."""
     if value is None or not isinstance(value, int | float) or math.isnan(value):
         return "-"
     return f"{value:.5g}"

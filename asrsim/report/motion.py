@@ -19,11 +19,11 @@ FRAMES = 400
 TRIANGLES = 40_000
 """Largest number of triangles of all shapes together."""
 _LEVELS = 32767
-"""Number of steps of a coordinate in each direction (signed 16-bit integers)."""
+"""Number of quantisation steps of a coordinate in the positive and the negative direction (signed 16-bit integers)."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:
-    """Data of the moving view; None without films. Runs with another robot than the first run's are omitted."""
+    """Data of the moving view; None if there are no films. Runs with another robot than the first run's are omitted."""
     if not films:
         return None
     first = films[0]

@@ -197,7 +197,7 @@ _FIGURES = {
     "position_max": "position, largest", "position_rms": "position, RMS", "torque_max": "torque, largest",
     "torque_rms": "torque, RMS", "order": "order",
 }  # fmt: skip
-"""Numbers of a joint in `summary.json`, and the heads of their columns."""
+"""Keys of a joint's numbers in `summary.json`, with the column headings."""
 _TABLES = {
     "certificate": "Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top.",
     "cross_check": "Differences between engines; SI units.",
@@ -229,7 +229,7 @@ def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     groups: dict[Any, list[tuple[str, str]]] = {}
     for run, label in zip(runs, labels, strict=True):
         for joint, values in run.parameters.items():
-            # Ignore the line number: it differs from joint to joint.
+            # Ignore the line number in the parameter's source, which differs from joint to joint.
             key = tuple((p.name, p.value, p.unit, p.origin.split(", line")[0]) for p in values)
             groups.setdefault(key, []).append((label, joint))
     parts = []

@@ -27,7 +27,7 @@ QUANTITIES: tuple[str, ...] = tuple(
         for name in PANELS[key].of_any(several=several)
     )
 )
-"""All panels that a page may show of a joint."""
+"""All panels that a page may contain for a joint."""
 
 
 Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
@@ -49,7 +49,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
             series = []
             plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
-                # A reference shared by all runs is assigned to no run.
+                # A reference that is equal in all runs belongs to no single run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
                 owner = None if shared or len(runs) == 1 else number

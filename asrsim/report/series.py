@@ -45,14 +45,16 @@ class Grid:
         return self.start + self.step * np.arange(float(self.count))
 
     def as_dict(self) -> dict[str, Any]:
-        """Grid as data for the page; margin: space before the first point and after the last, s."""
+        """Grid as data for the page; margin: time before the first point and after the last point, s."""
         return {
             "start": self.start, "step": self.step, "count": self.count, "margin": 0.5 * self.step if self.thinned else 0.0,
         }  # fmt: skip
 
 
 def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[RunCurves]]:
-    """Common grid as fine as `BUDGET` permits, and the runs' curves on it; every extreme is kept. Raises LogError."""
+    """Common time grid that is as fine as `BUDGET` permits, and the runs' curves on this grid; all extreme values are kept.
+    Raises LogError.
+    """
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
@@ -98,7 +100,7 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> RunCurves:
 
 
 def pack(values: Array) -> dict[str, Any]:
-    """Series as text: 16 bits per value between its smallest and largest value, which are exact."""
+    """Series as text: 16 bits per value; the smallest and the largest value of the series are exact."""
     finite = np.isfinite(values)
     low = float(values[finite].min()) if finite.any() else 0.0
     high = float(values[finite].max()) if finite.any() else 0.0
@@ -110,7 +112,7 @@ def pack(values: Array) -> dict[str, Any]:
 
 
 def unpack(packed: Mapping[str, Any], count: int) -> Array:
-    """Values of a series packed by `pack`, accurate to half a step."""
+    """Values of a series that `pack` packed, accurate to half a quantisation step."""
     low, high = float(packed["low"]), float(packed["high"])
     if not packed["data"]:
         return np.full(count, low)

@@ -51,7 +51,7 @@ below, at_most, above, at_least = (partial(Bound, sign) for sign in ("<", "<=", 
 
 
 def near(value: float, tolerance: float, unit: str = "") -> Bound:
-    """Condition `==` with a tolerance."""
+    """Condition that a number equals a value within a tolerance."""
     return Bound("==", value, unit, tolerance)
 
 
@@ -130,7 +130,7 @@ class Figure(Heading):
     parts: Callable[[Lab], tuple[Part, ...]]
     """Function that runs the experiments. Its first part is the paper's figure; the others extend it."""
     cost: float = 1.0
-    """Relative duration; long figures start first."""
+    """Relative duration of the experiments; the figure with the longest duration starts first."""
 
 
 @dataclass(frozen=True, kw_only=True)

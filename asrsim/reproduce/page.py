@@ -16,13 +16,13 @@ ORIGINS = {
     "simulation": "from an independent simulation of the same experiment",
     "beyond": "not in the paper: with link damping that grows with the stiffness",
 }
-"""Origin of a claim, in words."""
+"""Origins of claims as words on the page, such as `stated in the paper`."""
 SOURCE = (
     "Mengacci, Zambella, Grioli, Caporale, Catalano, Bicchi (2021): An Open-Source ROS-Gazebo Toolbox for Simulating Robots "
     "With Compliant Actuators, Frontiers in Robotics and AI 8"
 )
 SHOWN_ROWS = 9
-"""Largest number of rows of a table that is shown unfolded."""
+"""Largest number of rows of a table that the page shows without folding."""
 
 
 def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:

@@ -71,7 +71,7 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
     tags = elements(plugin)
     given, shown = {tag.tag for tag in tags}, plugin.get("name") or filename or "plugin"
     if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
-        return None, set()  # known without a search for installed actuators
+        return None, set()  # no search for installed actuators is needed
     if name not in ACTUATORS:
         if not {"joint", "operation_mode"} <= given:
             return None, set()
@@ -200,7 +200,7 @@ class _Tags:
         }
 
     def parameter(self, parameter: Parameter, name: str) -> ParameterValue:
-        """Parameter from its tag."""
+        """Parameter with the value in its tag."""
         value = self.number(name)
         fault = None if value is None else parameter_fault(parameter, value)
         if fault:
@@ -211,7 +211,7 @@ class _Tags:
         )  # fmt: skip
 
     def number(self, name: str) -> float | None:
-        """Number in a tag; None if it is invalid."""
+        """Number in a tag; None if the number is invalid."""
         text = self.text(name)
         try:
             value, arithmetic = read_number(text)

@@ -31,7 +31,7 @@ class _Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """Robot on its base."""
+    """Kinematic chain of a robot, for forward kinematics and gravity torques."""
 
     robot: Robot
     base_position: Vector
@@ -65,7 +65,7 @@ class Chain:
         return tuple(map(_Step, self.robot.outward_joints))
 
     def gravity_load(self, positions: Mapping[str, Array], gravity: Vector) -> dict[str, Array]:
-        """Moving joint -> torque (n,) of gravity about its axis, N m (force along it, N). gravity in m/s^2."""
+        """Gravity torque (n,) about the axis of each moving joint, N m (or force along the axis, N). gravity in m/s^2."""
         frames = self.poses(positions)
         pull = np.array(gravity)
         masses = {link.name: link.mass or 0.0 for link in self.robot.links}
@@ -76,7 +76,7 @@ class Chain:
         }
         above = {joint.child: joint for joint in self.robot.joints}
         loads: dict[str, Array] = {}
-        # From the tips inwards, each link adds its mass and mass moment (kg m) to its parent's.
+        # From the tips to the root: add the mass and mass moment (kg m) of each link to its parent.
         for name in reversed(frames):
             joint = above.get(name)
             if joint is None:

@@ -188,7 +188,7 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
 
 
 def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
-    """Doubts about single parameters that the file sets."""
+    """Warnings about single parameters that the file sets."""
     mode, values = MODES[block.mode], block.values()
     for declared in ACTUATORS.get(block.actuator).all_parameters():
         name, parameter = declared.name, block.parameters[declared.name]
@@ -219,7 +219,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
 
 
 def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:
-    """Doubt about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
+    """Warning about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
     mode = MODES[block.mode]
     differing = []
     for name, value in block.parameters.items() if mode.motor and mode.controller else ():

@@ -17,7 +17,7 @@ _START_TAG = re.compile(rb"<(?:[^>\"']|\"[^\"]*\"|'[^']*')*>")
 _ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
     name: ("inertia", name) for name in INERTIAS
 } | {"mass": ("mass", "value")}  # fmt: skip
-"""Name of a number -> its tag and attribute, in a joint or in the `<inertial>` of a link."""
+"""Tag and attribute of each number in a joint or in the `<inertial>` of a link, by name of the number."""
 
 
 @dataclass(kw_only=True)
@@ -30,7 +30,7 @@ class _Element:
     opened: int
     """Position of the first byte after the start tag."""
     end: int = 0
-    """Position of the first byte of the end tag; in an empty-element tag, of the first byte after it."""
+    """Position of the first byte of the end tag; for an empty-element tag, position of the first byte after the tag."""
     children: list[_Element] = field(default_factory=list)
 
     def child(self, tag: str, /, **attributes: str) -> _Element | None:

@@ -41,7 +41,7 @@ def zero_pose_matrix(robot: Robot) -> np.ndarray:
 
 
 def effective_inertia(matrix: np.ndarray) -> np.ndarray:
-    """Effective inertia (n,) of each joint while all other joints are free, 1 / (M^-1)_ii; at most the diagonal of M.
+    """Effective inertia (n,) of each joint while all other joints are free, 1 / (M^-1)_ii of the mass matrix M.
 
     It is 0 for joints that make the matrix singular (massless ends of chains).
     """

@@ -29,14 +29,14 @@ class MergedRobot:
     robot: Robot
     """Robot whose links are the bodies and whose joints are the moving joints, in file order."""
     places: Mapping[str, Place]
-    """Link of the file -> its place in the merged robot."""
+    """Places of the file's links in the merged robot, by name of the link."""
 
 
 def merge_fixed(robot: Robot) -> MergedRobot:
     """Robot with merged links: masses, centres, inertias (by the parallel-axis theorem), shapes and joints are combined.
 
-    A body of one link keeps its numbers unchanged. A body without any `<inertial>` has none. A body of massless links has the
-    sum of their inertias.
+    A body of one link keeps its numbers unchanged. A body has no `<inertial>` if no link in it has an
+    `<inertial>`. The inertia of a body of massless links is the sum of the links' inertias.
     """
     links = {link.name: link for link in robot.links}
     moving = robot.moving_joints

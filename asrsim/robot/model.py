@@ -49,7 +49,7 @@ class ActuatorBlock:
     namespace: str = ""
     subscribe_external_torque: bool = False
     sample_time: float | None = None
-    """Sampling time in the later dialect's `<t_sample>`, s; stored only, as the simulation uses the scenario's step."""
+    """Sampling time, s, from the tag `<t_sample>` of the toolbox's later dialect; unused, as the scenario sets the step."""
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     """All parameters of the actuator by name, with defaults."""
     plugin_name: str = ""
@@ -196,12 +196,12 @@ class Robot:
     """Joints whose actuator or mode is unknown, because the file states it wrongly."""
 
     def joint(self, name: str) -> Joint:
-        """Joint with this name. Raises KeyError if there is none."""
+        """Joint with this name. Raises KeyError if no joint has the name."""
         return {joint.name: joint for joint in self.joints}[name]
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:
-        """Link -> its child joints, in file order."""
+        """Child joints of each link, in file order."""
         found: dict[str, tuple[Joint, ...]] = {}
         for joint in self.joints:
             found[joint.parent] = (*found.get(joint.parent, ()), joint)

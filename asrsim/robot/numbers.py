@@ -39,7 +39,7 @@ def plain_number(text: str) -> float:
 
 
 def read_number(text: str) -> tuple[float, bool]:
-    """Value of the text, and whether it is arithmetic, of which the toolbox reads only the leading number.
+    """Value of the text, and whether the text is arithmetic; of arithmetic, the toolbox reads only the leading number.
 
     A comment after `#` is ignored. Raises ValueError with the reason, a phrase that follows the key.
     """
@@ -66,7 +66,7 @@ def read_number(text: str) -> tuple[float, bool]:
 
 
 def leading_number(text: str) -> float:
-    """Number that the toolbox's Gazebo reads from the text: its leading number, 0 if there is none."""
+    """Number that Gazebo with the toolbox reads from the text: the leading number, or 0 without a leading number."""
     match = _LEADING.match(text)
     return float(match.group(1)) if match else 0.0
 

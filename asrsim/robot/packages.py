@@ -29,7 +29,7 @@ class Packages:
         return (self.folder, *(path.resolve() for path in self.named.values()), *self.searched)
 
     def find(self, name: str) -> Path | None:
-        """Folder of a package; None if it is unknown."""
+        """Folder of a package; None if the package is unknown."""
         if name in self.named:
             return self.named[name].resolve()
         if not name or "/" in name or name in (".", ".."):
@@ -44,7 +44,7 @@ class Packages:
         return None
 
     def allows(self, path: Path) -> bool:
-        """Whether the path lies in one of the folders, after symbolic links are resolved."""
+        """Whether the path, with symbolic links resolved, lies in one of the readable folders."""
         resolved = path.resolve()
         return any(resolved.is_relative_to(root) for root in self.roots)
 
@@ -60,7 +60,7 @@ class Packages:
         elif scheme in ("package", "model"):
             name, _, inner = rest.lstrip("/").partition("/")
             package = self.find(name)
-            # Some files call a folder beside them a package.
+            # Some robot files name a neighbouring folder as a package.
             path = self.folder / name / inner if package is None else package / inner
             if package is None and not path.is_file():
                 return f"package '{name}' is not known"

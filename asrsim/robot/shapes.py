@@ -19,7 +19,7 @@ Colour = tuple[float, float, float, float]
 
 
 class ShapeError(ValueError):
-    """Fault of a shape, as a phrase that follows the shape's name."""
+    """Raised for a faulty shape. The message is a phrase that follows the shape's name."""
 
 
 def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) -> Shape:
@@ -59,7 +59,7 @@ def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) ->
 
 
 def read_colours(root: Any) -> dict[str, Colour]:
-    """Name of a material -> its colour, for the materials of the robot and of the visuals."""
+    """Colours of the materials of the robot and of the visuals, by name of the material."""
     colours: dict[str, Colour] = {}
     for material in (*elements(root, "material"), *root.iterfind("link/visual/material")):
         colour = _colour(material)

@@ -28,8 +28,8 @@ class StepFigures:
     inertia: float
     """Effective inertia at the zero pose, with all other joints free, kg m^2."""
     natural: float
-    """Natural frequency of the link on its unloaded spring with locked motors, Hz; 0 without a spring. An adjuster has
-    its typical value.
+    """Natural frequency of the link on its unloaded spring with locked motors, Hz; 0 without a spring. A stiffness adjuster
+    has its typical value.
     """
     damping: float
     """Time step times damping of the URDF, divided by inertia; above 2, the toolbox's explicit damping diverges."""

@@ -33,7 +33,7 @@ X_AXIS: Vector = (1.0, 0.0, 0.0)
 
 
 def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
-    """All links with a name, in file order; of two links with one name, the first."""
+    """All links with a name, in file order; of two links with one name, only the first."""
     colours, largest = read_colours(root), _largest_moment(root)
     if not elements(root, "link"):
         findings.error("has no link", None, "robot", code="no-links")
@@ -210,7 +210,7 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) 
 
 
 def _end(findings: Findings, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str:
-    """Name of the link; empty if there is no such link."""
+    """Name of the link; empty if the robot has no link with this name."""
     tags = elements(element, tag)
     if len(tags) != 1:
         count = "no" if not tags else "more than one"
@@ -286,7 +286,7 @@ def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, 
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
     "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
 }  # fmt: skip
-"""Tag of a joint -> function that reads the joint's fields in this tag."""
+"""Functions that read the fields of a joint, by tag."""
 
 _PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}
 _SIGNED = ("spring_stiffness", "spring_reference")

@@ -33,7 +33,7 @@ SPRING_TAGS: dict[str, dict[str, str]] = {
         "max_deflection": "max_def",
     },
 }
-"""Actuator name -> parameter name -> tag."""
+"""Tags of the spring parameters: name of the actuator -> name of the parameter -> tag."""
 
 _MOTOR_TAGS = {
     "inertia": "J",
@@ -63,22 +63,22 @@ JOINT_TAGS = {
     "stribeck_velocity": "stribeckVelocity",
     "load_friction": "loadFriction",
 }
-"""Field of a joint -> tag in its `<gazebo reference>`. Gazebo defines the tags of springs; those of friction are asrsim's, and
-Gazebo ignores them.
+"""Tags in `<gazebo reference>` by field of the joint. Gazebo defines the tags of springs; asrsim defines the tags of friction,
+which Gazebo ignores.
 """
 
 REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_tau")
 """Required tags: without them the toolbox crashes. asrsim does not need the last three."""
 
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
-"""Tags that are not numbers of the actuator; the last two belong to the later dialect (AlterEgo)."""
+"""Tags that are not numbers of the actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
 
 FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
 """Tags by which the older plugin with the same file name is recognised (l1va/qbmove_ros)."""
 
 
 def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
-    """Parameter -> tag, for all parameters of the actuator, in the order of `all_parameters`."""
+    """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
     tags = {}
@@ -97,7 +97,7 @@ def _motion_tag(name: str, motors: int) -> str:
 
 
 def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
-    """Tag -> parameter, the inverse of `parameter_tags`. The toolbox's `max_def` also means a user's `max_deflection`."""
+    """Parameters by tag, the inverse of `parameter_tags`. The toolbox's `max_def` also means a user's `max_deflection`."""
     tags = {tag: name for name, tag in parameter_tags(actuator).items()}
     if "max_deflection" in tags and "max_def" not in tags:
         tags["max_def"] = "max_deflection"

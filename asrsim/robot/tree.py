@@ -11,7 +11,7 @@ FREEDOMS = {
     "floating": "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario",
     "planar": "Two prismatic joints and a revolute one do the same",
 }
-"""Joint type with several degrees of freedom -> hint. PyBullet welds planar joints and has no dynamics of floating joints."""
+"""Hints for joint types with several degrees of freedom. PyBullet fixes planar joints and lacks dynamics of floating joints."""
 
 
 def without_floating_root(

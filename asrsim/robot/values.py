@@ -13,7 +13,7 @@ from asrsim.robot.findings import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
 DEFLECTION = 1e-3
-"""Deflection at which the laws are evaluated, rad; the deflection limit if that is smaller."""
+"""Deflection at which an actuator's laws are evaluated, rad; a smaller deflection limit replaces it."""
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:

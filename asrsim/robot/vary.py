@@ -23,7 +23,7 @@ JOINT_NAMES = {
     "passive_stiffness": "spring_stiffness",
     "passive_reference": "spring_reference",
 }
-"""Name -> field of a joint; the last two belong to a joint's passive spring (Gazebo's)."""
+"""Fields of a joint by name of the number; the last two fields describe the passive spring (Gazebo's)."""
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
 _INERTIAS = frozenset(INERTIAS)

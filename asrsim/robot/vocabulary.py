@@ -44,7 +44,7 @@ VOCABULARY: Words = {
     "calibration": (("rising", "falling", "reference_position"), ()),
     "safety_controller": (("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), ()),
 }
-"""Element -> attributes and child elements in the format."""
+"""Attributes and child elements of each element in the URDF format."""
 SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPAQUE = ("gazebo", "transmission", "sensor")
@@ -57,7 +57,7 @@ FOREIGN = {
     "limit": ("acceleration", "jerk", "deceleration", "has_velocity_limits"),
     "dynamics": ("armature", "spring_stiffness", "spring_reference"),
 }
-"""Element -> children and attributes that other programs add. They have no effect here and get no warning."""
+"""Children and attributes of each element that other programs add, without effect in asrsim and without a warning."""
 
 
 def check_words(findings: Findings, root: Any) -> None:

@@ -19,7 +19,7 @@ BLANKS = " \t\r\n"
 
 
 def read_bytes(path: Path) -> bytes:
-    """Content of the file. Raises RobotError if it is missing, no regular file, unreadable or too large."""
+    """Content of the file. Raises RobotError if the file is missing, no regular file, unreadable or too large."""
     try:
         if not path.exists():
             raise RobotError("no such file", file=path, hint=similar_file(path), code="missing-file")
@@ -117,5 +117,5 @@ def name_of(element: Any, key: str = "name") -> str:
 
 
 def elements(parent: Any, tag: str | None = None) -> list[Any]:
-    """Child elements without comments, all or those with one tag."""
+    """Child elements without comments: all, or only the elements with a given tag."""
     return [child for child in parent if isinstance(child.tag, str) and (tag is None or child.tag == tag)]

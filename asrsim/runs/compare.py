@@ -56,7 +56,7 @@ class Comparer:
         self.samples = 0
         """Number of samples compared so far."""
         self.exhausted = False
-        """True: all samples of the log were compared."""
+        """Whether all samples of the log were compared."""
 
     @property
     def differences(self) -> tuple[Difference, ...]:

@@ -1,7 +1,7 @@
 """Completes the description of a run, so that its log suffices to repeat the run bit for bit.
 
-A scenario or robot may have changed after it was read (learned and planned references, parameters, masses, friction), and
-then differs from its file. These differences are written into the description.
+After a scenario or robot has been read, the program may change it (learned and planned references, parameters, masses,
+friction), so that it differs from its file. These differences are written into the description.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
 
 
 def _robot_as_read(robot: Robot) -> Robot:
-    """Robot as its text states it, without later changes."""
+    """Robot as stated in its URDF text, without later changes."""
     with TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot.text, encoding="utf-8")
@@ -93,7 +93,7 @@ def _robot_as_read(robot: Robot) -> Robot:
 
 
 def _as_read(scenario: Scenario) -> Scenario | None:
-    """Scenario as its plain data state it, without later changes; None where the data cannot be read."""
+    """Scenario as stated in its plain data, without later changes; None where the data cannot be read."""
     from asrsim.scenario import scenario_from_data
 
     keys = {key: value for key, value in scenario.resolved.items() if key not in ("expect", "ilc")}

@@ -65,8 +65,8 @@ def execute(
 ) -> Executed:
     """Simulate one variant and write its log into `folder`, if given. `write_summary` writes the summary.
 
-    A run that diverges or is stopped also gives a complete log and a summary; its status differs. The log is first written
-    under another name, and replaces the files of an earlier run only when it is complete.
+    A run that diverges or is stopped also gives a complete log and a summary, which state how the run ended. The log is first
+    written under another name, and replaces the files of an earlier run only when it is complete.
 
     Args:
         scenario: The variant.

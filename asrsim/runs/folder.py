@@ -85,7 +85,7 @@ def find_logs(place: Path) -> list[Path]:
             other = mistaken(place, "log")
             if other is not None and not any(place.glob(f"*/*/{LOG}")):
                 raise InputError([other])
-            # The folder may be that of a study, or of several scenarios.
+            # The folder may belong to a study or to several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
@@ -126,7 +126,7 @@ def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
     places: dict[Path, float] = {}
     for log in logs:
         places[log] = math.inf
-        # An unreadable log is reported later, when it is read.
+        # An unreadable log is reported later, when its samples are read.
         with suppress(AsrsimError):
             info = open_log(log).info
             scenario = parse_yaml(info.scenario).plain()

@@ -17,9 +17,9 @@ LOCK = ".asrsim.lock"
 
 @contextmanager
 def owned(folder: Path) -> Iterator[None]:
-    """Create the folder if it is missing, and lock it until the block ends.
+    """Create the folder if the folder is missing, and lock the folder until the block ends.
 
-    Raises OutputError if the folder cannot be created or written, or if this or another process has locked it.
+    Raises OutputError if the folder cannot be created or written, or if this process or another process has locked the folder.
     """
     make_folder(folder)
     path = folder / LOCK
@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # Remove the file while it is locked: a waiting process then finds it removed, and creates a new one.
+            # Remove the file while it is locked: a waiting process then finds the file removed, and creates a new file.
             with suppress(OSError):
                 path.unlink()
         os.close(file)

@@ -146,7 +146,7 @@ def _whole_steps(reader: LogReader) -> float:
 
 
 def _require_engine(reader: LogReader, name: str) -> None:
-    """Raise LogError unless the engine of the run is installed; another engine would give other bits."""
+    """Raise LogError unless the engine of the run is installed; another engine would give other results."""
     entry = ENGINES.get(name)
     if not entry.available:
         version = reader.info.metadata.get("engine_version", name)

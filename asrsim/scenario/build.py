@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 
 
 def whole(ratio: float) -> int | None:
-    """Whole number that equals the ratio up to rounding; None if there is none."""
+    """Whole number that equals the ratio up to rounding; None if the ratio is not a whole number."""
     nearest = round(ratio) if math.isfinite(ratio) else 0
     return nearest if nearest >= 1 and abs(ratio - nearest) <= _ROUNDING * nearest else None
 
@@ -61,7 +61,7 @@ def _plain(data: Any) -> Any:
 
 
 def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
-    """(dotted key, line) of every value in the file."""
+    """Pairs (dotted key, line) for all values in the file."""
     items: list[tuple[str, Node, int | None]] = []
     if isinstance(node.value, dict):
         items = [(f"{key}{name}", item, node.key_line(name)) for name, item in node.value.items()]
@@ -116,4 +116,4 @@ CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], Re
     (("engine", "motion"), _check_motion),
     (("world", "task", "expect"), _check_objects),
 )
-"""(keys, check of a condition between these keys). A check is skipped if one of its keys is invalid."""
+"""Pairs (keys, check of a condition between these keys). A check is skipped if one of its keys is invalid."""

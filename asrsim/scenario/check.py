@@ -53,7 +53,7 @@ def robot_of(scenario: Scenario) -> Robot:
 def check_against_robot(
     scenario: Scenario, robot: Robot | None, *, propose: bool = False
 ) -> tuple[list[Problem], list[Problem]]:
-    """(errors, warnings) of the robot's file and of the scenario: unknown names, invalid values, missing references.
+    """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
 
     Checks that depend on an invalid value are skipped.
 
@@ -155,7 +155,7 @@ def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Error of a floating robot whose root has no mass, for which engines fix the root or invent a mass. Fixed links count."""
+    """Error of a floating robot whose root (with links fixed to it) has no mass: engines fix it or assume a mass."""
     if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
         return
     body = merge_fixed(robot).robot.root
@@ -227,4 +227,4 @@ CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Proble
     ((), _unknown_references),
     (("duration", "step", "stepping"), _long_sigma),
 )
-"""(keys that the check depends on, check). A check yields errors of the robot with the scenario's changes."""
+"""Pairs (keys that the check depends on, check). A check yields errors of the robot with the scenario's changes."""

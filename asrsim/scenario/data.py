@@ -186,7 +186,7 @@ class Scenario:
     )
     """Order of the joints in arrays for the whole robot; empty: order of the URDF."""
     namespace: str | None = None
-    """Namespace from the manager file, which replaces that of the actuator blocks."""
+    """Namespace from the manager file, which replaces the namespace in the actuator blocks."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
         REFERENCES,
         default={},
@@ -238,7 +238,7 @@ class Scenario:
     unread: tuple[KeyPath, ...] = ()
     """Paths of the invalid keys that `read_scenarios` left out."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
-    """Dotted key -> line in the file, for messages of later checks."""
+    """Line in the file for each dotted key, for messages of later checks."""
 
     def references_of(self, joint: str) -> dict[str, Signal]:
         """References of a joint by name. Entries for the joint take precedence over entries for all joints."""

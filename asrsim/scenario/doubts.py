@@ -136,7 +136,7 @@ def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
-    """(key, signal), or (key, part) for each part of a sum, of a scaled or of a delayed signal."""
+    """Pairs (key, signal); for sums, scaled and delayed signals, a pair (key, part) for each part."""
     if isinstance(signal, Sum):
         for index, term in enumerate(signal.terms):
             yield from _terms(f"{key}.sum.{index}", term)

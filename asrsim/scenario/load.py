@@ -34,7 +34,7 @@ def load_scenario(
 ) -> tuple[Scenario, ...]:
     """All variants of a scenario file in file order, or the chosen variant.
 
-    A file without variants has one, called `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
+    A file without variants has one variant, `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
     every problem of the file.
     """

@@ -39,7 +39,7 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _names(kind: Kind[Any], data: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str, str]]:
-    """(path, name, `joint` or `link`) of every name of a joint or link in plain data of a kind."""
+    """Tuple (path, name, `joint` or `link`) for every name of a joint or link in plain data of a kind."""
     if isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and isinstance(data, str | int):
         # Only keys of mappings have lines; entries of lists are reported at their list.
         yield path if not path[-1].isdecimal() else path[:-1], str(data), kind.noun.rpartition(" ")[2]

@@ -22,7 +22,7 @@ MOST_JUMPS = 100
 
 
 def signals_of(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
-    """(key, signal) for every signal of the scenario."""
+    """Pairs (key, signal) for all signals of the scenario."""
     tables: dict[str, Mapping[str, Signal]] = {f"references.{joint}": own for joint, own in scenario.references.items()}
     tables |= {"external_torques": scenario.external_torques, **wanted_positions(scenario)}
     for section, table in tables.items():

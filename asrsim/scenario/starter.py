@@ -29,7 +29,7 @@ SOFT = 1.5
 STEP_TIME = 0.1
 """Time of the step, s."""
 LARGEST_SHARE = 0.4
-"""Largest step of a joint, as a fraction of its way to the stop."""
+"""Largest step of a joint, as a fraction of the distance to the joint's stop."""
 MOUNTED_MODE = 6
 """Mode of actuators that the scenario puts on joints, unless another mode is chosen."""
 ROUNDS = 6
@@ -39,7 +39,7 @@ VISIBLE = 1e-3
 SCHEMA_FILE = "asrsim.schema.json"
 
 Comments = dict[tuple[str, ...], str]
-"""Path of a key -> comment at the end of its line."""
+"""Comments at the ends of lines, by path of the key."""
 
 
 class Lines(dict[str, Any]):
@@ -75,7 +75,7 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
 
 @dataclass(frozen=True, kw_only=True)
 class StarterJoint:
-    """Motion of a joint in the starter."""
+    """Motion of a joint in the starter scenario."""
 
     block: ActuatorBlock
     joint: Joint
@@ -111,7 +111,7 @@ class StarterJoint:
         return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
 
     def levels(self, position: float, torque: float, preset: float) -> list[tuple[str, str, float]]:
-        """(reference, unit, value) that hold the joint at a position, or give its motors a torque.
+        """Tuples (reference, unit, value) that hold the joint at a position, or give its motors a torque.
 
         preset: value of a second reference that is a preset or the position of an adjuster.
         """
@@ -129,7 +129,7 @@ class StarterJoint:
         return [(name, *level) for name, level in zip(mode.references, levels[:count], strict=False)]
 
     def references(self, preset: float) -> dict[str, Any]:
-        """Reference -> signal of the starter's step, as plain data."""
+        """Signals of the starter's step by reference, as plain data."""
         levels = zip(self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset), strict=True)
         pairs = {name: (_rounded(low), _rounded(high)) for (name, _, low), (_, _, high) in levels}
         return {
@@ -180,9 +180,9 @@ class Starter:
     given: tuple[str, ...] = ()
     """Joints whose actuator the scenario gives."""
     sized: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameters of given actuators with which they hold the arm's own weight."""
+    """Parameters with which the given actuators hold the arm's weight, by joint."""
     damped: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> keys of its link damping."""
+    """Keys of the link damping, by joint."""
     at_rest: bool = False
     """Whether the scenario starts at equilibrium."""
 
@@ -237,7 +237,7 @@ class Starter:
 
 
 def _changed(one: StarterJoint) -> dict[str, Any]:
-    """References of the stiff variant that differ from those of the soft variant."""
+    """References of the stiff variant that differ from the references of the soft variant."""
     soft, stiff = (one.references(preset) for preset in one.presets)
     return {name: signal for name, signal in stiff.items() if signal != soft[name]}
 
@@ -315,13 +315,13 @@ def write_starter(
 
 
 def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
-    """Starter with these parameters in addition."""
+    """Starter with additional parameters."""
     sized = {name: {**starter.sized.get(name, {}), **values} for name, values in proposal.items()}
     return replace(starter, robot=with_overrides(starter.robot, parameters=proposal), sized={**starter.sized, **sized})
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
-    """Robot in a file. Raises RobotError if it cannot be read, or has no moving joint."""
+    """Robot in a file. Raises RobotError if the robot cannot be read, or has no moving joint."""
     from asrsim.scenario.check import nothing_moves
 
     robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
@@ -361,7 +361,7 @@ def relocated(scenario: Scenario, base: Path, folder: Path) -> dict[str, Any]:
 
 
 def _placed(data: Any, place: Callable[[str], str]) -> Any:
-    """Copy of data in which `place` has changed the paths of all files."""
+    """Copy of data with the paths of all files changed by the function `place`."""
     if isinstance(data, Mapping):
         return {
             key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else _placed(value, place)

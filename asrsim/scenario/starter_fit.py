@@ -49,7 +49,7 @@ def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
             yield f"{block.joint}.{parameter.name}"
     if mode.motor and block.joint not in _twins(plan.robot):
         yield from (f"{block.joint}.motor_1_{name}" for name in ("inertia", "damping", "friction_torque"))
-    # The gains of a rigid servo are seldom known; those of motors are known if the robot's file states them.
+    # The gains of a rigid servo are seldom known; the gains of motors are known if the robot's file states them.
     if mode.controller and not (mode.motor and any(value.origin == "tag" for value in block.parameters.values())):
         yield f"{block.joint}.controller_1_proportional"
     if not plan.on_bench:
@@ -70,7 +70,7 @@ def _delays(plan: Plan) -> list[str]:
 
 
 def _twins(robot: Robot) -> dict[str, str]:
-    """Joint -> an earlier joint whose motors have the same parameters in the robot's file, so they are of the same type."""
+    """Map from a joint to an earlier joint whose motors have equal parameters in the robot's file, and so are of one type."""
     first: dict[object, str] = {}
     twins = {}
     for block in robot.actuators:
@@ -82,7 +82,7 @@ def _twins(robot: Robot) -> dict[str, str]:
 
 
 def _ties(plan: Plan) -> Iterator[tuple[str, str]]:
-    """(key, equal key) for both springs of an antagonistic actuator, motors of one type, and the delays of all commands."""
+    """Pairs (key, equal key) for both springs of an antagonistic actuator, motors of one type, and the delays of commands."""
     twins = _twins(plan.robot)
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]

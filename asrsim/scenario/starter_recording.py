@@ -25,7 +25,7 @@ from asrsim.scenario.starter import SCHEMA_FILE, Comments, Lines, mounted, start
 from asrsim.signals.playback import since
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
-"""Unit of a command that is not a position -> mode that takes it."""
+"""Mode that accepts a command, by the unit of the command; for units other than units of position."""
 WIDE = 1e4
 """Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
 LATEST = 1.0
@@ -33,7 +33,7 @@ LATEST = 1.0
 STAIRS = 0.5
 """Fraction of changes that follow directly on a change. Commands below this fraction are piecewise constant, others smooth."""
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
-"""Mode -> recorded quantity that is its command if no column is called a command."""
+"""Recorded quantity that is the command in each mode if no column is called a command."""
 FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "motor_1_current", "motor_1_torque")
 """Recorded quantities that replace a command that was not recorded."""
 
@@ -63,17 +63,17 @@ class Plan:
     robot: Robot
     """Robot in the modes that the commands need."""
     modes: Mapping[str, int]
-    """Joint -> mode that replaces the robot file's, because of the recorded command."""
+    """Modes by joint that replace the modes in the robot file, because of the recorded commands."""
     recording: Recording
     played: tuple[Played, ...]
     compared: tuple[tuple[str, Column], ...]
-    """(joint of the robot, column) of the recorded quantities that are not commands."""
+    """Pairs (joint of the robot, column) for the recorded quantities that are not commands."""
     lag: float
     """Time by which the recording's clock is ahead of the simulation's, s."""
     duration: float
     """Duration of the simulation, s."""
     initial: Mapping[str, float]
-    """Joint -> first recorded position, if it is not 0."""
+    """First recorded positions other than 0, by joint."""
     remarks: tuple[str, ...] = ()
 
     @property
@@ -207,7 +207,7 @@ def _played(joint: str, slot: int | None, column: Column) -> Played:
 def _initial(
     robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[Played], remarks: list[str]
 ) -> dict[str, float]:
-    """Joint -> first recorded position: of the link, or else of its springs, a motor, or the command."""
+    """First recorded position of each joint: of the link, or else of the springs, a motor, or the command."""
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
         names = ("link_position", "equilibrium_position", "motor_1_position")
@@ -249,7 +249,7 @@ SHARE = 0.1
 
 
 def command_tables(plan: Plan, name: str) -> dict[str, list[Played]]:
-    """File name -> commands in that file: one file for each time base; the first is called `name`."""
+    """Commands by file name, one file for each time base; the first file is called `name`."""
     groups: dict[int, list[Played]] = {}
     for one in plan.played:
         groups.setdefault(id(one.column.time), []).append(one)
@@ -271,7 +271,7 @@ def command_text(plan: Plan, members: Sequence[Played]) -> str:
 
 
 def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Joint -> parameters of motors and controllers with unknown values: limits that nothing reaches, constants of 1 where the
+    """Parameters of motors and controllers with unknown values, by joint: limits that nothing reaches, constants of 1 where the
     mode needs them, and derivative gains of 0, since these act like damping, which is fitted.
     """
     found: dict[str, dict[str, float]] = {}
@@ -392,5 +392,5 @@ def _is_simulated(quantity: str, mode: Mode | None) -> bool:
 
 
 def _exact(value: float) -> float:
-    """Number with twelve digits: times of long recordings need them."""
+    """Number with twelve digits, which times of long recordings need."""
     return float(f"{value + 0.0:.12g}")

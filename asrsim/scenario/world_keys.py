@@ -112,7 +112,7 @@ class World:
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to collide with."""
+        """Whether the world has neither ground nor objects to collide with."""
         return not self.ground and not self.objects
 
 

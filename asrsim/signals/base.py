@@ -18,7 +18,7 @@ class Signal(ABC):
 
     @abstractmethod
     def values(self, time: Array) -> Array:
-        """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump, the value after it counts."""
+        """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump: the value after the jump."""
 
     def jumps(self, start: float, end: float) -> Array:
         """Times in [start, end] at which the value jumps, ascending, s. A jump exactly at `start` is included."""

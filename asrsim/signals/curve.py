@@ -26,7 +26,7 @@ class Curve:
     """Curve made of a cubic polynomial for each interval between samples, with jumps where the series jumps."""
 
     time: Array
-    """Start times of the pieces (n,), s; the curve is constant after the last one."""
+    """Start times of the pieces (n,), s; the curve is constant after the last start time."""
     cubics: Array
     """Polynomial coefficients of the pieces (n, 4), the constant first."""
     large: NDArray[np.intp]
@@ -44,7 +44,7 @@ class Curve:
         return np.asarray(self.cubics[self.large, 0] - _value(self.cubics[before], self.time[self.large] - self.time[before]))
 
     def values(self, time: Array) -> Array:
-        """Values (k,) at the times (k,) in s; constant beyond the ends. At a jump, the value after it counts."""
+        """Values (k,) at the times (k,) in s; constant beyond the ends. At a jump, the value after the jump is returned."""
         place, after = self._pieces_of(time)
         return _value(self.cubics[place], np.maximum(after, 0.0))
 
@@ -83,7 +83,8 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
 
 def is_jump(values: Array) -> NDArray[np.bool_]:
     """Whether the series (n,) jumps between two samples, (n - 1,): its step is much larger than the neighbouring steps, or its
-    third differences are those of a jump."""
+    third differences have the pattern of a jump.
+    """
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
     # At the ends, compare with two steps on the same side, as a single step may be near zero at an extremum.
@@ -114,7 +115,7 @@ def _torn(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def _join(time: Array, cubics: Array) -> None:
-    """Fill in the coefficients (n, 4) of a spline through the samples, which keeps extrema that lines would cut off."""
+    """Set the coefficients (n, 4) of a spline through the samples, which keeps extrema that straight lines would cut off."""
     from scipy.interpolate import CubicSpline
 
     if len(time) > 3:

@@ -18,7 +18,7 @@ _OTHER_WORDS = {
     **dict.fromkeys(("spline", "trajectory", "points", "path"), "waypoints"), "quintic": "minimum_jerk", "line": "ramp",
     **dict.fromkeys(("csv", "file", "recording", "replay"), "playback"), "gain": "scale", "offset": "sum",
 }  # fmt: skip
-"""Other name of a signal -> its kind."""
+"""Kind of signal for each alternative name."""
 
 
 class SignalKind(Kind[Signal]):

@@ -27,7 +27,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     Args:
         path: The recording.
         column: Header of the column with or without unit, or its number from 1; for messages `/topic/field`.
-        time_column: Time column in the same form, or `header` for the stamps in messages; None: by its name.
+        time_column: Time column in the same form, or `header` for the stamps in messages; None: found by name.
 
     Raises:
         RecordingError: The column is missing, cells are empty or not numbers, rows have another length, or times do not
@@ -47,7 +47,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     for one in dict.fromkeys((clock, values)):
         problems += [] if one is None else _gaps(path, table, one)
     kept = np.isfinite(seconds)
-    if table.name:  # of messages with equal stamps the last counts, as for a receiver that is polled
+    if table.name:  # of messages with equal stamps, the last is used, as a receiver that polls would do
         kept[:-1] &= np.diff(seconds) != 0.0
     finite = np.flatnonzero(kept)
     for bad in np.flatnonzero(np.diff(seconds[finite]) <= 0.0)[:MAX_PROBLEMS]:

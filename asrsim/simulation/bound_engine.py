@@ -54,7 +54,7 @@ class BoundEngine:
         self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
 
     def leave(self, states: Any, world: int | None) -> None:
-        """Save the engine's state, which is about to be replaced by the state of another world or by a new one."""
+        """Save the engine's state, before the state of another world or a new state replaces this state."""
         if self._world is not None and self._world != world:
             states[self._world] = self.engine.state
 

@@ -19,7 +19,7 @@ COMPARED = ("link_position", "link_torque")
 BLOCK = 65_536
 """Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
-"""Largest difference between the order of the scheme and the measured order that is not reported."""
+"""Tolerance of the measured order of convergence: larger differences from the order of the scheme are reported."""
 RESOLVED = 1e-12
 """Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
 differences."""
@@ -30,10 +30,10 @@ class JointError:
     """Estimated numerical error of one joint over the run."""
 
     position_max: float
-    """Largest error of the position in rad (m)."""
+    """Largest error of the joint position in rad (m)."""
     position_rms: float
     torque_max: float
-    """Largest error of the torque in N m (N)."""
+    """Largest error of the joint torque in N m (N)."""
     torque_rms: float
     order: float
     """Measured order of convergence of the position; NaN where the error is at rounding level."""
@@ -66,11 +66,11 @@ def certify(
     progress: Callable[[str, float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Certificate | None:
-    """Estimate of the numerical error of `run`, from runs at a half and a quarter of its step. A run without samples is
-    repeated.
+    """Estimate of the numerical error of `run`, computed from runs with a half and a quarter of the step of `run`. A run
+    without samples is repeated.
 
     robot: the robot as read from its file. progress: function that receives a text and the simulated time. stop: function that
-    is called regularly; if it returns True, the result is None. Raises SimulationError if a finer run fails.
+    is called regularly; if `stop` returns True, the result is None. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
     motions: list[Array] = []
@@ -130,8 +130,8 @@ def _order(first: float, second: float) -> float:
 
 
 class Comparison:
-    """A sink that compares the motion of a run with earlier motions (samples, quantities, joints), and stores it if `keep` is
-    set."""
+    """A sink that compares the motion of a run with earlier motions (samples, quantities, joints), and stores the motion if
+    `keep` is set."""
 
     def __init__(self, scenario: Scenario, earlier: Sequence[Array], *, keep: bool) -> None:
         self._earlier, self._keep = tuple(earlier), keep

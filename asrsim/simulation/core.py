@@ -31,13 +31,13 @@ SECONDS_WHEN_LOADED = 0.05
 
 
 def is_worth_compiling(joints: int, substeps: int) -> bool:
-    """Whether compiled code saves more time than loading it takes. substeps: number of motor substeps in all runs together."""
+    """Whether compiled code saves more time than loading it takes. substeps: total number of motor substeps in all runs."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD
     return joints * substeps * SECONDS_SAVED > start
 
 
 class Core:
-    """N worlds of one robot. They share an engine; a world whose links have other inertias has a separate engine."""
+    """N worlds of one robot. The worlds share an engine; a world whose links have other inertias has a separate engine."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Core:
         return isinstance(self._engines[0], NativeEngine)
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
-        """Adapter for the engine, after the engine has started a run: only then it offers its compiled step."""
+        """Adapter for the engine, after the engine has started a run: the engine offers its compiled step only from then on."""
         self._start_engine(engine, prepared.initial_positions, prepared.initial_velocities)
         return bind_engine(engine, compiled=self.compiled, watch=self._watch)
 

@@ -136,7 +136,7 @@ def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progres
 def _run(
     scenario: Scenario, robot: Robot | None, comparison: Comparison, progress: Callable[[float], None] | None
 ) -> Run:  # fmt: skip
-    """A further run of the scenario; if it diverges, the part before the divergence."""
+    """A further run of the scenario; if the run diverges, the part before the divergence."""
     try:
         return simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:

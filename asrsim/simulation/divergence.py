@@ -1,6 +1,7 @@
 """Detection of divergence: values that are not finite, and violations of the energy balance.
 
-A check for NaN alone would miss a spring that the step does not resolve: it saturates at a finite but wrong state.
+A check for NaN alone would miss a spring that the step does not resolve: such a spring saturates, and the motion stays finite
+but is wrong.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceErr
 class EnergyGuard:
     """Checks the energy balances of the links and of each actuator.
 
-    If the step does not resolve a spring, the energy balance of the links still closes, but that of the actuator does not. In
-    stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs the residual
-    exceeds this bound.
+    If the step does not resolve a spring, the energy balance of the links still closes, but the energy balance of the actuator
+    does not. In stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs the
+    residual exceeds this bound.
     """
 
     def __init__(self, energy: float) -> None:

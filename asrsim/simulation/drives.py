@@ -60,7 +60,8 @@ class SteppedJoint:
 
     @property
     def link_brake(self) -> float:
-        """Derivative gain of the link's controller (mode 1) in N m s/rad; it acts in the loop, implicitly, as damping does."""
+        """Derivative gain of the link's controller (mode 1) in N m s/rad; the loop applies this gain implicitly, like
+        damping."""
         if self.mode is None or self.mode.number != 1 or self.stepping.released:
             return 0.0
         return self.values["controller_1_derivative"]

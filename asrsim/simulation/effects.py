@@ -56,10 +56,10 @@ class Imperfect(Signal):
     def values(self, time: Array) -> Array:
         effects = self.effects
         period = 1.0 / effects.rate if effects.rate else self.step
-        # A tick at the time of a sample belongs to this sample, even if rounding makes it slightly later.
+        # A tick at the time of a sample belongs to this sample, even if rounding makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = rounded(ticks * period) if effects.rate else time
-        # Before the delay has passed, the value is that at t = 0.
+        # Before the delay has passed, the delayed signal has its value at t = 0.
         values = self._delayed.values(np.maximum(seen, effects.delay))
         if effects.noise:
             values = values + Noise(self.seed, effects.noise).draw(ticks)

@@ -116,7 +116,8 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
 
 
 def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> float:
-    """Torque in N m on a link at rest at q: that of spring or controller within the effort limit, plus the passive spring's."""
+    """Torque in N m on a link at rest at position q: the torque of spring or controller, clipped to the effort limit, plus the
+    torque of the passive spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
         motors = resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[:, 0].tolist()
@@ -128,7 +129,8 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
-    """Position in rad (m) at which the unloaded joint rests, within its stops; its start if no spring or controller acts."""
+    """Position in rad (m) at which the unloaded joint rests, within its stops; the start position if no spring or controller
+    acts."""
     if drive.drive is None and drive.joint.spring_stiffness == 0.0:
         return drive.initial_position
     if not (_gives_way(drive) or _holds(drive)):

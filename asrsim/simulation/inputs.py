@@ -24,7 +24,7 @@ from asrsim.simulation.sensors import Sensor
 
 REST = Constant(value=0.0)
 KEPT = 3
-"""Number of chunks that are cached besides the first one, since worlds may be at different times."""
+"""Number of chunks that are cached in addition to the first chunk, since worlds may be at different times."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Inputs:
         return inputs
 
     def chunk(self, first: int, count: int) -> Chunk:
-        """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest ones are
+        """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest chunks are
         cached."""
         key = first, count
         if key not in self._chunks:

@@ -221,7 +221,8 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
 
 
 def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
-    """Hysteresis torque of spring i in N m after its deflection has changed from that of the last kick to `deflection` rad."""
+    """Hysteresis torque of spring i in N m after the spring's deflection has changed from its value at the last kick to
+    `deflection` rad."""
     m = FIRST_MOTOR + i * PER_MOTOR
     last = s[m + DEFLECTION]
     # Before the first kick there is no last deflection (NaN), and no change.
@@ -230,8 +231,8 @@ def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
 
 
 def remember_springs(s: Any, p: Any, k: Any) -> None:
-    """Advance the hysteresis to the recorded kick, once per substep. Advancing it in motor substeps, during which the link
-    stands still, would wrongly erase part of its memory."""
+    """Advance the hysteresis to the recorded kick, once per substep. Advancing the hysteresis in motor substeps, during which
+    the link stands still, would wrongly erase part of the hysteresis memory."""
     for i in range(k[SPRINGS]):
         m = FIRST_MOTOR + i * PER_MOTOR
         deflection = s[m + KICK_POSITION] - s[POSITION]
@@ -244,7 +245,7 @@ def limit(s: Any, p: Any, v: float) -> float:
     """Derivative gain of the link's controller that acts at the velocity v; also stores the limited torque in s[APPLIED].
 
     The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit the derivative action acts
-    as damping; beyond the limit it is 0, and the torque equals the limit.
+    as damping; beyond the limit the derivative action is 0, and the torque equals the limit.
     """
     torque = s[TORQUE]
     if p[P_CUTOFF] != 0.0 and abs(s[ENGINE_VELOCITY]) >= p[P_FASTEST] and torque * s[ENGINE_VELOCITY] > 0.0:

@@ -155,7 +155,8 @@ def run(
                 if asked:
                     for c in range(len(columns)):
                         out[place, kept, j, c] = s[columns[c]]
-                # The first kick of a staggered run is half a kick: the velocity before it is extrapolated to a full kick.
+                # The first kick of a staggered run is half a kick: the velocity before the kick is extrapolated to the velocity
+                # before a full kick.
                 s[LAST_ENGINE_VELOCITY] = (
                     2.0 * s[ENGINE_VELOCITY] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[ENGINE_VELOCITY]
                 )
@@ -185,8 +186,8 @@ def _clear_means(s: Any, k: Any) -> None:
 
 
 def _add_piece(s: Any, p: Any, k: Any, share: float, late: bool) -> None:
-    """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece, as a share of a half kick;
-    late: whether the piece follows the time of the substep."""
+    """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece as a fraction of a half
+    kick; late: whether the piece follows the time of the substep."""
     side, motor_side = (APPLIED_NEXT, DRIVE_NEXT) if late else (APPLIED_BEFORE, DRIVE_BEFORE)
     s[side] += share * s[APPLIED]
     s[side + 1] += share * s[TORQUE]

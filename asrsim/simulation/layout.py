@@ -14,10 +14,10 @@ from __future__ import annotations
 (
     POSITION,  # position of the link, rad
     ENGINE_VELOCITY,  # velocity of the link in the engine, rad/s: half a substep late in staggered steppings
-    LAST_ENGINE_VELOCITY,  # velocity of the link in the engine one substep before, rad/s
+    LAST_ENGINE_VELOCITY,  # velocity of the link in the engine at the previous substep, rad/s
     VELOCITY,  # velocity of the link at the whole substep, rad/s
     INTEGRAL,  # integral action of the link's controller (mode 1), N m
-    LAST_POSITION,  # position of the link one substep before, rad
+    LAST_POSITION,  # position of the link at the previous substep, rad
     BRAKE,  # derivative gain of the link's controller that acts in this kick, N m s/rad; 0 beyond the effort limit
     DRAG,  # viscous damping of the link in this kick, N m s/rad
     JUMPED,  # flag: 1 if an input jumped in the last substep, else 0
@@ -69,7 +69,7 @@ from __future__ import annotations
 PUSHES = 4
 """Number of columns in a block of torques that do work on the link: applied, torque, damping, push."""
 
-# S: columns of a motor. The torques that do work on it form blocks of three columns.
+# S: columns of a motor. The torques that do work on the motor form blocks of three columns.
 (
     MOTOR_POSITION,  # position of the motor at the beginning of the next substep, rad
     MOTOR_VELOCITY,  # velocity of the motor after the last kick, rad/s
@@ -211,13 +211,13 @@ PASSIVE, DIRECT, CONTROLLED, SPRUNG = range(4)
 """Kinds of joints: without actuator, in mode 0, in mode 1, with springs."""
 
 EXTERNAL, GOALS = 0, 1
-"""First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether it
-takes a sample, and its noise."""
+"""First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
+the sensor takes a sample, and the noise."""
 
 (STEP, WEIGHT_NOW, WEIGHT_LAST, FIRST_DRIFT, IMPLICITNESS, LINK_IMPLICITNESS, STAGGERED) = range(7)
 """Constants of a stepping: substep in s; weights of the present and the previous engine velocity in the velocity at the whole
-substep; share of a motor's step before its kick; implicitness of the motors' damping; implicitness of the link's damping; 1 if
-velocities belong to half steps."""
+substep; fraction of a motor's step before its kick; implicitness of the motors' damping; implicitness of the link's damping; 1
+if velocities belong to half steps."""
 
 (E_POSITION, E_VELOCITY, E_TORQUE, E_DAMPING, E_FRICTION) = range(5)
 """Columns of the array that joints and engine exchange; see `asrsim.engines.base`."""

@@ -96,9 +96,9 @@ from asrsim.simulation.layout import (
 AT_STOP = 1e-12
 """Distance in rad or m from a stop below which a motor counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
-"""Residual of the energy balance, as a share of the turnover, above which a run counts as diverged."""
+"""Residual of the energy balance, as a fraction of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
-"""Share of the speed limit from which on a motor counts as being at the limit."""
+"""Fraction of the speed limit above which a motor counts as being at the limit."""
 
 
 def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
@@ -222,8 +222,8 @@ def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
 
 
 def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
-    """Energy in J lost in the springs' hysteresis since the last substep. It is exact for motion in one direction, so it is
-    never negative."""
+    """Energy in J lost in the springs' hysteresis since the last substep. The result is exact for motion in one direction, so
+    it is never negative."""
     total = 0.0
     if p[P_LEVEL] > 0.0:
         for i in range(k[SPRINGS]):

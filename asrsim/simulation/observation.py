@@ -48,7 +48,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Complete state of a simulation, from which it can continue."""
+    """Complete state of a simulation, from which the simulation can continue."""
 
     owner: object
     """Token of the simulation and its parameters; a snapshot can only be restored with the same token."""
@@ -81,7 +81,7 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Number of substeps, (n,) one per joint, in which each limit acted during a run."""
+    """Number of substeps in which each limit acted during a run; arrays (n,) with an entry for each joint."""
 
     effort: Array
     """Torque clipped at the URDF's effort limit."""
@@ -96,7 +96,7 @@ class Counts:
     deflection: Array
     """A spring beyond its maximum deflection."""
     stop: Array
-    """A link at or beyond its position limit, where the engine stops it; the impact takes energy."""
+    """A link at or beyond its position limit, where the engine stops the link; the impact dissipates energy."""
     stiffest: Array
     """Largest stiffness of the spring at a logged step, N m/rad."""
     substeps: int

@@ -30,7 +30,7 @@ from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
 CONFIGURATIONS = 8
-"""Number of random joint positions, besides the initial ones, at which the mass matrix is computed."""
+"""Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -112,8 +112,8 @@ def prepare(
 
 
 def resolution_of(prepared: Prepared) -> Resolution:
-    """Numbers of substeps for a run with these parameters; `Prepared.vary` does not compute them again. Raises the errors of
-    `prepare`.
+    """Numbers of substeps that a new preparation with these parameters would choose; `Prepared.vary` keeps the earlier numbers.
+    Raises the errors of `prepare`.
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:

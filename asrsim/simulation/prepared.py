@@ -64,7 +64,7 @@ class Prepared:
     """Start velocities of the moving joints in rad/s (m/s)."""
     ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
-    """Engine that the preparation built; the first simulation uses it."""
+    """Engine that the preparation built; the first simulation uses this engine."""
 
     @property
     def substep(self) -> float:
@@ -72,8 +72,8 @@ class Prepared:
         return self.scenario.step / self.resolution.substeps
 
     def last_substep(self, duration: float | None) -> int:
-        """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if it is below a
-        step."""
+        """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if the duration is
+        shorter than a step."""
         seconds = self.scenario.duration if duration is None else duration
         if not self.scenario.step / 2.0 < seconds < math.inf:
             raise InputError("must last a step at least", key="duration", value=seconds, code="duration")

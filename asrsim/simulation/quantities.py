@@ -98,8 +98,8 @@ class Selection:
             raise InputError(problems)
 
     def values(self, out: Array, references: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
-        """Quantities (rows, joints) by name, all or those named; NaN where a joint does not record one. The arrays may be views
-        of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
+        """Quantities (rows, joints) by name, all or only the named quantities; NaN where a joint does not record a quantity.
+        The arrays may be views of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
         wanted = self.names if names is None else names
         return {name: self._values_of(name, out, references) for name in wanted}
 

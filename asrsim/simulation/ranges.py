@@ -17,7 +17,7 @@ from asrsim.simulation.quantities import EXTERNAL_TORQUE
 TURN = math.pi
 """Range of a joint without limits in each direction, rad."""
 LEVER_SHARE = 0.5
-"""Largest position of an adjuster, as a share of the lever length at which the stiffness becomes infinite."""
+"""Largest position of an adjuster, as a fraction of the lever length at which the stiffness becomes infinite."""
 
 Range = tuple[float, float]
 

@@ -1,4 +1,5 @@
-"""The released toolbox's order of a step, reproduced bit for bit where it is defined, to reproduce old runs.
+"""The released toolbox's order of a step, reproduced bit for bit wherever the released code has a defined result, so that old
+runs can be reproduced.
 
 The semi-implicit Euler method integrates the motors. In modes 5 and 6, the spring's torque on a motor is computed from the
 motors' old positions, and the torque on the link from their new positions; this scheme is not passive. Actuators with one motor

@@ -107,8 +107,8 @@ def blame_laws() -> Iterator[None]:
 def _keep_freed_memory() -> None:
     """Let the C library reuse freed memory for the next arrays.
 
-    By default it returns large blocks to the system, and each page causes a page fault when it is needed again. After a block
-    of this size has been freed once, the library keeps such blocks.
+    By default the library returns large blocks to the system, and each page of the block causes a page fault when the memory is
+    needed again. After a block of this size has been freed once, the library keeps such blocks.
     """
     np.empty(1 << 21)
 

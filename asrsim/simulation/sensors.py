@@ -25,7 +25,7 @@ class Sensor:
     delay: int
     """Delay in substeps."""
     on_link: bool
-    """Whether the encoders measure the link (mode 1) instead of the motors."""
+    """Whether the encoders measure the position of the link (mode 1) instead of the motors."""
     noises: tuple[Noise | None, ...]
     """Noise of each encoder."""
 
@@ -37,7 +37,7 @@ class Sensor:
     def fill(self, table: Array, first: int, substep: float) -> None:
         """Fill `table` (n, 2 count): whether each encoder takes a sample, and its noise, at the substeps from `first` on."""
         every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
-        # A tick at the time of a substep belongs to this substep, even if rounding makes it slightly later.
+        # A tick at the time of a substep belongs to this substep, even if rounding makes the tick slightly later.
         ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
         samples_now = np.diff(ticks) > 0.0
         if first == 0:

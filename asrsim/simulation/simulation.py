@@ -59,7 +59,7 @@ class Simulation:
 
         Args:
             scenario: Scenario file, loaded scenario, or prepared scenario.
-            variant: As in `prepare`; also overrides and ranges. Ignored for a prepared scenario.
+            variant: As in `prepare`, which also explains overrides and ranges. Ignored for a prepared scenario.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
             record: Keep the logged samples, as `samples`.
             names: Quantities that are recorded; None: all.
@@ -184,7 +184,7 @@ class Simulation:
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities at the last completed step by name, (n,) each in the order of the joints.
+        """Quantities at the last completed step by name; arrays (n,) in the order of the joints.
 
         At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
         InputError for a name that no joint records.
@@ -235,13 +235,14 @@ class Simulation:
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
-        """Reset to the start. The simulation gives the same bits as a new one, and follows the scenario's references again.
+        """Reset to the start. The simulation gives bitwise the same results as a new simulation, and follows the scenario's
+        references again.
 
         Args:
-            initial: Joint -> start position (rad, m), instead of the scenario's.
-            velocities: Joint -> start velocity (rad/s, m/s).
-            motors: Joint -> start positions of its motors (rad); other motors start at their link's position.
-            parameters: Joint or link -> name -> value, as in `Prepared.vary`.
+            initial: Start positions (rad, m) by joint, instead of the scenario's.
+            velocities: Start velocities (rad/s, m/s) by joint.
+            motors: Start positions of the motors (rad) by joint; other motors start at their link's position.
+            parameters: Values by joint or link, and by name, as in `Prepared.vary`.
 
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
@@ -258,7 +259,7 @@ class Simulation:
         self.recording.renew(positions, speeds)
 
     def close(self) -> None:
-        """Release the engine. Call `flush` before to pass recorded samples to the sinks."""
+        """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""
         self._closed = True
         self._world.close()
 

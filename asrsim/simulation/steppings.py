@@ -20,7 +20,7 @@ class Stepping:
     implicitness: float = 0.5
     """Implicitness of damping and derivative action: 1/2 for the midpoint rule, 0 for the explicit rule."""
     first_drift: float = 0.5
-    """Share of a motor's step before its kick."""
+    """Fraction of a motor's step before its kick."""
     staggered: bool = True
     """Whether velocities belong to half steps. Then the first kick lasts half a step, damping and controllers use an
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged

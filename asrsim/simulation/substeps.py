@@ -65,11 +65,12 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds this stiffness gets a
     warning.
 
-    references: (columns, n), sampled over the run every `interval` s; load: bound of the torques of gravity and of external
-    torques on the link in N m; inertia: largest inertia that the joint can carry in kg m^2. A spring is deflected at most to
-    max_deflection, and by no more than its pretension (half the references' spread) plus the deflections by load and motion.
-    Ideal motors jump with their references. Motors with dynamics are at most as fast as their references or their speed limit;
-    at this speed, the spring absorbs the link's kinetic energy. The spring's torque is at most the motor's largest torque.
+    references: values (columns, n), sampled every `interval` s over the run; load: bound of the torques of gravity and of
+    external torques on the link in N m; inertia: largest inertia that the joint can carry in kg m^2. A spring is deflected at
+    most to max_deflection, and by no more than its pretension (half the references' spread) plus the deflections by load and
+    motion. Ideal motors jump with their references. Motors with dynamics are at most as fast as their references or their speed
+    limit; they deflect the springs at most until the springs have absorbed the joint's kinetic energy at this speed, and the
+    springs' torque is at most the motors' largest torque (with a safety factor) plus the load.
     """
     actuator: Any = drive.actuator
     mode = drive.mode

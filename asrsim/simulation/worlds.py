@@ -52,7 +52,7 @@ class Start:
     velocities: Mapping[str, float] = field(default_factory=dict)
     """Velocity of each joint's link, by joint, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Positions of each joint's motors, by joint, rad; other motors start at their link's position."""
+    """Positions of each joint's motors, by joint, rad; motors without an entry start at their link's position."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ class Worlds:
             worlds.advance(20)
             worlds.observe().link_position
 
-    Each world gives the same bits as a separate `asrsim.Simulation`, in any order and on any number of threads. A world
-    that diverges stops until its next reset; see `healthy`. The number of substeps is that of the scenario, whatever the
-    parameters of the worlds. Raises the errors of `asrsim.prepare`.
+    Each world gives bitwise the same results as a separate `asrsim.Simulation`, in any order and on any number of threads. A
+    world that diverges stops until its next reset; see `healthy`. The number of substeps is that of the scenario and does not
+    depend on the parameters of the worlds. Raises the errors of `asrsim.prepare`.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`; also variant, overrides, ranges and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, ranges and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -281,8 +281,8 @@ class Worlds:
     def set_reference(self, joint: str, reference: str, values: Any, *, worlds: Any = None) -> Array:
         """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the values set.
 
-        values: one value for all worlds, or one for each; they are clamped to the declared range. None: the scenario's signal
-        acts again. Raises InputError.
+        values: one value for all worlds, or a value for each world; values are clamped to the declared range. None: the
+        scenario's signal acts again. Raises InputError.
         """
         self._check_open()
         numbers = self._numbers(worlds)
@@ -307,7 +307,7 @@ class Worlds:
         return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities by name, (N, n) each; see `asrsim.Simulation.read`."""
+        """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
         self._check_open()
         self.selection.check(names)
         rows, given = self._rows, self._given
@@ -328,7 +328,7 @@ class Worlds:
 
     @property
     def model(self) -> Model | None:
-        """Kinematics and dynamics of the scenario's robot; None where its links have no dynamics."""
+        """Kinematics and dynamics of the scenario's robot; None if the engine prescribes the motion of the links."""
         self._check_open()
         return self._engines[-1].model
 
@@ -364,10 +364,11 @@ class Worlds:
         self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
-        """Reset worlds to a start. They give the same bits as new worlds, and follow the scenario's references or the start's.
+        """Reset worlds to a start. The worlds then give bitwise the same results as new worlds, and follow the references of
+        the scenario or of `start`.
 
-        start: one start for all worlds, or one for each. Raises InputError and RobotError for unknown names, and for values
-        that are not finite or beyond limits.
+        start: one start for all worlds, or a start for each world. Raises InputError and RobotError for unknown names, and for
+        values that are not finite or beyond limits.
         """
         self._check_open()
         numbers = self._numbers(worlds).tolist()
@@ -385,8 +386,8 @@ class Worlds:
     ) -> None:  # fmt: skip
         """Reset worlds to positions (rad, m) and velocities (rad/s, m/s) of the links and positions (rad) of the motors.
 
-        All tables are by joint, with one number for all worlds or one for each; for joints with several motors, a number
-        for each motor, or (worlds, motors). Parameters are unchanged. Raises InputError.
+        All tables are by joint, with one number for all worlds or a number for each world; for joints with several motors, a
+        number for each motor, or (worlds, motors). Parameters are unchanged. Raises InputError.
         """
         self._check_open()
         numbers = self._numbers(worlds)
@@ -559,7 +560,7 @@ class Worlds:
     # -- the rest ---------------------------------------------------------------------------------------------------
 
     def _numbers(self, worlds: Any) -> NDArray[np.int64]:
-        """Numbers of the worlds of a mask (N,) or of a list."""
+        """Numbers of the worlds that a mask (N,) or a list selects."""
         if worlds is None:
             return self._everyone
         given = np.asarray(worlds)

@@ -44,17 +44,19 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
 def claim_results(
     claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict; a claim about `"*"` has one for each joint. Raises ScenarioError, which names `file`."""
+    """Every claim with its verdict; a claim about `"*"` has one verdict for each joint. Raises ScenarioError, which names
+    `file`.
+    """
     return Claims(claims, joints, file=file).results(read)
 
 
 class Claims:
-    """Claims for many runs with the same joints."""
+    """Evaluates the claims of a scenario on many runs with the same joints."""
 
     def __init__(
         self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
     ) -> None:
-        """file: named in errors; checked: `check_claims` has accepted the claims already."""
+        """file: path of the scenario in error messages; checked: `check_claims` has accepted the claims already."""
         self._joints, self._file, self._checked = tuple(joints), file, checked
         self._single = [
             (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))
@@ -64,7 +66,7 @@ class Claims:
         ]
 
     def results(self, read: Reader) -> tuple[ExpectationResult, ...]:
-        """Verdicts on the run that `read` reads. Raises ScenarioError."""
+        """Verdicts on the run whose samples the function `read` returns. Raises ScenarioError."""
         if not self._single:
             return ()
         from asrsim.recordings import RecordedSeries

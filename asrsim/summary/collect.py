@@ -24,7 +24,7 @@ SHAKEN = 10.0
 
 @dataclass(frozen=True)
 class Seen:
-    """Collected data for a summary."""
+    """Data of a run that were collected for its summary."""
 
     measures: tuple[JointSummary, ...]
     """Measures of each joint."""
@@ -35,10 +35,10 @@ class Seen:
 
 
 class Collector:
-    """Sink that keeps the positions of all joints, and the whole series that claims use."""
+    """Receiver of a run's samples that stores the positions of all joints and the complete series that claims use."""
 
     full_rate = True
-    """Whether every step is needed, whatever the rate of the log."""
+    """Whether the collector needs every step, independent of the sampling rate of the log."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
@@ -128,7 +128,7 @@ class Collector:
             name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
             for name in quantities
         }
-        # Do not copy a single column: long runs have few claims about few joints.
+        # Do not copy if there is a single column, which is usual for claims on long runs.
         tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
         return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
 
@@ -145,7 +145,7 @@ class _Rows:
 
     @property
     def values(self) -> Array:
-        """All values received."""
+        """All values that were appended."""
         if len(self._parts) > 1:
             self._parts = [np.concatenate(self._parts, axis=-1)]
         return self._parts[0]

@@ -85,7 +85,7 @@ class RunSummary:
     motor_substeps: int
     """Number of motor-and-spring substeps per world substep."""
     total_substeps: int
-    """Number of substeps in the run, the total for the counts of the limits."""
+    """Total number of substeps in the run, to which the counts of the limits refer."""
     samples: int
     """Number of logged samples per joint."""
     stepping: str
@@ -95,7 +95,7 @@ class RunSummary:
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
-    """Results of the scenario's `expect:`; empty for a run that did not end."""
+    """Results of the scenario's `expect:`; empty for a run that did not complete."""
     tip: Mapping[str, float] = field(default_factory=dict)
     """Cartesian tasks: distance of the tip from its path in m: `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()

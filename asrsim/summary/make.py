@@ -33,9 +33,9 @@ def make_summary(
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run. seen: data collected from its steps; samples: number of logged samples."""
+    """Summary of a run. seen: data collected during the run; samples: number of logged samples."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    # Counts are in the order of the robot's moving joints, the description in the order of the arrays.
+    # The counts are in the order of the robot's moving joints, the run's description in the order of the sample arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
         JointReport(

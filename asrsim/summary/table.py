@@ -10,7 +10,7 @@ from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 MEASURES = 7
-"""Number of columns of the table of joints before those of the limits."""
+"""Number of columns of the table of joints before the columns of the limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ def cells(values: Sequence[float], form: str = "{:.5g}") -> tuple[str, ...]:
 
 
 def share(count: int, total: int) -> str:
-    """Fraction of the total as text for a cell of a table."""
+    """Fraction of the run's substeps as text for a cell of a table."""
     if not count:
         return "-"
     percent = 100.0 * count / total

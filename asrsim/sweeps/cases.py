@@ -45,10 +45,10 @@ class Case:
     base_dir: Path
     files: Mapping[str, Path]
     robot: Robot
-    """Robot as read from its file."""
+    """Robot with the values in its file, without the varied values."""
     plan: Plan
     substeps: Mapping[str, int]
-    """`substeps` and `motor_substeps` of every run; empty: each run chooses its own."""
+    """`substeps` and `motor_substeps` of every run; empty: each run determines its own numbers."""
     joints: tuple[JointInfo, ...]
     claims: tuple[str, ...]
 
@@ -140,7 +140,7 @@ def _case(study: Study, scenario: Scenario, numeric: Mapping[str, bool]) -> Case
 def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
     """Prepared scenario of a run, and the substeps for all runs: the largest numbers that the runs with extreme values need.
 
-    With these substeps every run equals `asrsim run` bit for bit. If no run can be prepared, raises the error of the first.
+    With these substeps every run equals `asrsim run` bit for bit. If no run can be prepared, raises the error of the first run.
     """
     found: Prepared | None = None
     first: AsrsimError | None = None
@@ -149,7 +149,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
         try:
             prepared = case.prepared(study.point(run)[1])
         except AsrsimError as error:
-            # The row of this run reports the error.
+            # Ignore the error here: the row of this run will report the error.
             first = first or error
             continue
         prepared.make_engine().close()
@@ -201,8 +201,8 @@ def _columns(
 
 
 def _unit(key: str, case: Case) -> str:
-    """Unit of a number of the robot, or of a scenario key with a unit."""
-    # Imported here: workers import this module but do not need the names of fits.
+    """Unit of a key: of a number of the robot, or of a number in the scenario."""
+    # Import here and not at the top, because workers import this module but do not need the imported names.
     from asrsim.identification.keys import parameters_of
 
     numbers = parameters_of(case.robot, (), {})

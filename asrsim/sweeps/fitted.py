@@ -20,7 +20,7 @@ SHAPE = {
     "ties?": [{"key": str, "to": str, "factor": float, "*": object}], "fits?": bool,
     "estimates?": [{"key": str, "verdict": str, "*": object}], "*": object,
 }  # fmt: skip
-"""Expected structure of the data, see `asrsim.plain.misfit`."""
+"""Expected structure of the file's data, as `asrsim.plain.misfit` checks it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,18 +38,18 @@ class Joint:
     high: Array
     """Bounds (n,); a draw beyond a bound is moved to the bound."""
     ties: tuple[tuple[str, str, float], ...]
-    """(key, drawn key, factor) of keys that follow a drawn key."""
+    """Keys that are a multiple of a drawn key, each as (key, drawn key, factor)."""
     fits: bool
-    """Whether the model fits the recordings, according to the fit."""
+    """Whether the result of the fit states that the model fits the recordings."""
     warnings: tuple[str, ...]
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Each drawn key with the keys that follow it."""
+        """Groups of keys: each drawn key with the keys that are a multiple of the drawn key."""
         return tuple((key, *(name for name, to, _ in self.ties if to == key)) for key in self.keys)
 
     def from_scores(self, scores: Array) -> Array:
-        """Values (m, n) of the drawn keys at independent standard normal scores (m, n)."""
+        """Values (m, n) of the drawn keys, computed from independent standard normal numbers (m, n)."""
         drawn = self.mean + scores @ self.root.T
         drawn[:, self.logarithmic] = np.exp(drawn[:, self.logarithmic])
         return np.clip(drawn, self.low, self.high)
@@ -61,7 +61,7 @@ class Joint:
 
 
 def load_fit(path: Path) -> Any:
-    """Data of a file such as fit.json. Raises InputError for another kind of file."""
+    """Content of a result file of a fit, such as fit.json. Raises InputError for another kind of file."""
     data = read_yaml(path)[0].plain()
     other = mistaken(path, "fit.json of asrsim identify")
     if other is not None and not (isinstance(data, Mapping) and "keys" in data):
@@ -115,7 +115,7 @@ def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array)
 
 
 def _followers(keys: tuple[str, ...], ties: Mapping[str, tuple[str, float]]) -> Iterator[tuple[str, str, float]]:
-    """(key, drawn key, factor) of keys that follow a drawn key, directly or through other keys."""
+    """Keys that are a multiple of a drawn key, directly or through other keys, each as (key, drawn key, factor)."""
     for key, (to, factor) in ties.items():
         for _ in ties:
             if to in ties:

@@ -19,7 +19,7 @@ NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Description of a study. Raises InputError if it is missing or was edited."""
+    """Description of a study. Raises InputError if `study.json` is missing or was edited."""
     path = folder / MANIFEST
     try:
         data = json.loads(path.read_bytes())

@@ -1,4 +1,4 @@
-"""How each varied key is applied: as a number set in a prepared scenario, or by reading the scenario again."""
+"""Method to apply each varied key: set a number in a prepared scenario, or read the scenario again."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Plan:
     own_resolution: bool
     """Whether every run chooses its own substeps."""
     still: bool
-    """Whether a prepared scenario accepts other numbers: it has no start at equilibrium, planned references or own substeps."""
+    """Whether numbers of a prepared scenario may change: no start at equilibrium, no planned references, no own substeps."""
 
     @property
     def in_place(self) -> frozenset[str]:
@@ -51,7 +51,7 @@ class Plan:
 
     @property
     def varies_in_place(self) -> bool:
-        """Whether some values are set in a prepared scenario."""
+        """Whether some varied values can be set in a prepared scenario, without reading the scenario again."""
         return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
@@ -167,7 +167,7 @@ def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) ->
 
 
 def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """References that a key sets; None if effects on commands change them before they reach the joint."""
+    """References that a key sets; None if delays or other effects change the references before they reach the joint."""
     places = tuple(
         (block.joint, name)
         for block in robot.actuators

@@ -33,7 +33,7 @@ MOST_VALUES = 10_000_000
 
 @dataclass(frozen=True)
 class Values:
-    """List of values, or range."""
+    """Values of a key from a list or a range."""
 
     values: tuple[Any, ...]
 
@@ -43,7 +43,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Distribution:
-    """Distribution and its two arguments, in the order of `DISTRIBUTIONS`."""
+    """Distribution with its two arguments in the order that `DISTRIBUTIONS` lists."""
 
     name: str
     first: float

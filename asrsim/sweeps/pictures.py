@@ -1,4 +1,4 @@
-"""Pictures of a study: results over keys, and influences of keys."""
+"""Pictures of a study: results plotted over the varied keys, and influences of the keys."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _label(table: Table, name: str) -> str:
 
 
 def _over_key(table: Table, result: str, axes: Axes) -> None:
-    """Draw a result over a key: lines over the longest axis of a grid, or points over the most influential drawn key."""
+    """Plot a result over a key: lines over the grid axis with most values, or points over the most influential drawn key."""
     from matplotlib import colormaps
 
     numeric, variants = numeric_keys(table), table["variant"].astype(str)
@@ -115,7 +115,7 @@ def _over_key(table: Table, result: str, axes: Axes) -> None:
 
 
 def _tornado(table: Table, result: str, axes: Axes) -> None:
-    """Draw the mean of the result in the lowest and in the highest fifth of each key."""
+    """Draw the mean of the result over the runs in the lowest and in the highest fifth of each key."""
     found = influences(table, result)[:10][::-1]
     middle = float(np.nanmean(table[result]))
     places = np.arange(len(found))

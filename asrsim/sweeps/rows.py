@@ -1,4 +1,4 @@
-"""Runs of a study as rows: runs that differ only in numbers share simulation worlds; other runs are done alone."""
+"""Runs of a study as rows: runs that differ only in numbers share simulation worlds; other runs are simulated one by one."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Row = tuple[Any, ...]
 KINDS = 8
 """Number of prepared scenarios that a worker keeps."""
 LONGEST_RUN = 20 * LONGEST_NUMBERS
-"""Size of a run's series (numbers) above which the run is streamed instead of stored."""
+"""Number of values in a run's series above which the run is processed in chunks and not stored as a whole."""
 
 
 class _Point(NamedTuple):
-    """Run of a study."""
+    """Run of a study: index, prepared variant and values of the varied keys."""
 
     run: int
     case: Case
@@ -95,7 +95,7 @@ class Runner:
         return self._kinds[key]
 
     def _rows(self, key: tuple[str, str], kind: _Kind | None, points: Sequence[_Point]) -> dict[int, Row]:
-        """Rows of runs of one prepared scenario. A run that the shared worlds cannot do is done alone."""
+        """Rows of runs of one prepared scenario. A run that the shared worlds cannot simulate is simulated alone."""
         began = clock.perf_counter()
         found: dict[int, dict[str, Any]] = {}
         try:
@@ -152,7 +152,7 @@ class _Kind:
                 prepared, worlds.counts(world), "complete", wall_time=(clock.perf_counter() - began) / len(points),
                 simulated_time=prepared.last_substep(None) * prepared.substep, compiled=worlds.compiled,
             )  # fmt: skip
-            # If a claim cannot be evaluated, the run is done alone and its row gives the reason.
+            # If a claim cannot be evaluated, the run is simulated alone, and its row gives the reason.
             with suppress(AsrsimError):
                 cells[world] = result_cells(run, collector, self._claims)
         return cells

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 
 def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
-    """Fault of a file, or an empty text; tables: previous files, kept so that the memory limit applies to the whole folder."""
+    """Fault of a file, or an empty text; tables: files read before, kept so that the memory limit covers the whole folder."""
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         if not file.schema_arrow.equals(schema):

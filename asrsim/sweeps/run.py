@@ -28,7 +28,7 @@ from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes
 
 THREADS = 8
-"""Assumed number of threads of a cluster, to decide whether compiling is worth its time."""
+"""Assumed number of threads of a cluster; determines whether compiling the simulation saves time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class Progress:
     elapsed: float
     """Time since the start of this session, s."""
     here: int
-    """Number of runs done in this session."""
+    """Number of runs that this session has completed."""
     statuses: Mapping[str, int]
     """Number of this session's rows with each status."""
 
@@ -141,7 +141,7 @@ def _run(
                     done = int(store.done.sum())
                     progress(Progress(done=done, total=store.total, elapsed=elapsed, here=here, statuses=statuses))
     finally:
-        # Write the rows that have arrived, whatever ended the study.
+        # Write the rows that have arrived, even if an error or Ctrl-C ended the study.
         store.finish()
 
 

@@ -14,11 +14,11 @@ HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", 
 ROUNDING = 1e-12
 """Change of a result, relative or in SI units, below which the change counts as rounding error."""
 SHARE = 0.1
-"""Fraction of the runs that must have a result; results with fewer runs come last."""
+"""Results that fewer than this fraction of the runs have are listed last."""
 
 
 def say_summary(table: Table) -> Iterator[str]:
-    """Lines of text about the study."""
+    """Lines of text that summarise the study."""
     statuses = table.statuses()
     bad = shares(statuses)
     head = f"{table.study.name}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete"
@@ -49,7 +49,9 @@ def result_rows(table: Table) -> list[tuple[str, ...]]:
 
 
 def varying(table: Table) -> list[str]:
-    """Results that vary between runs by more than rounding: results of varied joints first, then by relative change."""
+    """Results that vary between runs by more than rounding errors, sorted: results of varied joints first, then by relative
+    change.
+    """
     varied = {part for key in table.keys for part in key.split(".")}
     found = []
     for name in table.results:
@@ -64,7 +66,9 @@ def varying(table: Table) -> list[str]:
 
 
 def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]:
-    """Named results, or the first varying ones. Raises InputError for unknown results, and for results that no run has."""
+    """Results with the given names; by default the first results that vary. Raises InputError for unknown results, and for
+    results that no run has.
+    """
     for name in results:
         if name not in table.results:
             raise InputError(Problem("is no result of this study", key=name, choices=table.results, meant=name, code="result"))

@@ -1,4 +1,5 @@
-"""Writes the rows of a study: parts during the study, one file at the end. A killed program loses a few seconds of rows.
+"""Writes the rows of a study: parts during the study, one file at the end. A killed program loses only the rows of the last
+seconds.
 
 A part is written under a temporary name and then renamed, so that it is complete or missing. Runs without a row are repeated.
 """

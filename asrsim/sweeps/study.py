@@ -1,4 +1,4 @@
-"""A study as plain data: varied keys, design of the draws. The number of a run determines its point."""
+"""A study as plain data: varied keys, design of the draws. The index of a run determines the values of its keys."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Axis:
     """Keys that vary together, and their values."""
 
     keys: tuple[str, ...]
-    """Dotted keys. Several keys take the same value, or one entry each of a list with as many entries."""
+    """Dotted keys. Several keys get the same value; if the value is a list with one entry per key, each key gets its entry."""
     law: Values | Distribution
 
     @property
     def name(self) -> str:
-        """Name of the axis for people."""
+        """Name of the axis in tables and pictures."""
         return " & ".join(self.keys)
 
     def assign(self, value: Any) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class _Law(AnyData):
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Study, with the keys of a study file as fields."""
+    """Study; its fields are the keys of a study file."""
 
     scenario: Path = declare(File(noun="scenario"), doc="scenario file that is varied")
     over: Mapping[str, Any] = declare(
@@ -142,7 +142,7 @@ class Study:
 
     @cached_property
     def grid(self) -> tuple[int, ...]:
-        """Number of values of each listed axis."""
+        """Number of values of each axis of the grid."""
         return tuple(len(law) for _, law in self.listed)
 
     def __len__(self) -> int:
@@ -171,7 +171,7 @@ class Study:
 
     @cached_property
     def table(self) -> Array:
-        """All draws (draws, groups)."""
+        """Matrix of all draws (draws, groups)."""
         from scipy.special import ndtri
 
         unit = _unit_points(self.design, self.base_samples, len(self.groups), self.seed)

@@ -101,7 +101,7 @@ class Table:
         return self._columns[name]
 
     def to_arrow(self, columns: Sequence[str] | None = None) -> Any:
-        """All or some columns as a pyarrow.Table, in the order of the runs."""
+        """The named columns (default: all) as a pyarrow.Table, in the order of the runs."""
         return read_rows(self.files, self._schema, columns=columns).take(self._order)
 
     def to_pandas(self) -> Any:
@@ -110,7 +110,7 @@ class Table:
         return self.to_arrow().to_pandas()
 
     def unit(self, name: str) -> str:
-        """SI unit of a column; empty for counts and fractions."""
+        """SI unit of a column; an empty text for counts and fractions."""
         return self._units.get(name, "")
 
     def statuses(self) -> dict[str, int]:

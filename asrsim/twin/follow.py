@@ -84,14 +84,11 @@ def follow(
 ) -> Followed:  # fmt: skip
     """Let a twin follow a recording of positions and commands.
 
-    Args:
-        scenario: Scenario of the robot; its step becomes that of the recording if that is longer.
-        recording: Any file that `asrsim.recordings.read_recording` reads; mapping, rate: as for `read_recording`.
-        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the sampling rate if that is less.
-        lag: Time by which the clock of the positions is ahead of the clock of the commands, s.
-        variant, overrides: As for `asrsim.run`.
-        progress: Receives the fraction that is done.
-        stop: Ends the work early when it returns True.
+    Args: scenario: Scenario of the robot; if the sampling interval of the recording is longer than the step, it replaces the
+    step. recording: Any file that `asrsim.recordings.read_recording` reads; mapping, rate: as for `read_recording`. bandwidth:
+    Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the sampling rate if that is less. lag: Time by which the clock
+    of the positions is ahead of the clock of the commands, s. variant, overrides: As for `asrsim.run`. progress: Receives the
+    finished fraction of the recording. stop: Ends the work early when it returns True.
 
     Raises:
         RecordingError: The recording has no position of any joint of the robot.
@@ -145,10 +142,10 @@ def follow(
 
 
 def _commands(ready: Prepared, columns: Mapping[tuple[str, str], Column], time: Array, notes: list[str]) -> Commands:
-    """Recorded commands; each value is constant until the next."""
+    """Recorded commands; each value is in effect until the next value."""
     found = defaultdict[str, dict[str, Array]](dict)
     for drive in ready.drives:
-        # An SEA has one reference in every mode.
+        # A series elastic actuator (SEA) has one reference in every mode.
         count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
         for i, reference in enumerate(references_of(drive)[:count], start=1):
             column = columns.get((drive.name, f"reference_{i}"))
@@ -168,7 +165,7 @@ def _commands(ready: Prepared, columns: Mapping[tuple[str, str], Column], time: 
 
 
 def _clocks(ready: Prepared, commands: Commands, measured: Array, time: Array) -> Iterator[str]:
-    """Notes on joints whose positions lag the commands by more or less than those of the model."""
+    """Notes on joints whose positions lag the commands by more or less than the positions of the model do."""
     if not commands:
         return
     count = min(len(time), round(LONGEST / ready.scenario.step))

@@ -1,4 +1,6 @@
-"""Twin beside a robot in real time: reads its topics of commands and joint states; publishes torques, stiffness and alarms."""
+"""Twin beside a robot in real time: it reads topics of commands and joint states, and publishes torques, stiffness
+and alarms.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.twin.twin import Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
-"""Fields of a step that are published for each joint, as std_msgs/Float64."""
+"""Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
 """Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
 LONGEST_GAP = 0.1
-"""Longest time between stamps over which positions are interpolated, s."""
+"""Longest time between the stamps of two messages over which positions are interpolated, s."""
 QUIET = 0.5
 """Time without an alarm after which the next alarm of a joint is reported, s."""
 
@@ -52,7 +54,7 @@ class LiveTwin:
         self._received: list[tuple[float, Array]] = []
         """Time stamps in s, and positions that the twin has not followed yet."""
         self._last: tuple[float, Array] | None = None
-        """Stamp and positions that the twin followed last."""
+        """Time stamp and positions that the twin followed last."""
         self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
@@ -108,7 +110,7 @@ class LiveTwin:
             self._alarm_ends[joint] = self.time
 
     def _without_positions(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Messages with commands; messages with positions are kept."""
+        """Received messages with commands; received messages with positions are stored for the next steps."""
         for transport in transports:
             for message in transport.poll():
                 if message.inlet < len(self._commands.inlets):

@@ -19,7 +19,7 @@ from asrsim.twin.observer import Response, filter_shares
 MEMORY = 5.0
 """Time of motion in which a row loses 63 % of its weight, s."""
 RUBBING = 0.05
-"""Speed above which friction has its full level, rad/s."""
+"""Speed above which the friction torque is constant, rad/s."""
 RIDGE = 1e-3
 """Regularisation of nearly collinear columns, as a fraction of each column's power."""
 LEAST = 0.03
@@ -41,7 +41,7 @@ class Mismatch:
         inertia, damping, self._gain = motors
         self._step, self._kick, self._brake = step, step / inertia, 1.0 + step * damping / inertia
         self._moved, self._speed = np.zeros((3, *inertia.shape)), np.zeros((3, *inertia.shape))
-        """Responses of the motors' positions and velocities to each kind of error."""
+        """Responses of the motors' positions and velocities to each kind of error: spring, damping and friction."""
         self._response = Response((joints, COLUMNS - 1), step=step, bandwidth=bandwidth)
         self._shares = filter_shares(step, bandwidth)[:, None, None]
         self._keep, self._interval = 1.0 - interval / MEMORY, interval
@@ -56,10 +56,10 @@ class Mismatch:
         """Missing spring torque as a fraction of the twin's spring torque, and its standard error."""
 
     def take(self, torque: Array, springs: Array, stiffness: Array, link: Array, motors: Array) -> None:
-        """Add a step: observed torque (n,) in N m; torques in N m and stiffnesses in N m/rad of the springs (motors, n);
-        velocities of links (n,) and motors (motors, n) in rad/s.
+        """Add the values of a step: observed torque (n,) in N m; torques in N m and stiffnesses in N m/rad of the springs
+        (motors, n); velocities of links (n,) and motors (motors, n) in rad/s.
         """
-        # Direction of each velocity, linear below `RUBBING`.
+        # The direction of each velocity is its sign; below `RUBBING` it changes linearly.
         velocities = np.concatenate([link[None], motors])
         directions = np.minimum(np.maximum(velocities / RUBBING, -1.0), 1.0)
         # The integration step is implicit, so it is stable even for a light motor.
@@ -81,7 +81,9 @@ class Mismatch:
         return np.asarray(self._rows[:, :, -1] - (self._rows[:, :, : COLUMNS - 1] * self._found[:, :-1]).sum(axis=-1))
 
     def learn(self, free: NDArray[np.bool_]) -> None:
-        """Add a row to the regression of the joints that move freely: at rest friction may have any value."""
+        """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may
+        have any value.
+        """
         rows, torque, moves = self._rows[0, :, :-1], self._rows[0, :, -1], np.abs(self._rows[0, :, 1]) > RUBBING
         gain = (free & moves).astype(float)
         keep = 1.0 - (1.0 - self._keep) * gain

@@ -26,7 +26,7 @@ class Controller:
     """The controller C(s) for links of inertia 1, for arrays of position errors of any shape."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
-        """step: in s; bandwidth: in Hz."""
+        """step: time step, s; bandwidth: bandwidth of the observer, Hz."""
         w = self._w = 2.0 * math.pi * bandwidth
         self.step = step
         self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
@@ -34,18 +34,18 @@ class Controller:
         self.integral, self._lagged = np.zeros(shape), np.zeros(shape)
 
     def respond(self, error: Array) -> Array:
-        """Torques for the next step from errors of position; the integral is left to `integrate`."""
+        """Torques for the next step from position errors. The integral is not updated here, but in `integrate`."""
         proportional, slow, quick = self._gains
         torque = proportional * error + slow * self.integral + quick * self._lagged
         self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
         return np.asarray(torque)
 
     def integrate(self, error: Array) -> None:
-        """Add a step of errors to the integral."""
+        """Add the position errors of a step to the integral."""
         self.integral += self.step * error
 
     def restart(self) -> None:
-        """Reset the state."""
+        """Reset the state of the controller."""
         self.integral[...] = self._lagged[...] = 0.0
 
 
@@ -81,7 +81,7 @@ class Observer(Controller):
         """Standard deviation of the fast torque of a joint with inertia 1 per standard deviation of position noise, s^-2."""
 
     def update(self, error: Array, masses: Array, most: Array) -> Array:
-        """Torques (n,) for the next step, N m, from the differences measured - twin in rad (NaN: not measured).
+        """Torques (n,) for the next step, N m, from measured minus simulated positions in rad (NaN: not measured).
 
         masses: mass matrix (n, n), kg m^2; most: largest torques (n,), N m.
         """

@@ -33,7 +33,7 @@ was estimated, and before.
 FRICTION = 0.5
 """Alarm threshold for errors of the friction, as a fraction of the friction."""
 RELEASE = 0.7
-"""Fraction of the threshold below which an alarm ends."""
+"""An alarm ends when the torque falls below this fraction of the alarm threshold."""
 PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
 """Time constants of the largest spring torque and of the noise variance, s."""
 SETTLE = 0.5
@@ -41,7 +41,7 @@ SETTLE = 0.5
 REFRESH = 0.02
 """Interval between updates of the mass matrix, s."""
 JUMP = 0.25
-"""If a joint of the twin is farther than this from the robot's position, the twin is set to the robot's position, rad (m)."""
+"""Distance between a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
 EVERY = 0.01
 """Interval between rows of the mismatch regression, s."""
 KNOWN = 0.04
@@ -65,15 +65,15 @@ class TwinStep:
     time: float
     """Time since the first step, s."""
     external_torque: Array
-    """External torque on the link, N m; NaN where no position is measured."""
+    """External torque on the link, N m; NaN if no position is measured."""
     stiffness: Array
-    """Present stiffness of the robot's joint, N m/rad; NaN where the motion does not show it."""
+    """Present stiffness of the robot's joint, N m/rad; NaN if the stiffness cannot be estimated from the motion."""
     residual: Array
     """Measured position minus the twin's position, rad."""
     threshold: Array
     """External torque above which an alarm is raised, N m."""
     alarm: NDArray[np.bool_]
-    """Whether something touches the link, or the robot differs from its model."""
+    """Whether an alarm is raised: an object touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()
     """Messages about faults of this step, after which the twin continues."""
 
@@ -97,7 +97,7 @@ class Twin:
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides: as for
         `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
         ready = scenario if isinstance(scenario, Prepared) else prepare(scenario, variant=variant, overrides=overrides)
-        # The observer's torque must not be clamped to a declared range.
+        # The observer's torque must not be clipped to a declared range of external torques.
         ranges = {joint: {k: v for k, v in own.items() if k != EXTERNAL_TORQUE} for joint, own in ready.ranges.items()}
         ready = replace(ready, ranges=ranges)
         self._step = ready.scenario.step
@@ -136,15 +136,15 @@ class Twin:
         self._masses, self._peak, self._variance = np.eye(n), np.zeros(n), np.zeros(n)
         self._alarm, self._missing = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.int64)
         self._before = np.full((2, n), np.nan)
-        """Positions measured in the last two steps."""
+        """Positions that were measured in the last two steps."""
         self._commands: dict[tuple[str, str], float] = {}
-        """Commands in effect."""
+        """Commands that are in effect, by joint and reference."""
         self._steps = self._settled = 0
         self._noted: dict[str, int] = {}
         """Step of the last occurrence of each note, by the note's text without numbers."""
 
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
-        """Estimates after one further step.
+        """Simulate one step and return the estimates after the step.
 
         measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
         commands: by joint, the value of the first reference from now on, or values by name of the reference.
@@ -200,7 +200,7 @@ class Twin:
         return mode.references[0]
 
     def _place(self, positions: Array) -> None:
-        """Set links to their measured positions, at rest, and motors to their goals."""
+        """Set the twin's links to their measured positions, at rest, and its motors to their commanded positions."""
         simulation, drives = self.simulation, self._drives
         links = {
             drive.name: float(np.clip(q, *drive.joint.stops)) for drive, q in zip(drives, positions, strict=True) if q == q
@@ -246,14 +246,14 @@ class Twin:
         torque = self._observer.update(error, self._masses, self._effort)
         for joint, value in zip(self.joints, torque.tolist(), strict=True):
             self.simulation.set_reference(joint, EXTERNAL_TORQUE, value)
-        # The springs of twin and robot differ in deflection by the difference of the positions.
+        # The deflections of the springs in twin and robot differ by the difference of the link positions.
         pull = self._stiffness * error
         return np.where(pull == pull, torque + pull, torque)
 
     def _measure_noise(self, positions: Array, notes: list[str]) -> None:
         """Update the noise variance of the measurements, and note missing measurements."""
         bend = positions - 2.0 * self._before[1] + self._before[0]
-        # The second difference of white noise has six times its variance.
+        # The second difference of white noise has six times the variance of the noise.
         change = self._step / NOISE_MEMORY * (bend * bend / 6.0 - self._variance)
         self._variance += np.where(change == change, change, 0.0)
         self._before[0], self._before[1] = self._before[1], positions
@@ -267,7 +267,7 @@ class Twin:
         springs = _zero_if_missing(np.array([read[name] for name in self._springs]).reshape(-1, len(self.joints)))
         spring, sizes = springs.sum(axis=0), np.abs(springs)
         self._stiffness = read.get("stiffness", self._stiffness)
-        # The stiffness of a spring grows with its torque: the total is divided in this ratio.
+        # The joint stiffness is divided among the springs in proportion to their torques, since torque stiffens a spring.
         stiffness = _zero_if_missing(self._stiffness * sizes / (sizes.sum(axis=0) + TINY))
         motors = np.zeros_like(springs)
         for row, velocity in zip(motors, (state.motor_1_velocity, state.motor_2_velocity), strict=False):
@@ -277,7 +277,7 @@ class Twin:
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
         noise = self._observer.noise_gain * np.sqrt(self._masses**2 @ self._variance)
         tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
-        # Noise and errors of the model are independent: both are at their largest only in moments.
+        # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
         threshold = np.hypot(SIGMAS * noise, tolerance * self._peak + self._friction)
         measured, ready = error == error, self._steps >= self._settled
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
@@ -292,7 +292,7 @@ class Twin:
         )  # fmt: skip
 
     def _note(self, text: str, notes: list[str]) -> None:
-        """Add a note, unless the same note was given a moment ago with other numbers."""
+        """Add a note, unless a note with equal text but other numbers was given within the last `REPEAT` seconds."""
         kind = re.sub(r"[-+]?[0-9][0-9.e+-]*", "", text)
         if self._steps - self._noted.get(kind, -math.inf) >= REPEAT / self._step:
             self._noted[kind] = self._steps

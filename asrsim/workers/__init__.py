@@ -18,9 +18,9 @@ from typing import Any
 from asrsim.errors import SimulationError
 
 DEATHS = 3
-"""Number of crashes over a single item after which the item is given up."""
+"""Number of worker crashes caused by a single item after which the item is counted as lost."""
 MOST = 500
-"""Largest number of items in a piece."""
+"""Largest number of items in a piece of work."""
 GROWTH = 4
 """Largest ratio of the numbers of items in successive pieces."""
 
@@ -33,7 +33,7 @@ Stop = Callable[[], bool]
 
 
 class Lost:
-    """Result of an item over which workers crashed repeatedly."""
+    """Result of an item that crashed its worker repeatedly."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -80,7 +80,7 @@ class Pool(Executor):
     again: tuple[type[Exception], ...] = ()
     """Exceptions after which the piece must be submitted again."""
     piece = 0.5
-    """Duration of a piece, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
+    """Duration of a piece of work, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -92,7 +92,7 @@ class Pool(Executor):
 
     @abstractmethod
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """Future result of `do_items`."""
+        """Submit a piece of work to a worker, and return the future of `do_items`."""
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
@@ -160,7 +160,7 @@ def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
 
 
 def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
-    """Results of all items, in their order. Raises SimulationError for a lost item, and the errors of the task."""
+    """Results of all items in the order of the items. Raises SimulationError for a lost item, and the errors of the task."""
     found = dict(pair for some in workers.results(task, items) for pair in some)
     for result in found.values():
         if isinstance(result, Lost):
@@ -169,15 +169,16 @@ def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
-    """Limit NumPy to one thread; call before NumPy is imported. More threads slow down a robot's small matrices (80 joints:
-    2.4 times) and compete with other processes for the cores."""
+    """Limit NumPy to one thread; call before NumPy is imported. More threads slow down operations on small matrices (80 joints:
+    2.4 times) and compete with other processes for the cores.
+    """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         environment.setdefault(name, "1")
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Context that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the processor
-    time.
+    """Context manager that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the
+    processor time.
     """
     try:
         from threadpoolctl import threadpool_limits
@@ -196,7 +197,9 @@ def cores() -> int:
 
 
 def do_items(sent: bytes, items: Sequence[Any]) -> tuple[list[Any], float]:
-    """Results of the items in a worker, and the time that they took, s. The worker keeps the task for its next piece."""
+    """Compute the results of items in a worker; returns the results and the computing time, s. The worker keeps the task for
+    its next piece.
+    """
     if getattr(_OWN, "sent", b"") != sent:
         _close(getattr(_OWN, "task", None))
         plugins, task = pickle.loads(sent)

@@ -26,7 +26,7 @@ COMPARED = ("python", "asrsim", "numpy", "mujoco", "pybullet")
 
 
 class Cluster(Pool):
-    """Workers of a Dask scheduler. They read the study's files at the same paths as this machine."""
+    """Workers of a Dask scheduler. The workers read the study's files at the same paths as this machine."""
 
     again = (CancelledError,)
 

@@ -114,12 +114,23 @@ def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
         *(({"options": {"start": start}}, "number") for start in ("0.1 s", [1], float("nan"))),
         ({"options": {"start": 2.0, "end": 1.0}}, "before the end"),
         ({"measure": "overshoot", "options": {"initial": {}}}, "number"),
+        *(
+            ({"measure": "rmse", "against": Path("lab.csv"), "options": {key: value}}, f"options.{key}")
+            for key, value in (("map", ["a=elbow.link_position", 3]), ("map", 3), ("lag", "soon"), ("rate", -1.0))
+        ),
     ],
 )
 def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ScenarioError, match=words) as error:
         evaluate([claim(**changes)])
     assert error.value.problems[0].line == 7
+
+
+@pytest.mark.parametrize("mapping", ["a=elbow.link_position", ["a=elbow.link_position", "b=ignore"]])
+def test_a_claim_takes_one_mapping_or_a_list(mapping: object, tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_text("time [s],a,b\n0,0,0\n0.01,0.1,1\n0.02,0.3,2\n0.03,0.2,1\n")
+    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position",)),)
+    check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], joints, file=None)
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart() -> None:
