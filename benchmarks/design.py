@@ -22,7 +22,7 @@ from scipy.ndimage import uniform_filter1d
 import asrsim
 from asrsim.design import design
 from asrsim.design.limits import read_limits
-from asrsim.design.plant import Plant
+from asrsim.design.plant import DesignPlant
 from asrsim.design.run import _read, _task, off
 from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
@@ -75,7 +75,7 @@ def searcher(
     """Design search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
-    plant = Plant(ready, given, layout, read, seconds)
+    plant = DesignPlant(ready, given, layout, read, seconds)
     stack.callback(plant.close)
     generator = np.random.default_rng(99)
     draws, others = [np.zeros(len(layout))], [off(layout, generator) for _ in range(checks)]
@@ -83,7 +83,7 @@ def searcher(
     return Search(plant, {}, draws, others, plant.substeps_of({}, draws + others), known, generator)
 
 
-def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
+def plain(plant: DesignPlant) -> Iterator[tuple[str, np.ndarray]]:
     """Yield simple motions: name, and references (references, rows) as fractions of their ranges."""
     t = plant.step * np.arange(plant.rows)
     whole = t[-1]

@@ -27,7 +27,7 @@ from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
-    from asrsim.learning.prepared import Prepared
+    from asrsim.learning.prepared import PreparedLearning
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.recordings.align import LagChoice
 
@@ -90,7 +90,7 @@ def _learn(
     from asrsim.actuators.user import command_line
     from asrsim.learning.session import run_session, session_data
 
-    def start(prepared: Prepared) -> None:
+    def start(prepared: PreparedLearning) -> None:
         for line in prepared.before:
             say(line, "yellow" if line.startswith("beyond") else "")
         _headings(prepared.problem)

@@ -49,7 +49,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Bound:
+class LimitBound:
     """Low and high limit of a quantity of a joint."""
 
     joint: str
@@ -59,7 +59,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Channel:
+class DesignChannel:
     """A sensor of a joint."""
 
     joint: str
@@ -70,7 +70,7 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class MotionOutcome:
     """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
@@ -81,7 +81,7 @@ class Outcome:
     """Fisher matrices (robots, groups, n, n); None if not computed, or if a robot is near chaos."""
 
 
-class Plant:
+class DesignPlant:
     """A scenario whose references are designed."""
 
     def __init__(self, scenario: Scenario, robot: Robot, layout: Layout, limits: Limits, seconds: float) -> None:
@@ -116,7 +116,7 @@ class Plant:
     def _unknown(self, key: str, message: str, name: str, choices: tuple[str, ...]) -> None:
         self._problems.append(Problem(message, key=key, hint=did_you_mean(name, choices), choices=choices, code="limits"))
 
-    def _bounds(self, limits: Limits) -> Iterator[Bound]:
+    def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
         names = [name for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())]
         known = tuple(dict.fromkeys((*names, *COMPARABLE)))
         for joint, ranges in limits.limits.items():
@@ -129,9 +129,9 @@ class Plant:
                     self._unknown(f"limits.{joint}.{name}", "no quantity or reference has this name", name, known)
                     continue
                 for one in self.joints if joint == "*" else (joint,):
-                    yield from (Bound(one, quantity, *interval(given)) for quantity in quantities)
+                    yield from (LimitBound(one, quantity, *interval(given)) for quantity in quantities)
 
-    def _references(self, drive: Drive, bounds: Sequence[Bound]) -> Iterator[Reference]:
+    def _references(self, drive: Drive, bounds: Sequence[LimitBound]) -> Iterator[Reference]:
         mode, own = drive.mode, {bound.quantity: bound for bound in bounds if bound.joint == drive.name}
         if mode is None or not own:
             return
@@ -157,7 +157,7 @@ class Plant:
             else:
                 yield Reference(drive.name, name, slot, mode.units[slot], home, bound.low, bound.high)
 
-    def _channels(self, limits: Limits) -> Iterator[Channel]:
+    def _channels(self, limits: Limits) -> Iterator[DesignChannel]:
         noise = limits.noise or dict.fromkeys(("link_position", "motor_1_position", "motor_2_position"), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
@@ -168,7 +168,7 @@ class Plant:
             group = limits.sensors.index(name) + 1 if name in limits.sensors else 0
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
-                    yield from (Channel(drive.name, one, size, group) for one in quantities)
+                    yield from (DesignChannel(drive.name, one, size, group) for one in quantities)
 
     def substeps_of(self, gains: Mapping[str, float], robots: Sequence[Array]) -> Substeps:
         """Number of substeps that the stiffest of several robots needs."""
@@ -190,7 +190,7 @@ class Plant:
         robots: Sequence[Array],
         substeps: Substeps,
         changes: Sequence[Array | float] = (),
-    ) -> Outcome | None:
+    ) -> MotionOutcome | None:
         """Outcome of a motion (references, rows); None if the simulation of a robot diverges.
 
         changes: relative changes of each parameter; sensitivities are means over these changes. Without changes no information
@@ -200,7 +200,7 @@ class Plant:
         signals: dict[str, dict[str, Sampled]] = {}
         for one, values in zip(self.references, motion, strict=True):
             signals.setdefault(one.joint, {})[one.name] = Sampled(times=time, samples=values)
-        watched: tuple[Bound | Channel, ...] = (*self.bounds, *self.channels)
+        watched: tuple[LimitBound | DesignChannel, ...] = (*self.bounds, *self.channels)
         names = [(self.joints.index(one.joint), one.quantity) for one in watched]
         low, high = self.layout.bounds
         moves = [
@@ -221,7 +221,7 @@ class Plant:
         matrices = [self._fisher(runs[i * each :][:each], own) for i, own in enumerate(moves) if changes]
         whole = [one for one in matrices if one is not None]
         information = np.array(whole) if len(whole) == len(robots) else None
-        return Outcome(shares.max(axis=1, initial=0.0), when, information)
+        return MotionOutcome(shares.max(axis=1, initial=0.0), when, information)
 
     def _fisher(self, runs: Sequence[Array | None], moves: Array) -> Array | None:
         """Fisher matrices (groups, n, n) from runs of a robot with its own and with slightly changed parameters; None if

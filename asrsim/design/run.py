@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.design.limits import Limits, located, read_limits
-from asrsim.design.plant import Plant, Reference
+from asrsim.design.plant import DesignPlant, Reference
 from asrsim.design.search import BATCH, Found, Search
 from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError, Problem
@@ -109,7 +109,7 @@ def design(
             message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
             raise InputError(message, key="seconds", value=seconds, code="seconds")
         try:
-            plant = Plant(ready, robot, layout, read, seconds)
+            plant = DesignPlant(ready, robot, layout, read, seconds)
             stack.callback(plant.close)
             generator = np.random.default_rng(seed)
             robots = [np.zeros(len(layout)), *(off(layout, generator) for _ in range(robust))]

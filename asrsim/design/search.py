@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from asrsim.design.motion import Segment, chirp, fresh, step, varied
-from asrsim.design.plant import Outcome, Plant
+from asrsim.design.plant import DesignPlant, MotionOutcome
 from asrsim.identification.door import Substeps
 from asrsim.samples import Array
 
@@ -55,7 +55,7 @@ class Found:
 class Search:
     """A search with given gains. Its results are stored, so that a further call of `run` continues the search."""
 
-    plant: Plant
+    plant: DesignPlant
     gains: Mapping[str, float]
     robots: Sequence[Array]
     """Parameter vectors of the robots for which the motion is designed."""
@@ -92,7 +92,7 @@ class Search:
         """Mean logarithms (...,) of the deviations, over robots and parameters."""
         return np.asarray(np.log(self.deviations(information)).mean(axis=(-1, -2)))
 
-    def play(self, motion: Array, *, changes: Sequence[Array | float] = (), checked: bool = False) -> Outcome | None:
+    def play(self, motion: Array, *, changes: Sequence[Array | float] = (), checked: bool = False) -> MotionOutcome | None:
         """Outcome of a motion on the robots of the design; checked: simulate the further robots, too."""
         robots = [*self.robots, *self.checks] if checked else self.robots
         return self.plant.play(motion, self.gains, robots, self.substeps, changes)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 from asrsim.document.composite import merge_items
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import InputError, nearest
 
 T = TypeVar("T")
@@ -152,7 +152,7 @@ class Block(Kind[T], Generic[T]):
     read_before: tuple[str, ...] = ()
     """Further valid keys, which other code reads; messages list them too."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T:
         if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
             node = Node({}, node.line, None, node.file)
         node = self.opened(node)
@@ -191,7 +191,7 @@ class Block(Kind[T], Generic[T]):
             return node
         return Node({self.main: node}, node.line, {self.main: node.line}, node.file)
 
-    def _unknown(self, node: Node, path: KeyPath, reading: Reading) -> bool:
+    def _unknown(self, node: Node, path: KeyPath, reading: DocumentReading) -> bool:
         good = True
         for name, item in node.value.items() if isinstance(node.value, dict) else ():
             if name not in self.names:
@@ -210,7 +210,7 @@ class Block(Kind[T], Generic[T]):
                 good = False
         return good
 
-    def _built(self, arguments: dict[str, Any], node: Node, path: KeyPath, reading: Reading) -> T:
+    def _built(self, arguments: dict[str, Any], node: Node, path: KeyPath, reading: DocumentReading) -> T:
         try:
             return self.build(**arguments)
         except InputError as error:

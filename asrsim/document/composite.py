@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 
 T = TypeVar("T")
 
@@ -24,7 +24,7 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
     names: tuple[str, ...] = ()
     """Names of the entries of a list with fixed length, for messages and tables."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> tuple[T, ...]:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> tuple[T, ...]:
         if not isinstance(node.value, list):
             raise reading.fault(node, path, f"must be a {self.text}", code="type")
         if self.length is not None and len(node.value) != self.length:
@@ -69,7 +69,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     bare: bool = False
     """True: a value that is not a mapping applies to all names."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, T]:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> dict[str, T]:
         if node.value is None:
             return {}
         if self.bare and not isinstance(node.value, dict):
@@ -104,7 +104,7 @@ class Either(Kind[Any]):
     options: tuple[tuple[Callable[[Node], bool], Kind[Any]], ...]
     """Pairs (function that tells whether a node fits, kind), tried in order."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         for fits, kind in self.options:
             if fits(node):
                 return kind.read(node, path, reading)

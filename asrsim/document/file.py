@@ -9,7 +9,7 @@ from typing import TypeVar
 from asrsim.document.block import Block
 from asrsim.document.mistaken import DOCUMENTS, mistaken
 from asrsim.document.node import Node
-from asrsim.document.reading import Reading, Rejected
+from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 
@@ -34,7 +34,7 @@ def read_file(block: Block[T], path: Path) -> T:
     """Object built from the keys of a file. Raises InputError with every problem."""
     faults: list[Problem] = []
     root, _ = read_document(path, block.noun, faults=faults)
-    reading = Reading(base=path.parent)
+    reading = DocumentReading(base=path.parent)
     found: T | None = None
     with suppress(Rejected):
         found = block.read(root, (), reading)

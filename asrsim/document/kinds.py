@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import did_you_mean
 
 T = TypeVar("T")
@@ -22,7 +22,7 @@ class Kind(ABC, Generic[T_co]):
     """Kind of a value in a document."""
 
     @abstractmethod
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> T_co:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T_co:
         """Value of the node. Raises Rejected after recording the problems in `reading`.
 
         Some kinds with parts return the valid parts: the document is valid only if `reading` has no problems.
@@ -59,7 +59,7 @@ class Number(Kind[float]):
     noun: ClassVar[str] = "number"
     json_type: ClassVar[str] = "number"
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> float:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         value = node.value
         if not self.finite and value in ("inf", "+inf", "-inf"):
             value = float(str(value))
@@ -100,7 +100,7 @@ class Integer(Number):
     noun = "whole number"
     json_type = "integer"
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> int:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> int:
         if isinstance(node.value, float) and not node.value.is_integer():
             raise reading.fault(node, path, f"must be a {self.noun}", code="type")
         super().read(node, path, reading)
@@ -111,7 +111,7 @@ class Integer(Number):
 class Boolean(Kind[bool]):
     """Kind of value: `true` or `false`."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> bool:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> bool:
         if not isinstance(node.value, bool):
             raise reading.fault(node, path, "must be true or false", code="type")
         return node.value
@@ -131,7 +131,7 @@ class Text(Kind[str]):
     noun: str = "text"
     """Noun for the text, for messages and tables."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
         if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
@@ -161,7 +161,7 @@ class Choice(Kind[str]):
         """Valid words."""
         return tuple(self.options() if callable(self.options) else self.options)
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
         value = str(node.value) if isinstance(node.value, str | int) and not isinstance(node.value, bool) else None
         words = self.words
         if value not in words:
@@ -190,7 +190,7 @@ class File(Kind[Path]):
     beside: str = ""
     """Ending of a document about the file, such as `.yaml` for `lab.csv.yaml`. An existing document is attached too."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
             raise reading.fault(node, path, f"must be the path of a {self.noun}", code="type")
         place = reading.locate(node.value, folder=self.folder)
@@ -224,7 +224,7 @@ class Optional(Kind[T | None], Generic[T]):
     kind: Kind[T]
     word: str | None = None
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> T | None:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T | None:
         if node.value is None or (self.word is not None and node.value == self.word):
             return None
         return self.kind.read(node, path, reading)
@@ -244,7 +244,7 @@ class Optional(Kind[T | None], Generic[T]):
         return self.kind.merge(base, over)
 
 
-def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
+def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: DocumentReading) -> tuple[T] | None:
     """Tuple (value,) with the node's value; None for an invalid value, after recording its problem and path in `reading`."""
     try:
         return (kind.read(node, path, reading),)

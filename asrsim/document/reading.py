@@ -17,7 +17,7 @@ class Rejected(Exception):  # noqa: N818 - internal: the problem is already reco
 
 
 @dataclass(kw_only=True)
-class Reading:
+class DocumentReading:
     """Collects the problems and the files of a document."""
 
     base: Path = field(default_factory=Path)

@@ -22,7 +22,7 @@ LONGEST = 4_000_000
 """Largest size (steps times joints) of a motion that is tabulated in advance, for native steps."""
 
 
-class Table(NamedTuple):
+class MotionTable(NamedTuple):
     """The whole prescribed motion, for native steps."""
 
     places: Array
@@ -105,7 +105,7 @@ class BenchEngine:
         joints, steps = len(self.joints), self._duration / self._step + 4.0
         if not steps * joints < LONGEST or not compiling.available():
             return None
-        table = Table(*(np.ascontiguousarray(rows) for rows in self._motion(0, int(steps))))
+        table = MotionTable(*(np.ascontiguousarray(rows) for rows in self._motion(0, int(steps))))
         table.places[-1] = table.speeds[-1] = np.nan
         compiled = compiling.compile_packed(move, table, _sizes)
         words = pack(table)

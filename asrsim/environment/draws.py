@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.sweeps.keys import Plan, plan_keys
+from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.laws import Distribution, Values
 from asrsim.sweeps.study import Axis, axis_of
 
@@ -47,7 +47,7 @@ class Draws:
         return [low for low, _ in pairs], [high for _, high in pairs]
 
 
-def plan(draws: Draws, prepared: Prepared) -> Plan:
+def plan(draws: Draws, prepared: Prepared) -> KeyPlan:
     """Parts of the scenario that the keys set. Raises InputError for keys that require reading the scenario again."""
     found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
     wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]

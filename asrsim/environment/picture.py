@@ -8,7 +8,7 @@ import numpy as np
 
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
-from asrsim.render.scene import Scene
+from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
 from asrsim.simulation.worlds import Worlds
@@ -26,7 +26,7 @@ class Picture:
         """size: edge of the pictures in pixels."""
         self._worlds, self._size = worlds, size
         scenario, robot = worlds.prepared.scenario, worlds.prepared.robot
-        self._scene = Scene(drawable(robot, scenario.package_paths)[0], scenario)
+        self._scene = RenderScene(drawable(robot, scenario.package_paths)[0], scenario)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in worlds.prepared.drives]
         ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}

@@ -50,7 +50,7 @@ class Episode:
     start: Mapping[str, float]
 
 
-class Task:
+class ControlTask:
     """A scenario as a learning task; see `asrsim.environment.make_env`."""
 
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any]) -> None:

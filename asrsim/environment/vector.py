@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from asrsim.environment.task import Episode, Single, State, Task
+from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.simulation.worlds import Start, Worlds
@@ -25,7 +25,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def __init__(self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int) -> None:
         self._made_with = scenario, options, {"num_envs": num_envs, "threads": threads}
-        self.task = task = Task(scenario, options)
+        self.task = task = ControlTask(scenario, options)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads

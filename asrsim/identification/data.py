@@ -21,7 +21,7 @@ from asrsim.recordings.data import Column
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.starter_recording import Plan, make_plan
+from asrsim.scenario.starter_recording import RecordingPlan, make_plan
 from asrsim.signals.curve import Curve, curve_through
 
 CIRCULAR = "they were computed from other columns, not measured: a fit to them would be circular"
@@ -75,7 +75,7 @@ class Channel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Command:
+class PlayedCommand:
     """A recorded input, which the simulation plays."""
 
     joint: str
@@ -105,7 +105,7 @@ class Command:
         return curve_through(self.time, self.values, hold=self.hold)
 
     @cached_property
-    def as_stairs(self) -> Command:
+    def as_stairs(self) -> PlayedCommand:
         """Command that is constant between samples, each sample until the next."""
         return self if self.hold else replace(self, hold=True)
 
@@ -119,7 +119,7 @@ class Data:
     duration: float
     """Length of the recording, s."""
     channels: tuple[Channel, ...]
-    commands: tuple[Command, ...]
+    commands: tuple[PlayedCommand, ...]
     modes: Mapping[str, int]
     """Operation modes, by joint, that replace the robot's modes to suit the commands."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -172,7 +172,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     )  # fmt: skip
 
 
-def _commands(plan: Plan, lag: float) -> Iterator[Command]:
+def _commands(plan: RecordingPlan, lag: float) -> Iterator[PlayedCommand]:
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:
         name = EXTERNAL if one.slot is None else modes[one.joint].references[one.slot]
@@ -180,15 +180,17 @@ def _commands(plan: Plan, lag: float) -> Iterator[Command]:
         yield _command(one.joint, quantity, name, one.column, lag, hold=one.hold)
 
 
-def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *, hold: bool) -> Command:
+def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *, hold: bool) -> PlayedCommand:
     good = np.isfinite(column.values)
-    return Command(
+    return PlayedCommand(
         joint=joint, quantity=quantity, name=name, time=column.time[good] - lag, values=column.values[good], hold=hold,
         source=column.source, unit=column.unit,
     )  # fmt: skip
 
 
-def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]) -> Iterator[Command]:
+def _played_motors(
+    scenario: Scenario, plan: RecordingPlan, lag: float, modes: dict[str, int], remarks: list[str]
+) -> Iterator[PlayedCommand]:
     """Recorded motor positions that are played as commands, for joints without a recorded command or a reference in the
     scenario. Springs and links are then fitted without the motors' dynamics. Raises RecordingError if the motor positions are
     missing too.
@@ -222,7 +224,7 @@ def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, 
 
 
 def _channels(
-    task: Task, plan: Plan, lag: float, played: set[tuple[str, str]], modes: Mapping[str, int], remarks: list[str]
+    task: Task, plan: RecordingPlan, lag: float, played: set[tuple[str, str]], modes: Mapping[str, int], remarks: list[str]
 ) -> Iterator[Channel]:
     wanted = set(task.compare)
     possible = {

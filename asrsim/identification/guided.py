@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Command, Data, Guide
+from asrsim.identification.data import Channel, Data, Guide, PlayedCommand
 from asrsim.identification.noise import fine_noise, smoothed
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -47,7 +47,7 @@ def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
     return data
 
 
-def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
+def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Data:
     from scipy.interpolate import CubicSpline
 
     name, step = place.joint, float(np.median(np.diff(place.time)))

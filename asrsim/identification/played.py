@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Command
+from asrsim.identification.data import PlayedCommand
 from asrsim.identification.noise import fine_noise
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
@@ -25,7 +25,7 @@ class Played(Signal):
 
     kind: ClassVar[str] = "played"
 
-    command: Command
+    command: PlayedCommand
     step: float
     """Duration of the averaging window, s."""
     gain: float = 1.0
@@ -59,12 +59,12 @@ class Played(Signal):
         return np.asarray(times[(times >= start) & (times <= end)])
 
 
-def noise_of_command(command: Command) -> float:
+def noise_of_command(command: PlayedCommand) -> float:
     """Standard deviation of a recorded command's noise."""
     return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
 
 
-def drawn(commands: Sequence[Command], draw: int | None) -> Sequence[Command]:
+def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[PlayedCommand]:
     """Commands plus a random draw of their noise; draw: seed of the random numbers, None for unchanged commands."""
     if draw is None:
         return commands

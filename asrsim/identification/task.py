@@ -16,7 +16,7 @@ from asrsim.document.file import read_document
 from asrsim.document.kinds import NUMBER, Boolean, File, Integer, Number, Optional, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node, node_from_data
-from asrsim.document.reading import Reading, Rejected
+from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.scenario.overrides import override_texts
@@ -194,7 +194,7 @@ def _with(root: Node, given: Mapping[str, Any]) -> Node:
 
 
 def _read(root: Node, base: Path, faults: list[Problem]) -> dict[str, Any]:
-    reading = Reading(base=base)
+    reading = DocumentReading(base=base)
     with suppress(Rejected):
         found = TASK.read(root, (), reading)
     if faults or reading.problems:

@@ -21,12 +21,12 @@ from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import Lifted, NormOptimal, rehearsed, standing
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_inputs, write_playback
-from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.prepared import PreparedLearning, prepare_learning
 from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data
 from asrsim.learning.state import load_state, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
-from asrsim.learning.twin import Twin, fit_twin
+from asrsim.learning.twin import LearningTwin, fit_twin
 from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
@@ -46,13 +46,13 @@ STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardw
 class HardwareStep:
     """Result of processing a recording."""
 
-    prepared: Prepared
+    prepared: PreparedLearning
     trials: tuple[Trial, ...]
     """All trials on the robot."""
     outcome: str | None
     """Reason why learning ended; None: learning continues."""
     converged: bool
-    twin: Twin | None
+    twin: LearningTwin | None
     """Model fitted to the robot; None after learning has ended."""
     foretold: float
     """Ratio of the largest predicted error of the next trial to the largest error of the best trial so far."""
@@ -133,7 +133,9 @@ def next_input(
         )
 
 
-def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, float] | None) -> tuple[Array, Twin, float]:
+def _proposed(
+    prepared: PreparedLearning, trials: Sequence[Trial], start: Mapping[str, float] | None
+) -> tuple[Array, LearningTwin, float]:
     """Next inputs (n, joints), twin, and ratio of the largest predicted error to that of the best trial."""
     problem = prepared.problem
     best, rho, _ = standing(trials)
@@ -158,7 +160,7 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
     return inputs, twin, ratio
 
 
-def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
+def _pending(folder: Path, prepared: PreparedLearning, trials: list[Trial]) -> Array:
     """Inputs (n, joints) of the file that was written last, for the next trial."""
     from asrsim.signals.recorded import read_column
 
@@ -208,7 +210,7 @@ def smoothed(outputs: Array, step: float) -> Array:
 
 
 def _write_numbers(
-    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], twin: Twin | None
+    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], twin: LearningTwin | None
 ) -> None:
     rows = [{**trial_data(trial, joints), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(trials).number}

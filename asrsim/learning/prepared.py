@@ -25,7 +25,7 @@ MOST_DEMANDS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedLearning:
     """A prepared learning problem: the inputs of `learn`."""
 
     plant: Plant
@@ -70,7 +70,7 @@ class Prepared:
         return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
-def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
+def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
     """Learning problem of a plant. model: model of the plant from `learning_model`."""
     learning = plant.learning
     settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
@@ -88,4 +88,4 @@ def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
     if settings.law == "auto":
         law = NormOptimal(problem, Lifted(problem.time, model.linear, model.delays))
     demands = tuple(sorted(model.inverse.demands, key=lambda one: -one.score))
-    return Prepared(plant=plant, problem=problem, settings=settings, law=law, demands=demands)
+    return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=demands)

@@ -16,7 +16,7 @@ from asrsim.learning.figure import write_figure
 from asrsim.learning.model import learning_model
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_inputs, write_playback
-from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.prepared import PreparedLearning, prepare_learning
 from asrsim.learning.state import state_origin
 from asrsim.learning.trial import LearningResult, Trial, learn
 from asrsim.outfile import check_output, remove_ours, write_json
@@ -41,7 +41,7 @@ MOST_DEMANDS = 12
 class Session:
     """Result of a learning session."""
 
-    prepared: Prepared
+    prepared: PreparedLearning
     result: LearningResult
     replaced: str
     """Message about replaced files of an earlier run; empty if no files were replaced."""
@@ -56,7 +56,7 @@ def run_session(
     plant: Plant,
     folder: Path,
     *,
-    on_start: Callable[[Prepared], None] | None = None,
+    on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
     resume: bool = False,
     overwrite: bool = False,

@@ -45,7 +45,7 @@ Group = Mapping[tuple[str, str], float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Twin:
+class LearningTwin:
     """A plant fitted to the robot, and the uncertainty of the fit."""
 
     plant: Plant = field(repr=False)
@@ -68,7 +68,7 @@ def _forecast(plant: Plant, best: Trial) -> Forecast:
     return lambda inputs: np.asarray(best.outputs + plant.outputs(inputs) - known)
 
 
-def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] | None = None) -> Twin:
+def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] | None = None) -> LearningTwin:
     """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts."""
     from scipy.optimize import least_squares
 
@@ -110,7 +110,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
     root = np.linalg.inv(np.linalg.cholesky(np.asarray(jacobian.T @ jacobian + np.diag(priors**-2))))
     steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
     changes = {name: float(np.expm1(value)) for name, value in zip(groups, found.x, strict=False)}
-    return Twin(
+    return LearningTwin(
         plant=plant_of(found.x), changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual, before=before,
         likely=tuple(plant_of(found.x + step) for step in steps),
     )  # fmt: skip

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.live.transport import Outlet, prefix_of
-from asrsim.log.cdr import CdrBuilder, Column
+from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
 from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, robot_topics, topic_paths
 from asrsim.samples import JointInfo, RunInfo, Samples
@@ -110,7 +110,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
             yield topic
     for joint in joints:
         if "stiffness" in joint.quantities:
-            template = CdrBuilder().float64(Column("value", "stiffness", joint.name)).build()
+            template = CdrBuilder().float64(MessageColumn("value", "stiffness", joint.name)).build()
             yield Topic(name=f"{paths[joint.name]}/stiffness", message="std_msgs/Float64", template=template)
     # As in JointStateTopicSystem, stiffness presets are positions of pseudo-joints.
     driven = [joint for joint in joints if joint.mode is not None]
@@ -123,5 +123,5 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
         yield Topic(name=f"{CONTROL}/joint_states", message="sensor_msgs/JointState", template=builder.build())
 
 
-def _columns(joints: Sequence[JointInfo], quantity: str) -> list[Column | None]:
-    return [Column("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]
+def _columns(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:
+    return [MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 
-class Column(NamedTuple):
+class MessageColumn(NamedTuple):
     """Source of a number in a message: a scalar signal of `asrsim.samples.Samples`."""
 
     kind: str
@@ -30,7 +30,7 @@ class CdrTemplate:
 
     data: bytes
     """Encapsulation header (little endian) and payload, with NaN in place of the numbers."""
-    floats: tuple[tuple[int, Column], ...]
+    floats: tuple[tuple[int, MessageColumn], ...]
     """Offset in `data` and source of each variable float64."""
     stamps: tuple[int, ...]
     """Offsets in `data` of the time stamps (int32 s, uint32 ns)."""
@@ -41,7 +41,7 @@ class CdrBuilder:
 
     def __init__(self) -> None:
         self._data = bytearray(b"\x00\x01\x00\x00")
-        self._floats: list[tuple[int, Column]] = []
+        self._floats: list[tuple[int, MessageColumn]] = []
         self._stamps: list[int] = []
 
     def header(self, frame: str = "") -> CdrBuilder:
@@ -75,7 +75,7 @@ class CdrBuilder:
             self.string(text)
         return self
 
-    def float64(self, column: Column | None) -> CdrBuilder:
+    def float64(self, column: MessageColumn | None) -> CdrBuilder:
         """Add a variable number; without a source it remains NaN."""
         self._align(8)
         if column is not None:
@@ -83,7 +83,7 @@ class CdrBuilder:
         self._data += struct.pack("<d", math.nan)
         return self
 
-    def float64s(self, columns: Sequence[Column | None]) -> CdrBuilder:
+    def float64s(self, columns: Sequence[MessageColumn | None]) -> CdrBuilder:
         """Add a sequence of variable numbers."""
         self.uint32(len(columns))
         for column in columns:

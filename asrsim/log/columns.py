@@ -12,24 +12,24 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from asrsim.log.cdr import Column
+from asrsim.log.cdr import MessageColumn
 from asrsim.log.container import COLUMNS_KEY
 from asrsim.log.rows import MESSAGE_HEADER
 from asrsim.log.structure import split_records, stream
 from asrsim.samples import Array
 
-_TIME = Column("time")
+_TIME = MessageColumn("time")
 
 
 class ColumnReader:
     """Reader of columns, which collects the channels of the chunks it has read."""
 
     def __init__(self, channels: Iterable[Channel] = ()) -> None:
-        self._columns: dict[int, list[tuple[int, Column]]] = {}
+        self._columns: dict[int, list[tuple[int, MessageColumn]]] = {}
         for channel in channels:
             self._register(channel)
 
-    def read(self, data: bytes, wanted: Collection[str], joints: Collection[str]) -> dict[Column, Array]:
+    def read(self, data: bytes, wanted: Collection[str], joints: Collection[str]) -> dict[MessageColumn, Array]:
         """Columns in an uncompressed chunk, as views (rows,): time, bodies, contacts, and the wanted values.
 
         Args:
@@ -54,7 +54,7 @@ class ColumnReader:
         def view(offset: int, kind: str) -> NDArray[Any]:
             return np.ndarray((count,), kind, data, row_start + offset, (size,))
 
-        found: dict[Column, Array] = {}
+        found: dict[MessageColumn, Array] = {}
         for offset, length, channel in row:
             columns = [
                 (place, column)
@@ -96,7 +96,9 @@ class ColumnReader:
         if text is None:
             return
         try:
-            columns = [(int(offset), Column(str(kind), str(name), part)) for offset, kind, name, part in json.loads(text)]
+            columns = [
+                (int(offset), MessageColumn(str(kind), str(name), part)) for offset, kind, name, part in json.loads(text)
+            ]
         except TypeError as error:
             raise ValueError(f"channel {channel.topic} has no valid list of columns") from error
         self._columns[channel.id] = columns

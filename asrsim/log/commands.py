@@ -10,7 +10,7 @@ from functools import lru_cache
 from mcap.opcode import Opcode
 from mcap.records import Channel
 
-from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
+from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
 from asrsim.log.rows import MESSAGE_HEADER
 from asrsim.log.structure import split_records, stream
 from asrsim.log.topics import TIME_TOPIC, Topic
@@ -23,7 +23,7 @@ COMMAND_TOPIC = "/asrsim/commands"
 def _template(joint: str, reference: str) -> CdrTemplate:
     builder = CdrBuilder().header().string(joint).string(reference)
     # A substep (uint64) has as many bytes as a float64.
-    return builder.float64(Column("command", "substep")).float64(Column("command", "value")).build()
+    return builder.float64(MessageColumn("command", "substep")).float64(MessageColumn("command", "value")).build()
 
 
 def command_topic() -> Topic:

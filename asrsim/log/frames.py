@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
+from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
 from asrsim.log.topics import Topic
 from asrsim.samples import Array, Frame, Samples
 
@@ -81,7 +81,7 @@ def _template(frames: Sequence[Frame]) -> CdrTemplate:
     for frame in frames:
         builder.header(frame.parent).string(frame.child)
         for index in range(7):
-            builder.float64(Column("frame", frame.child, index))
+            builder.float64(MessageColumn("frame", frame.child, index))
     return builder.build()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from mcap.exceptions import McapError
 
 from asrsim.errors import LogError, Problem
-from asrsim.log.cdr import Column
+from asrsim.log.cdr import MessageColumn
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
 from asrsim.log.commands import CommandReader
@@ -132,9 +132,9 @@ class LogReader:
         columns = ColumnReader(self._structure.channels)
         skip = 0
         for place, found in self._chunks(columns, set(names), set(members), start, end):
-            if Column("time") not in found:
+            if MessageColumn("time") not in found:
                 continue
-            time = found[Column("time")]
+            time = found[MessageColumn("time")]
             chosen = np.arange(len(time))
             if start is not None or end is not None:
                 low = -np.inf if start is None else start
@@ -151,7 +151,7 @@ class LogReader:
 
     def _chunks(
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
-    ) -> Iterator[tuple[ChunkPlace, dict[Column, Array]]]:
+    ) -> Iterator[tuple[ChunkPlace, dict[MessageColumn, Array]]]:
         def outside(place: ChunkPlace) -> bool:
             # The log time is rounded to ns, hence the margin.
             before = start is not None and place.end * 1e-9 < start - 1e-9
@@ -223,10 +223,10 @@ def read_log(path: str | os.PathLike[str], **selection: Unpack[Selection]) -> Lo
     return LogReader(path).read(**selection)
 
 
-def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequence[str], rows: slice) -> Samples:
-    time = found[Column("time")][rows].astype(np.float64)
+def _samples(found: Mapping[MessageColumn, Array], names: Sequence[str], joints: Sequence[str], rows: slice) -> Samples:
+    time = found[MessageColumn("time")][rows].astype(np.float64)
 
-    def matrix(columns: Sequence[Column]) -> Array:
+    def matrix(columns: Sequence[MessageColumn]) -> Array:
         # The samples of a joint are contiguous in memory, as plots and metrics process them joint by joint.
         block = np.empty((len(columns), len(time)))
         for line, column in zip(block, columns, strict=True):
@@ -236,11 +236,11 @@ def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequen
     tables: dict[str, dict[str, Array]] = {"body": {}, "contact": {}}
     for kind, width in (("body", 7), ("contact", 3)):
         for name in dict.fromkeys(column.name for column in found if column.kind == kind):
-            tables[kind][name] = matrix([Column(kind, name, index) for index in range(width)])
+            tables[kind][name] = matrix([MessageColumn(kind, name, index) for index in range(width)])
     return Samples(
         time=time,
         joints=tuple(joints),
-        values={name: matrix([Column("value", name, joint) for joint in joints]) for name in names},
+        values={name: matrix([MessageColumn("value", name, joint) for joint in joints]) for name in names},
         bodies=tables["body"],
         contacts=tables["contact"],
     )

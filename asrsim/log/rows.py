@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from asrsim.log.cdr import Column
+from asrsim.log.cdr import MessageColumn
 from asrsim.log.topics import Topic
 from asrsim.samples import Array, Samples
 
@@ -112,7 +112,7 @@ class RowBuffer:
         return np.ndarray((self.capacity,), kind, self._bytes.data, offset, (self.row_size,))
 
 
-def _source(samples: Samples, column: Column, rows: slice) -> Array | float:
+def _source(samples: Samples, column: MessageColumn, rows: slice) -> Array | float:
     if column.kind == "time":
         return samples.time[rows]
     if column.kind == "value":

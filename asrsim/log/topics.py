@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
+from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import JointInfo
 
@@ -136,7 +136,7 @@ def robot_topics(
         external: Add the topic of external torques.
     """
     paths = topic_paths(joints)
-    topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(Column("time")).build())]
+    topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(MessageColumn("time")).build())]
     for joint, path in zip(joints, paths, strict=True):
         topics += _whole_joint(joint, path) if compact else _joint_topics(joint, path, external=external)
     for namespace in dict.fromkeys(joint.namespace for joint in joints if arrays and not compact):
@@ -154,7 +154,7 @@ def body_topic(bodies: Sequence[str]) -> Topic:
     for body in bodies:
         builder.header("world").string(body)
         for index in range(7):
-            builder.float64(Column("body", body, index))
+            builder.float64(MessageColumn("body", body, index))
     return Topic(name="/tf", message="tf2_msgs/TFMessage", template=builder.build())
 
 
@@ -162,7 +162,7 @@ def contact_topic(contact: str) -> Topic:
     """Topic `/contacts/<first>/<second>` with the force on the first body in the world frame."""
     builder = CdrBuilder().header("world")
     for index in range(3):
-        builder.float64(Column("contact", contact, index))
+        builder.float64(MessageColumn("contact", contact, index))
     name = "/contacts" + _ros_path(contact)
     return Topic(name=name, message="geometry_msgs/Vector3Stamped", template=builder.build())
 
@@ -184,7 +184,7 @@ def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
     """Topics of a joint in a compact log: one topic with all numbers (NaN if not recorded), and the separate topics."""
     builder = CdrBuilder().header()
     for quantity in SAMPLE_FIELDS:
-        builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)
+        builder.float64(MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None)
     yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=builder.build())
     yield from _own_quantities(joint, path)
 
@@ -192,13 +192,13 @@ def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
 def _own_quantities(joint: JointInfo, path: str) -> Iterator[Topic]:
     for quantity in joint.quantities:
         if quantity not in SAMPLE_FIELDS:
-            template = CdrBuilder().float64(Column("value", quantity, joint.name)).build()
+            template = CdrBuilder().float64(MessageColumn("value", quantity, joint.name)).build()
             yield Topic(name=path + _ros_path(quantity), message="std_msgs/Float64", template=template)
 
 
 def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[Topic]:
-    def source(quantity: str) -> Column | None:
-        return Column("value", quantity, joint.name) if quantity in joint.quantities else None
+    def source(quantity: str) -> MessageColumn | None:
+        return MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None
 
     def recorded(quantities: Sequence[str]) -> bool:
         return any(quantity in joint.quantities for quantity in quantities)
@@ -245,7 +245,7 @@ def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:
 
 
 def joint_state(
-    name: str, joints: Sequence[JointInfo], columns: Sequence[Sequence[Column | None]], *, canonical: bool = True
+    name: str, joints: Sequence[JointInfo], columns: Sequence[Sequence[MessageColumn | None]], *, canonical: bool = True
 ) -> Topic:
     """Topic with the JointState of some joints. columns: sources of positions, velocities and efforts; None for NaN."""
     builder = CdrBuilder().header().strings([joint.name for joint in joints])
@@ -254,8 +254,8 @@ def joint_state(
     return Topic(name=name, message="sensor_msgs/JointState", template=builder.build(), canonical=canonical)
 
 
-def _of(joints: Sequence[JointInfo], quantity: str) -> list[Column | None]:
-    return [Column("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]
+def _of(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:
+    return [MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]
 
 
 def _ros_path(name: str) -> str:

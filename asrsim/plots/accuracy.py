@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.outfile import make_folder
 from asrsim.plots import style
 from asrsim.plots.figures import shorten
-from asrsim.plots.layout import Grid, set_title
+from asrsim.plots.layout import PanelGrid, set_title
 from asrsim.plots.output import save_figure, styled
 
 SMALLEST = 1e-17
@@ -29,7 +29,7 @@ def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Map
         return []
     joints = list(dict.fromkeys(joint for _, data in found for joint in data))
     with styled():
-        grid = Grid(columns=2, heights=[0.35 + 0.28 * len(joints)], title=0.3, gap_x=0.3, right=2.1)
+        grid = PanelGrid(columns=2, heights=[0.35 + 0.28 * len(joints)], title=0.3, gap_x=0.3, right=2.1)
         figure, axes = grid.figure([])
         for ax, quantity, words in ((axes[0, 0], "position", "position (rad, m)"), (axes[0, 1], "torque", "torque (N·m, N)")):
             for number, (name, data) in enumerate(found):

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.plots import style
 from asrsim.plots.figures import PER_PAGE, Page, joint_title
-from asrsim.plots.layout import Grid, set_title
+from asrsim.plots.layout import PanelGrid, set_title
 from asrsim.plots.responses import OUTPUT, Response
 from asrsim.samples import Array
 
@@ -54,7 +54,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     labels = list(dict.fromkeys(one.label for one in found))
     moving = [one for one in found if one.response.moves]
     wide = style.COLUMN_WIDTH * (1.4 if len(joints) == 1 else 1.0)
-    grid = Grid(columns=len(joints), heights=[2.1, 1.7, 0.9], width=wide, right=1.75)
+    grid = PanelGrid(columns=len(joints), heights=[2.1, 1.7, 0.9], width=wide, right=1.75)
     figure, axes = grid.figure([], sharex="col")
     several = len(labels) > 1
     for c, (name, info) in enumerate(joints.items()):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from asrsim.outfile import make_folder
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves, joint_info, read_curves
-from asrsim.plots.layout import GAP_Y, Grid, set_title
+from asrsim.plots.layout import GAP_Y, PanelGrid, set_title
 from asrsim.plots.legends import LIMIT, legend
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
@@ -80,9 +80,9 @@ def new_figure(width: float, height: float) -> Figure:
     """Empty figure; width and height in inches."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    from asrsim.plots.ticks import Picture
+    from asrsim.plots.ticks import AxisPicture
 
-    figure = Picture(width, height)
+    figure = AxisPicture(width, height)
     figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05, hspace=0.02, wspace=0.02))
     return figure
 
@@ -98,7 +98,7 @@ def grid_figure(
     """Figure with panels in rows and joints in columns; one legend per row at the right, the variants' legend below."""
     rows = [panel for panel in panels if any(content(panel, runs, joint) for joint in joints)]
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.85)
-    grid = Grid(columns=len(joints), heights=[style.ROW_HEIGHT - GAP_Y] * len(rows), width=wide)
+    grid = PanelGrid(columns=len(joints), heights=[style.ROW_HEIGHT - GAP_Y] * len(rows), width=wide)
     figure, axes = grid.figure([run.label for run in runs], sharex=True)
     several = len(runs) > 1
     for r, panel in enumerate(rows):
@@ -127,7 +127,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
     rows = -(-len(joints) // columns)
     names = (REFERENCE, "equilibrium_position", "link_position")
     panel = Panel(key="position", words="position", quantities=names, compared=(REFERENCE, "link_position"))
-    grid = Grid(columns=columns, heights=[1.05] * rows, width=2.0, gap_x=0.55, gap_y=0.42, title=0.24, right=1.35)
+    grid = PanelGrid(columns=columns, heights=[1.05] * rows, width=2.0, gap_x=0.55, gap_y=0.42, title=0.24, right=1.35)
     figure, axes = grid.figure([run.label for run in runs], sharex=True)
     shown: dict[str, None] = {}
     for index, ax in enumerate(axes.flat):
@@ -156,7 +156,7 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
     names = tuple(dict.fromkeys(name for run in runs for name in run.bodies))[: 2 * PER_PAGE]
     several = len(runs) > 1
     wide = style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 0.85)
-    grid = Grid(columns=len(names), heights=[1.6, 1.4], width=wide, title=0.26)
+    grid = PanelGrid(columns=len(names), heights=[1.6, 1.4], width=wide, title=0.26)
     figure, axes = grid.figure([run.label for run in runs], sharex=True)
     words: dict[str, str] = {}
     for c, body in enumerate(names):

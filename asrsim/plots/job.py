@@ -20,7 +20,7 @@ from asrsim.plots.figures import Page, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
-from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
+from asrsim.plots.responses import Response, ResponseExperiment, recorded_responses, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
 
@@ -217,7 +217,7 @@ def _responses(
     options: dict[str, Any] = {"joints": job.joints, "band": job.band, "given": job.given, "output": job.output}
     for number, run in enumerate(runs):
         experiments = [
-            Experiment(recording=r, joints=one.joints[str(r.path)], lag=one.alignments[str(r.path)].lag)
+            ResponseExperiment(recording=r, joints=one.joints[str(r.path)], lag=one.alignments[str(r.path)].lag)
             for one in compared
             for r in recordings
             if one.label == run.label and str(r.path) in one.alignments

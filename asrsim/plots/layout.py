@@ -21,7 +21,7 @@ HEAD, TITLE = 0.34, 0.46
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class PanelGrid:
     """Panels in rows and columns, with their sizes."""
 
     columns: int
@@ -38,13 +38,13 @@ class Grid:
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
         """Figure and its axes (rows, columns), with the legend of variants below."""
-        from asrsim.plots.ticks import Picture, Plain
+        from asrsim.plots.ticks import AxisPicture, Plain
 
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
         foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
         inner = sum(self.heights) + (len(self.heights) - 1) * self.gap_y
         height = HEAD + self.title + inner + foot
-        figure = Picture(width, height)
+        figure = AxisPicture(width, height)
         mean = sum(self.heights) / len(self.heights)
         axes = figure.subplots(
             len(self.heights), self.columns, squeeze=False, **more,

@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.figures import PER_PAGE, Page, figure_title, joint_title
-from asrsim.plots.layout import Grid
+from asrsim.plots.layout import PanelGrid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.view import draw_curve, show_time, show_values
@@ -56,7 +56,7 @@ def overlay_figure(
     """Figure with simulation and experiment for every joint (column) and quantity, and their difference below."""
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.9)
     heights = [height for _ in quantities for height in (1.75, 0.85)]
-    grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
+    grid = PanelGrid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
     figure, axes = grid.figure([one.label for one in compared], sharex="col")
     for c, joint in enumerate(joints):
         for r, quantity in enumerate(quantities):

@@ -27,7 +27,7 @@ LEAST = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class Signal:
+class ResponseSignal:
     """Input or output of a frequency response."""
 
     quantity: str
@@ -35,7 +35,7 @@ class Signal:
     """Joint of the signal; None: the joint whose response is computed."""
 
     @classmethod
-    def parse(cls, text: str | None, default: str) -> Signal:
+    def parse(cls, text: str | None, default: str) -> ResponseSignal:
         """Signal named by `joint.quantity`, or by `quantity` for every joint."""
         joint, _, quantity = (text or default).rpartition(".")
         return cls(quantity=quantity, joint=joint or None)
@@ -77,7 +77,7 @@ class Response:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
+class ResponseExperiment:
     """Recording with its joints and lag, for a Bode plot."""
 
     recording: Recording
@@ -108,7 +108,7 @@ def responses(
     label: str,
     variant: int = 0,
     joints: Sequence[str] | None = None,
-    experiments: Sequence[Experiment] = (),
+    experiments: Sequence[ResponseExperiment] = (),
     band: tuple[float, float] | None = None,
     given: str | None = None,
     output: str | None = None,
@@ -120,7 +120,7 @@ def responses(
     at the times of the recording. Raises LogError for a joint or quantity that the log does not have.
     """
     reader = open_log(path)
-    first, last = Signal.parse(given, REFERENCE), Signal.parse(output, OUTPUT)
+    first, last = ResponseSignal.parse(given, REFERENCE), ResponseSignal.parse(output, OUTPUT)
     named = [signal for signal, text in ((first, given), (last, output)) if text is not None]
     require_names(reader, "quantity", [signal.quantity for signal in named], (*available(reader), *EXTRA))
     members = [joint.name for joint in reader.info.joints]
@@ -168,8 +168,8 @@ def recorded_responses(
 
     given, output: as in `responses`; None: the recorded reference and the link position.
     """
-    first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
-    one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})
+    first, last = ResponseSignal.parse(given, "reference_1"), ResponseSignal.parse(output, OUTPUT)
+    one = ResponseExperiment(recording=recording, joints={joint: joint for joint in recording.joints})
     found: list[Response] = []
     problems: list[Problem] = []
     for name in [last.joint] if last.joint is not None else joints or recording.joints:
@@ -198,7 +198,7 @@ def _logged(reader: LogReader, quantity: str, joint: str) -> Column | None:
 
 
 def _recorded_pair(
-    one: Experiment, info: JointInfo, first: Signal, last: Signal, excitation: Column, *, chosen: bool
+    one: ResponseExperiment, info: JointInfo, first: ResponseSignal, last: ResponseSignal, excitation: Column, *, chosen: bool
 ) -> tuple[Column, Column] | None:
     """Input and output of a joint's response in a recording; None if the output is not recorded.
 

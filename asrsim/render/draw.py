@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from asrsim.render.camera import Camera
 from asrsim.render.raster import plane, rasterise
-from asrsim.render.scene import Scene
+from asrsim.render.scene import RenderScene
 from asrsim.samples import Array
 
 Image = NDArray[np.uint8]
@@ -26,7 +26,7 @@ TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.7
 class Painter:
     """Draws the shapes of a scene in given frames. One array stores all points of the scene."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RenderScene) -> None:
         self._scene = scene
         self.bodies = tuple(dict.fromkeys(part.body for part in scene.parts))
         parts = scene.parts

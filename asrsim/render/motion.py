@@ -17,7 +17,7 @@ from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
-from asrsim.render.scene import Scene
+from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.robot.xmlfile import parse_xml
 from asrsim.samples import Array, RunInfo, Samples
@@ -125,7 +125,7 @@ class Film:
         touching = (body for pair in pairs if pair[1] != "ground" for body in pair)
         return tuple(dict.fromkeys(body for body in touching if body in self.scene.objects))
 
-    def _open(self) -> tuple[Scene, tuple[str, ...]]:
+    def _open(self) -> tuple[RenderScene, tuple[str, ...]]:
         from asrsim.runs.repeat import restore
 
         if not self.info.urdf or "scenario" not in self.info.resolved:
@@ -135,7 +135,7 @@ class Film:
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
             scenario, robot = restore(info, Path(folder))
             shown, notes = drawable(robot, scenario.package_paths)
-            scene = Scene(shown, scenario)
+            scene = RenderScene(shown, scenario)
         return scene, (*notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:

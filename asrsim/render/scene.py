@@ -23,7 +23,7 @@ GREY = (0.55, 0.58, 0.63)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class ScenePart:
     """Shape of a body, in the body's frame."""
 
     body: str
@@ -33,7 +33,7 @@ class Part:
     """Red, green and blue of each triangle (m, 3), 0 to 1."""
 
 
-class Scene:
+class RenderScene:
     """Shapes of robot and world, and their frames at given positions.
 
     robot: from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could
@@ -76,7 +76,7 @@ class Scene:
         """Axis (3,) of each revolute joint in the world."""
         return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
 
-    def _parts(self, robot: Robot, world: World) -> list[Part]:
+    def _parts(self, robot: Robot, world: World) -> list[ScenePart]:
         shapes: list[tuple[str, str, str, Sequence[float], Path | None, Array, Sequence[float] | None]] = [
             (link.name, f"the mesh of link '{link.name}'", shape.kind, shape.scale if shape.kind == "mesh" else shape.size,
              Path(shape.mesh) if shape.kind == "mesh" else None, _rpy_frame(shape.origin, shape.rpy), shape.colour)
@@ -91,7 +91,7 @@ class Scene:
             mesh = self._mesh(kind, size, file, what)
             if mesh is not None:
                 placed = _placed(mesh, origin)
-                parts.append(Part(body=body, mesh=placed, colours=_coloured(placed, colour)))
+                parts.append(ScenePart(body=body, mesh=placed, colours=_coloured(placed, colour)))
         return parts
 
     def _mesh(self, kind: str, size: Sequence[float], file: Path | None, what: str) -> Mesh | None:

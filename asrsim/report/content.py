@@ -55,7 +55,7 @@ recomputed from the log.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parameter:
+class ParameterRow:
     """Row of the page's table of parameters."""
 
     name: str
@@ -75,7 +75,7 @@ class RunContent:
     message: str
     summary: Mapping[str, Any]
     """Content of `summary.json`, or the measures computed from the log."""
-    parameters: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
+    parameters: Mapping[str, tuple[ParameterRow, ...]] = field(default_factory=dict)
     """Parameters of each joint."""
     notes: tuple[str, ...] = ()
     """Data that could not be read, with the reasons."""
@@ -94,7 +94,7 @@ def read_content(log: Path) -> RunContent:
     reader = open_log(log)
     notes: list[str] = []
     summary = _summary(log, reader.info) or _own_summary(log)
-    parameters: dict[str, tuple[Parameter, ...]] = {}
+    parameters: dict[str, tuple[ParameterRow, ...]] = {}
     try:
         parameters = read_parameters(reader.info)
     except AsrsimError as error:
@@ -105,7 +105,7 @@ def read_content(log: Path) -> RunContent:
     )  # fmt: skip
 
 
-def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
+def read_parameters(info: RunInfo) -> dict[str, tuple[ParameterRow, ...]]:
     """Parameters of each joint with their sources, from the robot and scenario in the log. Raises InputError."""
     from asrsim.runs.repeat import restore
     from asrsim.scenario import apply_to_robot
@@ -113,13 +113,15 @@ def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
     with TemporaryDirectory(prefix="asrsim-report-") as folder:
         scenario, robot = restore(info, Path(folder))
         robot = apply_to_robot(scenario, robot)
-    found: dict[str, tuple[Parameter, ...]] = {}
+    found: dict[str, tuple[ParameterRow, ...]] = {}
     for block in robot.actuators:
         rows = []
         for value in block.parameters.values():
             where = f" <{value.tag}>" if value.tag and value.origin == "tag" else ""
             line = f", line {value.line}" if value.line is not None and value.origin == "tag" else ""
-            rows.append(Parameter(name=value.name, value=value.value, unit=value.unit, origin=f"{value.origin}{where}{line}"))
+            rows.append(
+                ParameterRow(name=value.name, value=value.value, unit=value.unit, origin=f"{value.origin}{where}{line}")
+            )
         found[block.joint] = tuple(rows)
     return found
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.render.motion import Film
-from asrsim.render.scene import Part
+from asrsim.render.scene import ScenePart
 from asrsim.render.solids import merged
 from asrsim.report.series import pack
 from asrsim.samples import Array
@@ -75,7 +75,7 @@ def _run(film: Film, label: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _part(part: Part, share: float) -> dict[str, Any]:
+def _part(part: ScenePart, share: float) -> dict[str, Any]:
     mesh, colours = part.mesh, part.colours
     most = max(int(share * len(mesh.triangles)), 60)
     if share < 1.0 and len(mesh.triangles) > most:

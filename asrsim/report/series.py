@@ -28,7 +28,7 @@ GAP = 65535
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class TimeGrid:
     """Evenly spaced times that all series of a page share."""
 
     start: float
@@ -51,7 +51,7 @@ class Grid:
         }  # fmt: skip
 
 
-def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[RunCurves]]:
+def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[TimeGrid, list[RunCurves]]:
     """Common time grid that is as fine as `BUDGET` permits, and the runs' curves on this grid; all extreme values are kept.
     Raises LogError.
     """
@@ -69,14 +69,14 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
     samples = round(duration / step) + 1
     alike = all(abs(s - step) <= 1e-9 * step for s in steps)
     if alike and samples <= 2 * bins:
-        grid = Grid(start=0.0, step=step, count=samples, thinned=False)
+        grid = TimeGrid(start=0.0, step=step, count=samples, thinned=False)
     else:
         width = max(duration, step) / bins
-        grid = Grid(start=0.25 * width, step=0.5 * width, count=2 * bins, thinned=True)
+        grid = TimeGrid(start=0.25 * width, step=0.5 * width, count=2 * bins, thinned=True)
     return grid, [_read(source, grid, duration) for source in sources]
 
 
-def _read(source: CurveSource, grid: Grid, duration: float) -> RunCurves:
+def _read(source: CurveSource, grid: TimeGrid, duration: float) -> RunCurves:
     envelope: Envelope | None = None
     whole = np.full((grid.count, len(source.columns)), np.nan) if not grid.thinned else np.empty((0, 0))
     count = 0

@@ -32,7 +32,7 @@ Origin = Literal["paper", "theory", "simulation", "beyond"]
 
 
 @dataclass(frozen=True)
-class Bound:
+class FigureBound:
     """Condition on the measured number of a claim."""
 
     comparison: str
@@ -47,12 +47,12 @@ class Bound:
         return f"{sign}{self.value:.6g}{spread}{f' {self.unit}' if self.unit else ''}"
 
 
-below, at_most, above, at_least = (partial(Bound, sign) for sign in ("<", "<=", ">", ">="))
+below, at_most, above, at_least = (partial(FigureBound, sign) for sign in ("<", "<=", ">", ">="))
 
 
-def near(value: float, tolerance: float, unit: str = "") -> Bound:
+def near(value: float, tolerance: float, unit: str = "") -> FigureBound:
     """Condition that a number equals a value within a tolerance."""
-    return Bound("==", value, unit, tolerance)
+    return FigureBound("==", value, unit, tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class Claim:
     """Name of the measured quantity."""
     measured: float
     """Measured number; NaN if it cannot be measured: the claim then does not hold."""
-    bound: Bound
+    bound: FigureBound
     origin: Origin = "paper"
 
     @property
@@ -80,7 +80,7 @@ class Claim:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class FigurePicture:
     """Picture for the page."""
 
     name: str
@@ -92,7 +92,7 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class FigureTable:
     """Table of numbers beside the claims."""
 
     caption: str
@@ -101,14 +101,14 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class FigurePart:
     """Part of a figure's section: text, claims, numbers and pictures about one experiment."""
 
     title: str
     text: str
     claims: tuple[Claim, ...] = ()
-    tables: tuple[Table, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    tables: tuple[FigureTable, ...] = ()
+    pictures: tuple[FigurePicture, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ class Heading:
 class Figure(Heading):
     """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
 
-    parts: Callable[[Lab], tuple[Part, ...]]
+    parts: Callable[[Lab], tuple[FigurePart, ...]]
     """Function that runs the experiments. Its first part is the paper's figure; the others extend it."""
     cost: float = 1.0
     """Relative duration of the experiments; the figure with the longest duration starts first."""
@@ -137,7 +137,7 @@ class Figure(Heading):
 class Reproduction(Heading):
     """Result of reproducing a figure of the paper."""
 
-    parts: tuple[Part, ...] = ()
+    parts: tuple[FigurePart, ...] = ()
     error: str = ""
     """Reason why the figure could not be run."""
     simulated: float = 0.0
@@ -221,7 +221,7 @@ class Lab:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class FigureOutcome:
     """Results of all figures."""
 
     figures: tuple[Reproduction, ...]
@@ -258,7 +258,7 @@ def figures() -> dict[str, Figure]:
 def reproduce(
     names: Sequence[str] = (), folder: Path = Path("out/reproduce"), *, workers: int = 2,
     on_figure: Callable[[Reproduction], None] | None = None,
-) -> Outcome:  # fmt: skip
+) -> FigureOutcome:  # fmt: skip
     """Reproduce figures and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
 
     names: figures to run, all by default; on_figure: called with each result, in any order. For a figure that cannot be run
@@ -281,7 +281,7 @@ def reproduce(
             if on_figure is not None:
                 on_figure(found[-1])
     found.sort(key=lambda one: one.number)
-    outcome = Outcome(figures=tuple(found), page=folder / "reproduce.html", seconds=clock.perf_counter() - began)
+    outcome = FigureOutcome(figures=tuple(found), page=folder / "reproduce.html", seconds=clock.perf_counter() - began)
     for path, data in _pictures(found, folder / "pictures"):
         with written(path, "picture") as stream:
             stream.write(data)

@@ -8,7 +8,7 @@ from importlib.resources import files
 
 from asrsim import __version__
 from asrsim.report.html import data_address, document
-from asrsim.reproduce import Claim, Part, Picture, Reproduction, Table
+from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, Reproduction
 
 ORIGINS = {
     "paper": "stated in the paper",
@@ -60,7 +60,7 @@ def _section(one: Reproduction) -> str:
 </section>"""
 
 
-def _part(part: Part, *, folded: bool) -> str:
+def _part(part: FigurePart, *, folded: bool) -> str:
     """HTML of a part: the paper's figure is shown unfolded; other parts are folded unless a claim fails."""
     claims = (
         '<table class="wide claims"><thead><tr><th>claim</th><th class="number">measured</th><th class="number">expected</th>'
@@ -88,7 +88,7 @@ def _claim(claim: Claim) -> str:
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: FigureTable) -> str:
     def row(tag: str, cells: Sequence[str]) -> str:
         kind = ' class="number"'
         return "".join(f"<{tag}{kind if i else ''}>{escape(text)}</{tag}>" for i, text in enumerate(cells))
@@ -102,7 +102,7 @@ def _table(table: Table) -> str:
     )
 
 
-def _picture(picture: Picture) -> str:
+def _picture(picture: FigurePicture) -> str:
     source = data_address(picture.data, {"svg": "image/svg+xml", "png": "image/png"}[picture.kind])
     caption = escape(picture.caption)
     return (

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.document.node import Node
-from asrsim.document.reading import Reading
+from asrsim.document.reading import DocumentReading
 from asrsim.plain import mapped
 from asrsim.samples import TIP
 from asrsim.scenario.data import SCENARIO, Scenario
@@ -27,7 +27,7 @@ def whole(ratio: float) -> int | None:
 
 
 def build_scenario(
-    root: Node, reading: Reading, *, name: str, variant: str, path: Path | None = None, text: str = ""
+    root: Node, reading: DocumentReading, *, name: str, variant: str, path: Path | None = None, text: str = ""
 ) -> Scenario:
     """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
     keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
@@ -73,13 +73,13 @@ def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, 
         yield from _lines(item, path, f"{name}.")
 
 
-def _fault(root: Node, reading: Reading, key: str, message: str, *, code: str, show: bool = False) -> None:
+def _fault(root: Node, reading: DocumentReading, key: str, message: str, *, code: str, show: bool = False) -> None:
     """Add an error about a key of the scenario."""
     node = root.value.get(key, root) if isinstance(root.value, dict) else root
     reading.fault(node, (key,), message, code=code, show=show)
 
 
-def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
+def _check_times(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
     step, duration, rate = keys["step"], keys["duration"], keys["log_every"]
     count = whole(duration / step)
     if count is None:
@@ -95,13 +95,13 @@ def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
         _fault(root, reading, "log_rate", message, code="log-rate")
 
 
-def _check_motion(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
+def _check_motion(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
     if keys["motion"] and not prescribes_motion(keys["engine"]):
         message = f"prescribed motion needs 'engine: bench', but the engine is {keys['engine']}"
         _fault(root, reading, "motion", message, code="motion")
 
 
-def _check_objects(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
+def _check_objects(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
     names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
@@ -111,7 +111,7 @@ def _check_objects(root: Node, keys: Mapping[str, Any], reading: Reading) -> Non
             reading.fault(node, ("expect", str(index), "body"), message, choices=names, code="unknown-object", show=False)
 
 
-CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], Reading], None]], ...] = (
+CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], DocumentReading], None]], ...] = (
     (("step", "duration", "log_rate"), _check_times),
     (("engine", "motion"), _check_motion),
     (("world", "task", "expect"), _check_objects),

@@ -24,7 +24,7 @@ from asrsim.document.kinds import (
     Text,
 )
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
 from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, Vector, engines
 from asrsim.signals.base import Signal
@@ -134,7 +134,7 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class AnyData(Kind[Any]):
     """Kind of value: plain data that another module validates."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         return node.plain()
 
     def schema(self) -> Schema:

@@ -18,7 +18,7 @@ from asrsim.document.kinds import (
     Optional,
 )
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.scenario.kinds import Keys
 from asrsim.signals.parse import SIGNAL
 
@@ -79,7 +79,7 @@ DAMPING_BY_JOINT = MapOf(of=block_of(LinkDamping, "damping law"))
 class Range(ListOf[float]):
     """Kind of value: two numbers, the smaller one first."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> tuple[float, ...]:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> tuple[float, ...]:
         found = super().read(node, path, reading)
         if found[0] > found[1]:
             raise reading.fault(node, path, "the first value must not exceed the second", code="range")
@@ -112,7 +112,7 @@ EQUILIBRIUM = "equilibrium"
 class StartTables(Either):
     """Kind of value: the start of the joints, read into four tables and a flag of the scenario."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Mapping[str, Any]:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Mapping[str, Any]:
         states = super().read(node, path, reading)
         if states == EQUILIBRIUM:
             return {"initial_equilibrium": True}

@@ -7,7 +7,7 @@ from typing import Any
 from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.kinds import NUMBER, File, Text
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
 from asrsim.signals.parse import SIGNAL
@@ -32,7 +32,7 @@ def names_a_folder(name: str) -> bool:
 class FolderName(Text):
     """Kind of value: text that is valid as the name of a folder."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
         name = super().read(node, path, reading)
         if not names_a_folder(name):
             raise reading.fault(node, path, "must be valid as the name of a folder", code="name")
@@ -49,7 +49,7 @@ class ManagerFile(File):
     The parameters may be under the name of a node (`/**: ros__parameters:`).
     """
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         try:
             root, _ = read_yaml(super().read(node, path, reading))
         except InputError as error:

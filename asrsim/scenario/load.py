@@ -8,7 +8,7 @@ from typing import Any
 
 from asrsim.document.file import read_document
 from asrsim.document.node import Node, node_from_data
-from asrsim.document.reading import Reading
+from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
 from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import SCENARIO, Scenario
@@ -73,7 +73,7 @@ def read_scenarios(
     for name, merged in variants.items():
         if variant in (None, name):
             changed = _with_robot(apply_overrides(merged, overrides), robot)
-            reading = Reading(base=path.parent)
+            reading = DocumentReading(base=path.parent)
             found.append(build_scenario(changed, reading, name=path.stem, variant=name, path=path, text=text))
             faults += reading.problems
     return tuple(found), distinct(faults)
@@ -100,7 +100,7 @@ def scenario_from_data(
     working folder). `robot` replaces the robot of the data. Raises ScenarioError with every problem.
     """
     root = _with_robot(apply_overrides(node_from_data(dict(data)), overrides), robot)
-    reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
+    reading = DocumentReading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
         raise ScenarioError(distinct(reading.problems))

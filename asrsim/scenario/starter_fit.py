@@ -9,14 +9,14 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.user import command_line
 from asrsim.robot.model import ActuatorBlock, Robot
 from asrsim.scenario.starter import Lines, yaml_text
-from asrsim.scenario.starter_recording import Files, Plan
+from asrsim.scenario.starter_recording import Files, RecordingPlan
 
 NOT_FITTED = ("max_deflection", "spring_rest_length")
 """Spring parameters that are not freed: limits that recordings seldom reach, and parameters without effect."""
 INERTIA = ("ixx", "iyy", "izz")
 
 
-def fit_text(plan: Plan, files: Files) -> str:
+def fit_text(plan: RecordingPlan, files: Files) -> str:
     """YAML of a fit file for `asrsim identify`."""
     command = command_line("identify", f"{files.scenario.rpartition('.')[0]}.fit.yaml", files.plugins)
     heading = [
@@ -42,7 +42,7 @@ def fit_text(plan: Plan, files: Files) -> str:
     return yaml_text(data, {path: text for path, text in comments.items() if path[0] in data}, heading)
 
 
-def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
+def _free(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str]:
     mode, joint = MODES[block.mode], plan.robot.joint(block.joint)
     for parameter in ACTUATORS.get(block.actuator).parameters if mode.spring else ():
         if parameter.name not in NOT_FITTED and not parameter.name.endswith("_2") and not parameter.unused:
@@ -59,7 +59,7 @@ def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
         yield f"{joint.child}.{'mass' if joint.kind == 'prismatic' else INERTIA[strongest]}"
 
 
-def _delays(plan: Plan) -> list[str]:
+def _delays(plan: RecordingPlan) -> list[str]:
     """Keys for the delays of commands to controllers and motors. Torques on links and positions of motors are measured."""
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     return [
@@ -81,7 +81,7 @@ def _twins(robot: Robot) -> dict[str, str]:
     return twins
 
 
-def _ties(plan: Plan) -> Iterator[tuple[str, str]]:
+def _ties(plan: RecordingPlan) -> Iterator[tuple[str, str]]:
     """Pairs (key, equal key) for both springs of an antagonistic actuator, motors of one type, and the delays of commands."""
     twins = _twins(plan.robot)
     for block in plan.robot.actuators:

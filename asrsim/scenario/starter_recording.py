@@ -39,7 +39,7 @@ FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "mot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Played:
+class PlayedRecording:
     """Column of a recording that drives an input of the simulation."""
 
     joint: str
@@ -57,7 +57,7 @@ class Played:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class RecordingPlan:
     """Columns of a recording that are played into a robot, and columns that are compared with its simulation."""
 
     robot: Robot
@@ -65,7 +65,7 @@ class Plan:
     modes: Mapping[str, int]
     """Modes by joint that replace the modes in the robot file, because of the recorded commands."""
     recording: Recording
-    played: tuple[Played, ...]
+    played: tuple[PlayedRecording, ...]
     compared: tuple[tuple[str, Column], ...]
     """Pairs (joint of the robot, column) for the recorded quantities that are not commands."""
     lag: float
@@ -86,7 +86,7 @@ class Plan:
         )
 
 
-def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> Plan:
+def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> RecordingPlan:
     """Columns of the recording that are played into the robot, and columns that are compared.
 
     strict: play only columns that are commands, and accept a recording without commands. Raises RecordingError, with the
@@ -101,7 +101,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
     remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
     lag, end = _span(columns)
     modes: dict[str, int] = {}
-    played: list[Played] = []
+    played: list[PlayedRecording] = []
     for block in robot.actuators:
         command = _command(columns, block, remarks, strict=strict)
         if command is not None:
@@ -127,7 +127,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
         )
     commands = {one.column.source for one in played}
-    return Plan(
+    return RecordingPlan(
         robot=overridden(robot, modes, {})[0], modes=modes, recording=recording, played=tuple(played),
         compared=tuple(
             (joint, column) for (joint, quantity), column in columns.items()
@@ -198,14 +198,14 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and second is None)
 
 
-def _played(joint: str, slot: int | None, column: Column) -> Played:
+def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:
     changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
-    return Played(joint=joint, slot=slot, column=column, hold=following < STAIRS)
+    return PlayedRecording(joint=joint, slot=slot, column=column, hold=following < STAIRS)
 
 
 def _initial(
-    robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[Played], remarks: list[str]
+    robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[PlayedRecording], remarks: list[str]
 ) -> dict[str, float]:
     """First recorded position of each joint: of the link, or else of the springs, a motor, or the command."""
     initial: dict[str, float] = {}
@@ -248,16 +248,16 @@ SHARE = 0.1
 """Largest RMSE that a claim allows, as a fraction of the recorded range."""
 
 
-def command_tables(plan: Plan, name: str) -> dict[str, list[Played]]:
+def command_tables(plan: RecordingPlan, name: str) -> dict[str, list[PlayedRecording]]:
     """Commands by file name, one file for each time base; the first file is called `name`."""
-    groups: dict[int, list[Played]] = {}
+    groups: dict[int, list[PlayedRecording]] = {}
     for one in plan.played:
         groups.setdefault(id(one.column.time), []).append(one)
     stem, dot, ending = name.rpartition(".")
     return {f"{stem}{f'_{i}' if i > 1 else ''}{dot}{ending}": members for i, members in enumerate(groups.values(), start=1)}
 
 
-def command_text(plan: Plan, members: Sequence[Played]) -> str:
+def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str:
     """CSV of commands in SI units, on the simulation's clock. Missing samples are interpolated."""
     time = members[0].column.time
     values = np.column_stack([since(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
@@ -306,7 +306,7 @@ class Files:
 
 
 def recording_data(
-    plan: Plan, files: Files, *, mode: int | None, joints: Sequence[str], parameters: Mapping[str, Mapping[str, float]]
+    plan: RecordingPlan, files: Files, *, mode: int | None, joints: Sequence[str], parameters: Mapping[str, Mapping[str, float]]
 ) -> tuple[dict[str, Any], Comments]:
     """Scenario as plain data, and its comments.
 
@@ -358,7 +358,7 @@ def recording_data(
     return data, comments
 
 
-def _limit(plan: Plan, joint: str, column: Column) -> float:
+def _limit(plan: RecordingPlan, joint: str, column: Column) -> float:
     """Largest RMSE that a claim about the column allows; 0: nothing to compare."""
     quantity = str(column.quantity)
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
@@ -366,7 +366,7 @@ def _limit(plan: Plan, joint: str, column: Column) -> float:
     return float(f"{SHARE * np.ptp(column.values[np.isfinite(column.values)]):.2g}") if simulated else 0.0
 
 
-def recording_heading(plan: Plan, files: Files) -> Iterator[str]:
+def recording_heading(plan: RecordingPlan, files: Files) -> Iterator[str]:
     """Comment lines above the scenario."""
     log = shlex.quote(f"out/{files.scenario.rpartition('.')[0]}/default/log.mcap")
     options = [f"--map {shlex.quote(text)}" for text in files.mapping] + ([f"--rate {files.rate:g}"] if files.rate else [])

@@ -7,7 +7,7 @@ from pathlib import Path
 from asrsim.document.block import Block, declared_keys
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node, node_from_data
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
 from asrsim.signals.base import Signal
 
@@ -24,7 +24,7 @@ _OTHER_WORDS = {
 class SignalKind(Kind[Signal]):
     """Kind of value: a signal in a document."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Signal:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Signal:
         from asrsim.signals import SIGNALS
         from asrsim.signals.pieces import Constant
 
@@ -104,7 +104,7 @@ def parse_signal(data: object, *, base: Path | None = None) -> Signal:
 
     base: Folder of the files of playbacks; None: the working folder. Raises ScenarioError with every problem.
     """
-    reading = Reading(base=base or Path())
+    reading = DocumentReading(base=base or Path())
     found = attempt(SIGNAL, node_from_data(data), (), reading)
     if found is None or reading.problems:
         raise ScenarioError(reading.problems)

@@ -20,7 +20,7 @@ from asrsim.simulation.inputs import Given
 from asrsim.simulation.laws import plain_law
 from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STEP
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
+from asrsim.simulation.rows import RowShape, positions_of, shape_of, start_of, tables
 
 SECONDS_SAVED = 6e-6
 """Time in s that compiled code saves per joint and motor substep (measured: 4 to 30 microseconds)."""
@@ -53,7 +53,7 @@ class Core:
         self.compiled, self._watch = compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
         self._sensors, self.stepping = prepared.sensors, stepping
-        self.shape: Shape = shape_of(drives, prepared.sensors)
+        self.shape: RowShape = shape_of(drives, prepared.sensors)
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         self._link_implicitness = prepared.resolution.link_implicitness
         self._z = np.array([

@@ -61,7 +61,7 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
-class Selection:
+class QuantitySelection:
     """Quantities of several joints, taken from rows of the state and from inputs."""
 
     def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
@@ -78,7 +78,7 @@ class Selection:
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
         """Numbers of the joints that do not record a quantity, by quantity."""
 
-    def of(self, drives: Sequence[SteppedJoint]) -> Selection:
+    def of(self, drives: Sequence[SteppedJoint]) -> QuantitySelection:
         """This selection for joints with other parameters; such joints may record other quantities."""
         other = copy.copy(self)
         recorded = [recorded_quantities(drive) for drive in drives]

@@ -14,7 +14,7 @@ from asrsim.errors import InputError
 from asrsim.samples import Array, Samples, concatenate, grid
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import Selection
+from asrsim.simulation.quantities import QuantitySelection
 
 if TYPE_CHECKING:
     from asrsim.kinematics.tip import TipPoses
@@ -27,11 +27,11 @@ class Sink(Protocol):
         """Receive the next chunk of samples."""
 
 
-class Recording:
+class RunRecording:
     """Makes samples from rows and passes them to sinks. Samples are only stored if `keep` is set."""
 
     def __init__(
-        self, prepared: Prepared, engine: Engine, selection: Selection, *, last: int, sinks: Sequence[Sink], keep: bool
+        self, prepared: Prepared, engine: Engine, selection: QuantitySelection, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
         """selection: quantities in the rows; last: substep of the last sample."""
         scenario = prepared.scenario
@@ -126,7 +126,7 @@ class Recording:
             raise InputError("stores no samples: create it with record=True", key="simulation", code="samples")
         return concatenate(self.kept, joints=self._engine.joints)
 
-    def take_over(self, varied: Prepared, engine: Engine, selection: Selection) -> None:
+    def take_over(self, varied: Prepared, engine: Engine, selection: QuantitySelection) -> None:
         """Continue with other parameters, and possibly another engine."""
         self._prepared, self._engine, self.selection = varied, engine, selection
         if self.active:

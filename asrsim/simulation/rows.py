@@ -53,7 +53,7 @@ AT_STOP = 1e-12
 
 
 @dataclass(frozen=True)
-class Shape:
+class RowShape:
     """Sizes of the variable parts of the rows, which are the same for all joints of a robot."""
 
     motors: int
@@ -89,9 +89,9 @@ class Shape:
         return GOALS + self.motors
 
 
-def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> Shape:
+def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> RowShape:
     """Sizes of the rows that these joints need."""
-    return Shape(
+    return RowShape(
         motors=max((positions_of(drive) for drive in drives), default=2),
         ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
         parameters=max((len(drive.elastic) for drive in drives), default=0),
@@ -103,7 +103,7 @@ def positions_of(drive: SteppedJoint) -> int:
     return drive.actuator.positions() if drive.actuator else 2
 
 
-def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[int]:
+def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list[int]:
     """Row of K for a joint, without the addresses."""
     k = [0] * KINDS
     mode, actuator = drive.mode, drive.actuator
@@ -123,7 +123,9 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[in
     return k
 
 
-def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, motor_substeps: int, cutoff: bool) -> list[float]:
+def constants_of(
+    drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, *, motor_substeps: int, cutoff: bool
+) -> list[float]:
     """Row of P for a joint."""
     joint, law, values = drive.joint, drive.link_damping, drive.values
     follows = drive.mode is not None and drive.mode.spring
@@ -173,7 +175,7 @@ def _phantom(drive: SteppedJoint) -> list[float]:
     ]  # fmt: skip
 
 
-def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position: float, velocity: float) -> list[float]:
+def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, position: float, velocity: float) -> list[float]:
     """Row of S for a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
     s = [0.0] * shape.state
     s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
@@ -196,7 +198,7 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position:
 
 
 def tables(
-    drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: Shape, *, motor_substeps: int, cutoff: bool
+    drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: RowShape, *, motor_substeps: int, cutoff: bool
 ) -> tuple[NDArray[np.int64], Array]:
     """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
     released = any(drive.stepping.released for drive in drives)

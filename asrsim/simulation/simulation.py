@@ -20,7 +20,7 @@ from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recording import Recording, Sink
+from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Start, one_world, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
@@ -85,7 +85,7 @@ class Simulation:
             watch=self._watch if looks else None,
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
-        self.recording = Recording(scenario, self.engine, self._world.selection, last=self.last, sinks=sinks, keep=record)
+        self.recording = RunRecording(scenario, self.engine, self._world.selection, last=self.last, sinks=sinks, keep=record)
         self._owner = object()
 
     # -- stepping ---------------------------------------------------------------------------------------------------

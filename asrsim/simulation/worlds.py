@@ -31,7 +31,7 @@ from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import WATCHED, Selection
+from asrsim.simulation.quantities import WATCHED, QuantitySelection
 
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
@@ -70,7 +70,7 @@ class Snapshots:
 
 
 @dataclass
-class Block:
+class InputBlock:
     """Inputs of some worlds for some substeps."""
 
     numbers: NDArray[np.int64]
@@ -157,8 +157,8 @@ class Worlds:
             self._threads = threads if self.core.native else 1
             self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
             self._names = names
-            self.selection = Selection(prepared.drives, self.core.shape.motors, names)
-            self._other: dict[int, Selection] = {}
+            self.selection = QuantitySelection(prepared.drives, self.core.shape.motors, names)
+            self._other: dict[int, QuantitySelection] = {}
             """Selections for worlds in which other joints record the selected quantities."""
             self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
             self._home_inputs = inputs_of(prepared)
@@ -177,7 +177,7 @@ class Worlds:
             self._given = np.full((count, len(self.joints), columns), np.nan)
             """Inputs (count, joints, input columns) of each world at its last whole step."""
             self._everyone = np.arange(count)
-            self._block: Block | None = None
+            self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
             self._owner = object()
             self.reset()
@@ -229,7 +229,7 @@ class Worlds:
             ran += length
         return kept, inputs
 
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Block]:
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, InputBlock]:
         """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps, and the inputs."""
         block = self._block
         if block is None or block.numbers is not numbers or block.row + length > block.end:
@@ -244,7 +244,7 @@ class Worlds:
         self._block = block
         return out, block
 
-    def _in_threads(self, block: Block, *options: Any) -> None:
+    def _in_threads(self, block: InputBlock, *options: Any) -> None:
         which = block.which
         if self._pool is None or len(which) < 2:
             self.core.run(which, block.given, *options)
@@ -252,7 +252,7 @@ class Worlds:
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
         list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
 
-    def _make_block(self, numbers: NDArray[np.int64], length: int) -> Block:
+    def _make_block(self, numbers: NDArray[np.int64], length: int) -> InputBlock:
         """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
         reference."""
         if self._block is not None and self._block.numbers is numbers:
@@ -274,7 +274,7 @@ class Worlds:
             which[places, 3] = len(parts)
             parts.append(inputs.given(chunk, first, first + length, None if free else held))
             count += len(parts[-1].inputs)
-        return Block(numbers, which, self.core.taken(joined(parts)), length)
+        return InputBlock(numbers, which, self.core.taken(joined(parts)), length)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -456,9 +456,9 @@ class Worlds:
         self.core.take_over(world, varied, engine)
         return varied
 
-    def select(self, varied: Prepared) -> Selection:
+    def select(self, varied: Prepared) -> QuantitySelection:
         """Selection of quantities for joints with these parameters."""
-        self.selection, self._other = Selection(varied.drives, self.core.shape.motors, self._names), {}
+        self.selection, self._other = QuantitySelection(varied.drives, self.core.shape.motors, self._names), {}
         self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
         return self.selection
 

@@ -14,7 +14,7 @@ MEASURES = 7
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class TableColumn:
     """Column of the table: its heading and a cell for each joint."""
 
     heading: str
@@ -22,23 +22,25 @@ class Column:
     right: bool = True
 
 
-def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
+def joint_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
     """Columns of the table of joints; limits that no joint reached have no column."""
     joints = summary.joints
     length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
     columns = [
-        Column(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
-        Column(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
-        Column(heading=f"steady\n{length}", cells=cells([joint.measures.steady_state for joint in joints])),
-        Column(heading=f"error\n{length}", cells=cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
-        Column(heading="over-\nshoot %", cells=cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
-        Column(heading="settling\ns", cells=cells([joint.measures.settling for joint in joints], "{:.3f}")),
-        Column(heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
+        TableColumn(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
+        TableColumn(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
+        TableColumn(heading=f"steady\n{length}", cells=cells([joint.measures.steady_state for joint in joints])),
+        TableColumn(heading=f"error\n{length}", cells=cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
+        TableColumn(heading="over-\nshoot %", cells=cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
+        TableColumn(heading="settling\ns", cells=cells([joint.measures.settling for joint in joints], "{:.3f}")),
+        TableColumn(
+            heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")
+        ),
     ]
     for kind, heading in LIMITS.items():
         found = tuple(share(joint.limits[kind], summary.total_substeps) for joint in joints)
         if any(joint.limits[kind] for joint in joints):
-            columns.append(Column(heading=heading.replace(" ", "\n"), cells=found))
+            columns.append(TableColumn(heading=heading.replace(" ", "\n"), cells=found))
     return tuple(columns)
 
 

@@ -24,7 +24,7 @@ from asrsim.scenario.overrides import split_path
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.summary.claims import claim_titles
-from asrsim.sweeps.keys import Plan, plan_keys
+from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
@@ -46,7 +46,7 @@ class Case:
     files: Mapping[str, Path]
     robot: Robot
     """Robot with the values in its file, without the varied values."""
-    plan: Plan
+    plan: KeyPlan
     substeps: Mapping[str, int]
     """`substeps` and `motor_substeps` of every run; empty: each run determines its own numbers."""
     joints: tuple[JointInfo, ...]

@@ -23,7 +23,7 @@ Places = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
-class Plan:
+class KeyPlan:
     """Varied keys of one variant, grouped by how their values are set."""
 
     numbers: Mapping[str, Places]
@@ -75,7 +75,7 @@ class Plan:
         return {text: values[key] for key, text in self.texts.items()}
 
 
-def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> Plan:
+def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> KeyPlan:
     """Plan of the varied keys. Raises InputError with every unknown key and every key without effect.
 
     numeric: whether all values of a key are numbers; robot: the scenario's robot with its actuators.
@@ -119,7 +119,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
                 problems.append(_no_effect(key, parts[1]))
     if problems:
         raise InputError(problems)
-    return Plan(numbers, references, frozenset(signals), texts, own_resolution, still)
+    return KeyPlan(numbers, references, frozenset(signals), texts, own_resolution, still)
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[Places, str | None]:

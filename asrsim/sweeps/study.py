@@ -19,7 +19,7 @@ from asrsim.document.file import read_document, read_file
 from asrsim.document.kinds import Choice, File, Integer, Optional, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.samples import Array
@@ -63,7 +63,7 @@ def axis_of(name: str, value: Any) -> Axis:
 class _Law(AnyData):
     """Values of a key; see `asrsim.sweeps.laws`."""
 
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         try:
             law_of(node.plain(), path[-1])
         except InputError as error:

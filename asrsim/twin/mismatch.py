@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.samples import Array
-from asrsim.twin.observer import Response, filter_shares
+from asrsim.twin.observer import ObserverResponse, filter_shares
 
 MEMORY = 5.0
 """Time of motion in which a row loses 63 % of its weight, s."""
@@ -42,7 +42,7 @@ class Mismatch:
         self._step, self._kick, self._brake = step, step / inertia, 1.0 + step * damping / inertia
         self._moved, self._speed = np.zeros((3, *inertia.shape)), np.zeros((3, *inertia.shape))
         """Responses of the motors' positions and velocities to each kind of error: spring, damping and friction."""
-        self._response = Response((joints, COLUMNS - 1), step=step, bandwidth=bandwidth)
+        self._response = ObserverResponse((joints, COLUMNS - 1), step=step, bandwidth=bandwidth)
         self._shares = filter_shares(step, bandwidth)[:, None, None]
         self._keep, self._interval = 1.0 - interval / MEMORY, interval
         self._rows = np.zeros((2, joints, COLUMNS + 1))

@@ -49,7 +49,7 @@ class Controller:
         self.integral[...] = self._lagged[...] = 0.0
 
 
-class Response(Controller):
+class ObserverResponse(Controller):
     """Response of the observer to torques on free links: the torques with the observer's delay."""
 
     def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
@@ -72,7 +72,7 @@ class Observer(Controller):
     def __init__(self, joints: int, *, step: float, bandwidth: float) -> None:
         super().__init__(joints, step=step, bandwidth=bandwidth)
         # Response of the fast torque to one wrong measured position.
-        free, share, fast = Response(1, step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1], np.zeros(1)
+        free, share, fast = ObserverResponse(1, step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1], np.zeros(1)
         total = np.zeros(1)
         for k in range(math.ceil(20.0 / (self._w * step))):
             fast = fast + share * (free.update(np.zeros(1), float(k == 0)) - fast)

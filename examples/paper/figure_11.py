@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce import Claim, Figure, Part, at_least, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, at_least, below, near
 from paper.friction import held_by_friction
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SCENARIO, PRESETS = "chirp_1dof_qbmove", ("soft", "stiff")
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: AlterEgo's springs, the toolbox's default springs, and damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
     wide = {name: lab.run(SCENARIO, name, overrides=WIDER, label=f"{name}_wider") for name in PRESETS}
@@ -41,7 +41,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
             lambda: response_figure(wide),
         ),
     )
-    first = Part(
+    first = FigurePart(
         title="Chirp of 0.15 rad from 0.5 to 6 Hz",
         text="One qbMove that carries a second one, hanging, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
         "friction 0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube. Gain and "
@@ -133,7 +133,7 @@ def _of_resonance(
     ]
 
 
-def _nominal(lab: Lab) -> Part:
+def _nominal(lab: Lab) -> FigurePart:
     names = ("nominal_soft", "nominal_stiff")
     results = lab.pairs(SCENARIO, names)
     soft = results[names[0]]
@@ -166,7 +166,7 @@ def _nominal(lab: Lab) -> Part:
     text = "No link is held by friction."
     if held:
         text = f"Soft, {'; '.join(str(item) for item in held)}. A frequency response of such a joint does not exist."
-    return Part(
+    return FigurePart(
         title="With the toolbox's default springs",
         text=text,
         claims=tuple(claims),
@@ -181,7 +181,7 @@ def _nominal(lab: Lab) -> Part:
     )
 
 
-def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, FrequencyResponse]) -> Part:
+def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, FrequencyResponse]) -> FigurePart:
     results = {
         name: lab.run(SCENARIO, name, overrides=[*WIDER, *damping_overrides(plain[name])], label=f"{name}_damped")
         for name in PRESETS
@@ -195,7 +195,7 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
         measured=peaks[1] / peaks[0],
         bound=below(0.95),
     )
-    return Part(
+    return FigurePart(
         title="With link damping that grows with the stiffness",
         text=f"The same chirp with an added damping ratio of {RATIO} at each moment's stiffness.",
         claims=(claim,),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, Origin, Part, Picture, Table, above, at_most, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, FigurePicture, FigureTable, Origin, above, at_most, below, near
 from paper.law import RATIO, damping_overrides, swings
 from paper.motors import qbmove_claims
 from paper.newton import level
@@ -31,11 +31,11 @@ LONG = "duration=8"
 """Override: a duration in which the arm with the default springs comes to rest."""
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: AlterEgo's springs, the default springs, and both with damping that grows with the stiffness."""
     plain = lab.pairs(SCENARIO, ("soft", "stiff"))
     nominal = {name: lab.run(SCENARIO, f"nominal_{name}", overrides=[LONG]) for name in ("soft", "stiff")}
-    first = Part(
+    first = FigurePart(
         title="Steps of 0.8 rad, horizontal",
         text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
         "friction 0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
@@ -56,7 +56,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         )
         for joint in JOINTS
     ]
-    second = Part(
+    second = FigurePart(
         title="With the toolbox's default springs",
         text="Here it is as in the paper's simulation: the stiff arm oscillates. The soft springs are weak against the "
         "joint's friction, so that a soft link may stop a sixth of a radian off.",
@@ -145,7 +145,7 @@ def _settling(result: Result, joint: str) -> float:
     return float(result.time[outside[-1]]) - AT if len(outside) else 0.0
 
 
-def _table(results: Mapping[str, Result]) -> Table:
+def _table(results: Mapping[str, Result]) -> FigureTable:
     rows = [
         (
             f"{name}, {joint}",
@@ -159,10 +159,10 @@ def _table(results: Mapping[str, Result]) -> Table:
         for joint in JOINTS
     ]
     headings = ("", "end (rad)", "stiffness (N m/rad)", "beyond 0.8 rad", "swings beyond 2 %", "within 5 % after (s)")
-    return Table(caption="The steps in numbers", headings=headings, rows=tuple(rows))
+    return FigureTable(caption="The steps in numbers", headings=headings, rows=tuple(rows))
 
 
-def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]) -> Part:
+def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]) -> FigurePart:
     alterego = {
         name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
         for name, result in plain.items()
@@ -190,7 +190,7 @@ def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]
                 bound=below(0.8),
             ),
         ]
-    return Part(
+    return FigurePart(
         title="What the paper could not show: damping that changes with the preset",
         text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real "
         "joint's grows with the preset. "
@@ -208,7 +208,7 @@ def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]
     )
 
 
-def _picture(name: str, caption: str, results: Mapping[str, Result]) -> Picture:
+def _picture(name: str, caption: str, results: Mapping[str, Result]) -> FigurePicture:
     return picture(name, caption, lambda: joints_figure(results, ("link", "stiffness"), until=SHOWN))
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, Origin, Part, Table, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, below, near
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
 from paper.newton import hanging
@@ -24,10 +24,10 @@ EXPECTED = {("soft", "joint_1"): 0.58, ("soft", "joint_2"): 0.65, ("stiff", "joi
 """Amplitudes in an independent simulation of the arm, rad."""
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: the arm as in the paper, and with damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
-    first = Part(
+    first = FigurePart(
         title="0.8 sin(0.8 t) under gravity",
         text="The arm of figure 12, hanging, mode 6, AlterEgo's springs.",
         claims=(
@@ -47,7 +47,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
         for name, result in results.items()
     }
-    second = Part(
+    second = FigurePart(
         title="With link damping that grows with the stiffness",
         text=f"The same with an added damping ratio of {RATIO} at each moment's stiffness. The sag is a matter of springs "
         "and weight: no damping takes it away.",
@@ -111,7 +111,7 @@ def _sags(results: Mapping[str, Result], origin: Origin) -> list[Claim]:
     return claims
 
 
-def _table(results: Mapping[str, Result]) -> Table:
+def _table(results: Mapping[str, Result]) -> FigureTable:
     rows = []
     for name, result in results.items():
         for joint in JOINTS:
@@ -135,7 +135,7 @@ def _table(results: Mapping[str, Result]) -> Table:
         "rms",
         "largest error, equilibrium (rad)",
     )
-    return Table(caption="The sinusoid in numbers", headings=headings, rows=tuple(rows))
+    return FigureTable(caption="The sinusoid in numbers", headings=headings, rows=tuple(rows))
 
 
 FIGURE = Figure(

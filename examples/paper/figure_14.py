@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, Origin, Part, Table, above, at_most, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, above, at_most, below, near
 from asrsim.samples import TIP
 from paper.chain import five_links
 from paper.law import RATIO, damping_overrides
@@ -37,14 +37,14 @@ BEFORE = 0.01
 """Time before the first contact at which the fit of Newton's law ends, s. The impact lasts less than a step."""
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: the push as in the paper, and with damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
     tips = {name: result.bodies[TIP] for name, result in results.items()}
     strips = [
         item for name in PRESETS for item in films(results[name].log, f"figure_14_{name}", f"The {name} arm meets the box.")
     ]
-    first = Part(
+    first = FigurePart(
         title="Pushing a box of 2 kg",
         text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is "
         "closed on the model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of "
@@ -65,7 +65,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     )
     damped = {name: lab.run(SCENARIO, name, overrides=damping_overrides(result), log=False) for name, result in results.items()}
     tips = {name: result.bodies[TIP] for name, result in damped.items()}
-    second = Part(
+    second = FigurePart(
         title="With link damping that grows with the stiffness",
         text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",
         claims=tuple(_claims(damped, tips, "beyond")),
@@ -171,7 +171,7 @@ def _sliding_force(result: Result) -> float:
     return float(np.mean(_push(result)[slides, Y])) if slides.any() else float("nan")
 
 
-def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
+def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> FigureTable:
     rows = [
         (
             name,
@@ -184,7 +184,7 @@ def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
         for name, result in results.items()
     ]
     headings = ("", "box moved (mm)", "tip from goal (mm)", "force while holding (N)", "largest force (N)", "μ m g (N)")
-    return Table(caption="The push in numbers", headings=headings, rows=tuple(rows))
+    return FigureTable(caption="The push in numbers", headings=headings, rows=tuple(rows))
 
 
 def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing:

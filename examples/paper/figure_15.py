@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import asrsim
-from asrsim.reproduce import Claim, Figure, Part, Table, above, at_most, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, at_most, below, near
 from paper.newton import IDENTIFIED, hanging, motion_claims
 from paper.pictures import films, picture
 
@@ -30,7 +30,7 @@ DRAWS = 16
 """Number of perturbed plants on which the learned input is played."""
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: learning as in the paper, and a test on perturbed plants in place of the hardware."""
     session, log = _session(lab)
     result, joints = session.result, session.prepared.plant.joints
@@ -55,13 +55,13 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         lambda: _figure(session),
     )
     strip = films(log, "figure_15_film", "The arm with the learned input.")
-    first = Part(
+    first = FigurePart(
         title="Learning 0 to 0.8 rad in 20 s",
         text="Equation 13 with K = 0.5 exp(-n / 10), zero first guess, preset 0.2, the identified springs (their labels a "
         "and k stand swapped in the paper's text; as printed, learning never converges). Ratios compare each 2-norm with "
         "the one before.",
         claims=tuple(_claims(session, log)),
-        tables=(Table(caption="Errors over the iterations", headings=headings, rows=rows),),
+        tables=(FigureTable(caption="Errors over the iterations", headings=headings, rows=rows),),
         pictures=(drawn, *strip),
     )
     return first, _hardware(session, lab)
@@ -119,7 +119,7 @@ def _error(samples: Samples) -> float:
     return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))
 
 
-def _hardware(session: Session, lab: Lab) -> Part:
+def _hardware(session: Session, lab: Lab) -> FigurePart:
     plant, joints = session.prepared.plant, session.prepared.problem.joints
     began = clock.perf_counter()
     outputs = [_other(plant, number).outputs(session.result.inputs) for number in range(DRAWS)]
@@ -143,13 +143,13 @@ def _hardware(session: Session, lab: Lab) -> Part:
         measured=float(left[0] - left[1]),
         bound=above(0.25),
     )
-    return Part(
+    return FigurePart(
         title="The stand-in for the hardware test",
         text=f"The learned input, feed-forward, on {DRAWS} plants that differ from the learned one: masses by 5 %, springs' k "
         "by 10 % and a by 5 %, damping and friction by 50 %, commands up to 20 ms late. The paper's real arm left the band in "
         "its first joint for a while; so do most of these.",
         claims=(claim,),
-        tables=(Table(caption="Other plants", headings=("", ""), rows=rows),),
+        tables=(FigureTable(caption="Other plants", headings=("", ""), rows=rows),),
     )
 
 

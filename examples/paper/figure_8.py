@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce import Claim, Figure, Part, Table, above, below, near
+from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, below, near
 from paper.pictures import curves, link_panel, picture
 from paper.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from paper.step_losses import with_friction, with_growing_damping
@@ -25,7 +25,7 @@ FINE_TIME = 0.5
 """Duration of the extra run at a fine step, s."""
 
 
-def parts(lab: Lab) -> tuple[Part, ...]:
+def parts(lab: Lab) -> tuple[FigurePart, ...]:
     """Parts of the figure: all eight cases as in the paper, with the friction of section 4.2, and with growing damping."""
     results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in SPRINGS}
     rests = {case: rest(case) for case in SPRINGS}
@@ -46,7 +46,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "ω h at 1 ms",
         "substeps",
     )
-    table = Table(
+    table = FigureTable(
         caption="Where the links rest, and the natural frequency of the last swings", headings=headings, rows=tuple(rows)
     )
     shown = picture(
@@ -54,7 +54,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "Links (vermilion) and equilibria (blue) after the step, above soft, below stiff.",
         lambda: _figure(results),
     )
-    first = Part(
+    first = FigurePart(
         title="Steps of four actuators",
         text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m "
         "s/rad. Predicted values are closed forms with the paper's numbers, without the simulator's laws and files.",

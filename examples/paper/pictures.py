@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from asrsim.reproduce import Picture
+from asrsim.reproduce import FigurePicture
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,7 @@ FRAMES = 6
 """Number of frames in a film strip."""
 
 
-def picture(name: str, caption: str, draw: Callable[[], Figure]) -> Picture:
+def picture(name: str, caption: str, draw: Callable[[], Figure]) -> FigurePicture:
     """SVG picture of the figure that `draw` returns."""
     import matplotlib
 
@@ -35,7 +35,7 @@ def picture(name: str, caption: str, draw: Callable[[], Figure]) -> Picture:
         # Letters become paths, so that the picture looks the same on machines without the font.
         with matplotlib.rc_context({"svg.fonttype": "path"}):
             figure.savefig(stream, format="svg", metadata=METADATA["svg"], dpi=DPI)
-    return Picture(name=name, caption=caption, kind="svg", data=stream.getvalue())
+    return FigurePicture(name=name, caption=caption, kind="svg", data=stream.getvalue())
 
 
 def curves(results: Mapping[str, Result], *, start: float | None = None, end: float | None = None) -> list[RunCurves]:
@@ -76,7 +76,7 @@ def link_panel() -> Panel:
     )  # fmt: skip
 
 
-def films(log: Path | None, name: str, caption: str) -> tuple[Picture, ...]:
+def films(log: Path | None, name: str, caption: str) -> tuple[FigurePicture, ...]:
     """Film strip of the motion in a log; empty without a log."""
     if log is None or not log.is_file():
         return ()
@@ -85,4 +85,4 @@ def films(log: Path | None, name: str, caption: str) -> tuple[Picture, ...]:
     film = Film(log)
     stream = io.BytesIO()
     film_strip([film.frame(time) for time in telling_times([film], FRAMES)]).save(stream, format="PNG", compress_level=6)
-    return (Picture(name=name, caption=caption, kind="png", data=stream.getvalue()),)
+    return (FigurePicture(name=name, caption=caption, kind="png", data=stream.getvalue()),)

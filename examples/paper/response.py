@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce import Table
+from asrsim.reproduce import FigureTable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,7 +40,7 @@ def from_equilibrium(result: Result) -> FrequencyResponse:
     return frequency_response(result.time, series.equilibrium_position, series.link_position, band=BAND)
 
 
-def response_table(found: Mapping[str, FrequencyResponse]) -> Table:
+def response_table(found: Mapping[str, FrequencyResponse]) -> FigureTable:
     """Table of gain, phase and coherence at the frequencies `POINTS`."""
     rows = []
     for frequency in POINTS:
@@ -50,7 +50,7 @@ def response_table(found: Mapping[str, FrequencyResponse]) -> Table:
             cells += [f"{one.gain[i]:.3f}", f"{one.phase[i]:.0f}°", f"{one.coherence[i]:.4f}"]
         rows.append(tuple(cells))
     headings = ("Hz", *(f"{word}, {name}" for name in found for word in ("gain", "phase", "coherence")))
-    return Table(caption="Response of the link's position to its reference", headings=headings, rows=tuple(rows))
+    return FigureTable(caption="Response of the link's position to its reference", headings=headings, rows=tuple(rows))
 
 
 def response_figure(results: Mapping[str, Result]) -> Drawing:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce import Claim, Part, Table, at_most, near
+from asrsim.reproduce import Claim, FigurePart, FigureTable, at_most, near
 from paper.friction import with_joint_losses
 from paper.law import RATIO, damping_overrides
 from paper.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
@@ -25,7 +25,7 @@ SWINGING = tuple(case for case in SPRINGS if case not in (("awas_ii", "stiff"), 
 """Cases with swings that are weakly damped and slow enough for samples of 1 ms."""
 
 
-def with_friction(lab: Lab) -> Part:
+def with_friction(lab: Lab) -> FigurePart:
     """All cases with the losses of section 4.2. Links must rest inside the friction band, with the given losses."""
     from asrsim.robot import load_robot
 
@@ -64,14 +64,14 @@ def with_friction(lab: Lab) -> Part:
             ]
         band = f"{wanted.lowest - wanted.position:+.2e} … {wanted.highest - wanted.position:+.2e}"
         rows.append((label, f"{end:.6f}", f"{end - wanted.position:+.2e}", band))
-    return Part(
+    return FigurePart(
         title="With the joint friction of section 4.2",
         text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its "
         "later experiments: a link may stop wherever friction outweighs what spring and gravity leave over. Damping and "
         "friction are read from the motion of those that are slow against the step of 1 ms.",
         claims=tuple(claims),
         tables=(
-            Table(
+            FigureTable(
                 caption="Rest and friction band",
                 headings=("", "rest (rad)", "rest - frictionless (rad)", "friction band (rad)"),
                 rows=tuple(rows),
@@ -80,7 +80,7 @@ def with_friction(lab: Lab) -> Part:
     )
 
 
-def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
+def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> FigurePart:
     """Cases with link damping that grows with the stiffness. Their swings must decay as the law predicts."""
     claims, rows = [], []
     for case, plain in results.items():
@@ -104,9 +104,9 @@ def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> Pa
                 )
             )
     headings = ("", "largest position (rad)", "with growing damping", "decay rate (1/s)", "predicted", "rest moves by (rad)")
-    return Part(
+    return FigurePart(
         title="With link damping that grows with the stiffness",
         text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
         claims=tuple(claims),
-        tables=(Table(caption="First swing and decay", headings=headings, rows=tuple(rows)),),
+        tables=(FigureTable(caption="First swing and decay", headings=headings, rows=tuple(rows)),),
     )

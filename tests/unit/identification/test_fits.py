@@ -17,7 +17,7 @@ from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import door, progress, task_of
 from asrsim.identification.advice import advice, design_line
-from asrsim.identification.data import Command
+from asrsim.identification.data import PlayedCommand
 from asrsim.identification.layout import Tie
 from asrsim.identification.pictures import figures
 from asrsim.identification.played import Played
@@ -509,7 +509,9 @@ def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: floa
     """Large jumps are told of, at their samples; beside them the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
     values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
-    command = Command(joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad")
+    command = PlayedCommand(
+        joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad"
+    )
     played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
     assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay, 0.61 + delay])
     assert played.jumps(0.4, 0.5).size == 0

@@ -12,7 +12,7 @@ import pytest
 from asrsim import run
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import SimulationError
-from asrsim.reproduce import Claim, Figure, Part, Picture, Reproduction, Table, near, run_figure
+from asrsim.reproduce import Claim, Figure, FigurePart, FigurePicture, FigureTable, Reproduction, near, run_figure
 from asrsim.reproduce import figures as paper_figures
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
@@ -41,11 +41,11 @@ def figure(*claims, number=99, error=None):
     def parts(lab):
         if error:
             raise SimulationError(error)
-        picture = Picture(
+        picture = FigurePicture(
             name=f"dot_{number}", caption="A dot & more", kind="svg", data=b"<svg xmlns='http://www.w3.org/2000/svg'/>"
         )
-        table = Table(caption="Numbers", headings=("", "rad"), rows=(("soft", "1.0"),))
-        return (Part(title="Part", text="Text", claims=claims, tables=(table,), pictures=(picture,)),)
+        table = FigureTable(caption="Numbers", headings=("", "rad"), rows=(("soft", "1.0"),))
+        return (FigurePart(title="Part", text="Text", claims=claims, tables=(table,), pictures=(picture,)),)
 
     return Figure(number=number, title="A figure", section="9", paper="It moves.", parts=parts)
 

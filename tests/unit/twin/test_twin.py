@@ -15,7 +15,7 @@ from asrsim.recordings import read_recording
 from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
 from asrsim.twin.mismatch import Mismatch
-from asrsim.twin.observer import Response
+from asrsim.twin.observer import ObserverResponse
 from support.independent_joint import FINE, QBMOVE, SEA, Joint, record
 from support.paths import EXAMPLES
 
@@ -97,7 +97,7 @@ def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
 def test_a_wrong_spring_is_found_through_the_motors_response():
     inertia, damping, gain, stiffness, rate = 0.02, 0.5, 8.0, 4.0, 12.0
     mismatch = Mismatch(np.array([inertia, damping, gain])[:, None, None], step=1e-3, bandwidth=8.0, interval=0.01)
-    observer = Response(1, step=1e-3, bandwidth=8.0)
+    observer = ObserverResponse(1, step=1e-3, bandwidth=8.0)
     share = stiffness / (gain + stiffness - inertia * rate**2 + 1j * damping * rate)
     for k in range(10_000):
         spring = np.exp(1j * rate * 1e-3 * k)
