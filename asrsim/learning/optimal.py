@@ -45,14 +45,14 @@ PROGRESS = 0.99
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorBand:
+class InputSplines:
     """Cubic B-splines over the time of a motion, for changes of the input."""
 
     knots: Array
     """Knots of the splines, s; the first and the last knot are repeated."""
 
     @classmethod
-    def over(cls, duration: float, tail: float) -> ErrorBand:
+    def over(cls, duration: float, tail: float) -> InputSplines:
         """Splines for a motion of `duration` s and the `tail` s after the motion."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)
@@ -70,7 +70,7 @@ class ErrorBand:
         return BSpline.design_matrix(np.clip(time, self.knots[0], self.knots[-1]), self.knots, 3)
 
 
-def lift(linear: Linearised, band: ErrorBand, delays: Sequence[float]) -> Array:
+def lift(linear: Linearised, band: InputSplines, delays: Sequence[float]) -> Array:
     """Lifted matrix (rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
 
     delays: delay of the command of each of the first m joints, s; commands of the other joints do not change.
@@ -105,7 +105,7 @@ class Lifted:
         self._time = time
         duration = float(linear.time[-1])
         tail = TAIL * knot_distance(duration)
-        self._band = ErrorBand.over(duration, tail)
+        self._band = InputSplines.over(duration, tail)
         linear = linear.held(tail)
         self._rows = linear.time[EVERY::EVERY]
         spline = self._band.at(self._rows).toarray()

@@ -80,9 +80,9 @@ def new_figure(width: float, height: float) -> Figure:
     """Empty figure; width and height in inches."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    from asrsim.plots.ticks import AxisPicture
+    from asrsim.plots.ticks import AggFigure
 
-    figure = AxisPicture(width, height)
+    figure = AggFigure(width, height)
     figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05, hspace=0.02, wspace=0.02))
     return figure
 

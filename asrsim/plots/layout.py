@@ -38,13 +38,13 @@ class PanelGrid:
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
         """Figure and its axes (rows, columns), with the legend of variants below."""
-        from asrsim.plots.ticks import AxisPicture, Plain
+        from asrsim.plots.ticks import AggFigure, Plain
 
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
         foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
         inner = sum(self.heights) + (len(self.heights) - 1) * self.gap_y
         height = HEAD + self.title + inner + foot
-        figure = AxisPicture(width, height)
+        figure = AggFigure(width, height)
         mean = sum(self.heights) / len(self.heights)
         axes = figure.subplots(
             len(self.heights), self.columns, squeeze=False, **more,

@@ -36,7 +36,7 @@ class Plain(ScalarFormatter):
         return str(self.fix_minus(f"{x / 10.0**power:.{digits}f}e{power}" if x else "0"))
 
 
-class AxisPicture(Figure):
+class AggFigure(Figure):
     """Figure with the Agg canvas, independent of pyplot, that displays itself in a notebook."""
 
     def __init__(self, width: float, height: float) -> None:

@@ -13,7 +13,7 @@ from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpliceSite:
+class LinkPlacement:
     """Position of a link of the file in the merged robot."""
 
     body: str
@@ -28,7 +28,7 @@ class MergedRobot:
 
     robot: Robot
     """Robot whose links are the bodies and whose joints are the moving joints, in file order."""
-    places: Mapping[str, SpliceSite]
+    places: Mapping[str, LinkPlacement]
     """Places of the file's links in the merged robot, by name of the link."""
 
 
@@ -40,12 +40,12 @@ def merge_fixed(robot: Robot) -> MergedRobot:
     """
     links = {link.name: link for link in robot.links}
     moving = robot.moving_joints
-    places: dict[str, SpliceSite] = {}
+    places: dict[str, LinkPlacement] = {}
     bodies: dict[str, Link] = {}
     for name in (robot.root.name, *(joint.child for joint in moving)):
         members = [(links[name], HERE)]
         for link, pose in members:  # the loop appends children to `members`
-            places[link.name] = SpliceSite(body=name, pose=pose)
+            places[link.name] = LinkPlacement(body=name, pose=pose)
             fixed = [joint for joint in robot.carried.get(link.name, ()) if not joint.moves]
             members += [(links[joint.child], pose.then(joint.origin, joint.rpy)) for joint in fixed]
         bodies[name] = _body(links[name], members)
@@ -87,7 +87,7 @@ def _placed(shape: Shape, pose: Pose) -> Shape:
     return replace(shape, origin=_vector(there.position), rpy=roll_pitch_yaw(there.rotation))
 
 
-def _moved(joint: Joint, parent: SpliceSite) -> Joint:
+def _moved(joint: Joint, parent: LinkPlacement) -> Joint:
     if parent.pose.is_identity:
         return replace(joint, parent=parent.body)
     there = parent.pose.then(joint.origin, joint.rpy)

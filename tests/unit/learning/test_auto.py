@@ -16,7 +16,7 @@ from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.learning import LearningProblem, learn
 from asrsim.learning.hardware import next_input
 from asrsim.learning.model import learning_model
-from asrsim.learning.optimal import ErrorBand, NormOptimal, lift, standing
+from asrsim.learning.optimal import InputSplines, NormOptimal, lift, standing
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.twin import fit_twin
@@ -69,7 +69,7 @@ def test_a_motor_torque_beyond_its_limit_for_a_moment_is_within_reach_if_no_erro
 
 def pushed(linear, joints):
     """Positions of the first joint for a swinging input."""
-    each = lift(linear, ErrorBand.over(1.0, 0.0), [0.0] * joints)[:, 0, ::joints]
+    each = lift(linear, InputSplines.over(1.0, 0.0), [0.0] * joints)[:, 0, ::joints]
     time = np.linspace(0.0, 1.0, each.shape[1])
     return each @ (time * np.sin(12.0 * time))
 

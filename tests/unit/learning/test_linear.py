@@ -12,7 +12,7 @@ from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.learning.linear import linearise_along, spring_slopes
 from asrsim.learning.model import learning_model
-from asrsim.learning.optimal import EVERY, ErrorBand, lift
+from asrsim.learning.optimal import EVERY, InputSplines, lift
 from asrsim.learning.plant import make_plant
 from support.random_arms import random_arm
 from support.robots import drive_with
@@ -110,7 +110,7 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     plant = make_plant(arm.make(tmp_path))
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
     with learning_model(plant) as model:
-        linear, band = model.linear, ErrorBand.over(plant.time[-1], 0.0)
+        linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)
         splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
         expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
         rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
