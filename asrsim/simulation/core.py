@@ -22,8 +22,8 @@ from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STEP
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import RowShape, positions_of, shape_of, start_of, tables
 
-SECONDS_SAVED = 6e-6
-"""Time in s that compiled code saves per joint and motor substep (measured: 4 to 30 microseconds)."""
+SECONDS_SAVED = 20e-6
+"""Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
 SECONDS_TO_LOAD = 0.6
 """Time in s to import Numba and load the compiled kernel. The first compilation after an installation takes 8 s more."""
 SECONDS_WHEN_LOADED = 0.05

@@ -19,6 +19,7 @@ from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
+from asrsim.simulation.core import SECONDS_TO_LOAD
 from asrsim.simulation.run import Run, simulate
 
 pytest.importorskip("numba")
@@ -135,6 +136,15 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     run = simulate(scenario, robot)
     assert (run.status, run.compiled) == ("complete", False)
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
+
+
+def test_a_second_of_twenty_joints_is_worth_compiling_a_tenth_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twenty joints take half a second in Python for each 0.25 s of simulated time, as long as loading Numba and the kernel."""
+    # The time to load counts as in a fresh process.
+    monkeypatch.setattr("asrsim.simulation.core.SECONDS_WHEN_LOADED", SECONDS_TO_LOAD)
+    robot = make_robot(tmp_path, ("sea",) * 20, 6)
+    runs = [simulate(make_scenario(robot, 6, duration=duration, substeps=4), robot) for duration in (0.1, 1.0)]
+    assert [run.compiled for run in runs] == [False, True]
 
 
 def test_a_long_run_without_numba_warns_of_its_slow_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
