@@ -86,7 +86,7 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
             # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         if np.count_nonzero(exponents) > 1:
-            # A form that overflows has an infinite interval and is not chosen.
+            # Forms whose value overflows are left out.
             with np.errstate(over="ignore", invalid="ignore"):
                 result += _simplest(known, exponents)
     return result
@@ -151,7 +151,7 @@ class _Known:
 
 def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
     """First form whose interval is hardly wider than the narrowest interval; no form if all intervals are wide."""
-    margins = [(known.margin(form), form) for form in _forms(known, exponents)]
+    margins = [(known.margin(form), form) for form in _forms(known, exponents) if np.isfinite(form.value)]
     best = min((margin / form.size for margin, form in margins), default=0.0)
     for margin, form in margins:
         if margin < UNKNOWN and margin / form.size < NICE * best + NICER:

@@ -173,6 +173,19 @@ def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, tex
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_combination_beyond_all_numbers_is_left_out() -> None:
+    """Only a^8 b is known, and a is 1e40."""
+    starts = {"a": 1e40, "b": 2.0}
+    parameters = [
+        Parameter(key=key, unit="", start=v, low=1e-9 * v, high=1e9 * v, logarithmic=True) for key, v in starts.items()
+    ]
+    slopes = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), [8.0, 1.0])
+    problem = modelled(lambda x: slopes @ x, parameters, 200)
+    found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
+    assert combinations(problem, np.zeros(2), found, [0, 1]) == []
+
+
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():
     """Two entries of which only the difference is told, at a corner that lies in their difference."""
     time = np.linspace(0.0, 1.0, 200)
