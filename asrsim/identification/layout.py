@@ -23,7 +23,11 @@ class Entry:
     """Index of the recording to which this entry belongs; None: all recordings share the entry."""
     name: str
     """Displayed name: the key, with the recording's name if the recording has a separate value."""
-    start: float
+
+    @property
+    def start(self) -> float:
+        """Start value in the parameter's unit."""
+        return self.parameter.start
 
     def value(self, x: float) -> float:
         """Value in the parameter's unit."""
@@ -89,6 +93,14 @@ class Layout:
         return range(self.tracks) if track is None else range(track, track + 1)
 
 
+def entry_of(parameter: Parameter, track: int | None, names: Sequence[str]) -> Entry:
+    """Entry of a parameter. track: index of the recording with a separate value, None for a shared value; names: names of the
+    recordings.
+    """
+    name = parameter.key if track is None or len(names) == 1 else f"{parameter.key} ({names[track]})"
+    return Entry(parameter, track, name)
+
+
 def make_layout(
     free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> Layout:
@@ -98,10 +110,8 @@ def make_layout(
     entries: list[Entry] = []
     for parameter in free:
         if not parameter.own:
-            entries.append(Entry(parameter, None, parameter.key, parameter.start))
+            entries.append(entry_of(parameter, None, names))
             continue
-        for i, (name, own) in enumerate(zip(names, starts, strict=False)):
-            start = own.get(parameter.key, parameter.start)
-            shown = parameter.key if len(names) == 1 else f"{parameter.key} ({name})"
-            entries.append(Entry(replace(parameter, start=start), i, shown, start))
+        for i, own in enumerate(starts):
+            entries.append(entry_of(replace(parameter, start=own.get(parameter.key, parameter.start)), i, names))
     return Layout(tuple(entries), tuple(ties), len(names))

@@ -20,7 +20,9 @@ IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ra
 CLOSE = 0.05
 """Largest relative half width of the 95 % interval of an identified parameter."""
 NONE = 1.0
-"""Relative half width above which a parameter cannot be distinguished from zero."""
+"""Relative half width above which a parameter is unknown. It has no effect if its interval is so wide even though all other
+parameters are fixed; if only the other free parameters make its interval so wide, they imitate its effect.
+"""
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 VANISHED = 0.01

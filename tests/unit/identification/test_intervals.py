@@ -21,6 +21,7 @@ from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
+from asrsim.identification.verdicts import estimates
 from asrsim.robot import load_robot, with_overrides
 from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT
@@ -142,6 +143,26 @@ def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_size
     assert np.prod(np.array(values) ** known) == pytest.approx(one.value)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.2])
+def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -> None:
+    """Unit noise, columns of norm 3 at an angle: together 1.96 / (3 sin(angle)) > 1, one alone 1.96 / 3. A norm of 1 is no
+    effect.
+    """
+    columns = np.zeros((100, 3))
+    columns[0] = 3.0, 3.0 * math.cos(angle), 0.0
+    columns[1, 1], columns[2, 2] = 3.0 * math.sin(angle), 1.0
+
+    def verdicts(slopes: np.ndarray) -> list[str]:
+        n, problem = slopes.shape[1], linear(slopes)
+        found = uncertainty(problem, np.zeros(n), [False] * n, foreseen=True)
+        known, _ = estimates(problem, np.zeros(n), found, [False] * n)
+        assert all(math.isnan(one.low) for one in known if one.verdict != "weak")
+        return [one.verdict for one in known]
+
+    assert verdicts(columns) == ["only as ratio", "only as ratio", "no effect"]
+    assert verdicts(columns[:, :1]) == verdicts(columns[:, 1:2]) == ["weak"]
+
+
 @pytest.mark.parametrize(("unit", "text", "value"), [("kg", "a + b", 3.0), ("1", "a * b", 2.25), ("m", "a * b", 2.25)])
 def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, text: str, value: float) -> None:
     parameters = [Parameter(key=key, unit=unit, start=1.5, low=1e-3, high=1e3, logarithmic=True) for key in "ab"]
@@ -150,6 +171,19 @@ def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, tex
     found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
     (one,) = combinations(problem, np.zeros(2), found, [0, 1])
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_combination_beyond_all_numbers_is_left_out() -> None:
+    """Only a^8 b is known, and a is 1e40."""
+    starts = {"a": 1e40, "b": 2.0}
+    parameters = [
+        Parameter(key=key, unit="", start=v, low=1e-9 * v, high=1e9 * v, logarithmic=True) for key, v in starts.items()
+    ]
+    slopes = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), [8.0, 1.0])
+    problem = modelled(lambda x: slopes @ x, parameters, 200)
+    found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
+    assert combinations(problem, np.zeros(2), found, [0, 1]) == []
 
 
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():
