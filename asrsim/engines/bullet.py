@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.engines.base import Scene
 from asrsim.engines.bullet_contacts import BulletContacts
 from asrsim.engines.bullet_model import BASE, BulletModel
-from asrsim.engines.rigid import Calculation, RigidEngine, advance, begin, make_room
+from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.merge import merge_fixed
@@ -46,30 +46,21 @@ class BulletEngine(RigidEngine):
             home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ model.centre
             home[3:7] = w, x, y, z
         super().__init__(room, home)
-        self._forces = np.zeros((1, base + count, 1))
-        """Generalised forces (p, v, 1) of the wrenches in each piece of the kick, N m."""
-        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
 
     def _turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link."""
         w, *vector = configuration[3:7].tolist()
         return self.model.matrix((*vector, w))
 
-    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance the robot by one step with the mass matrix, the bias and the forces of the wrenches that Bullet computes; see
-        `asrsim.engines.base.Engine`."""
+    def look(self, wrenches: Array, forces: Array) -> None:
+        """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
         room, model = self._room, self.model
-        if len(self._forces) != len(lengths):
-            self._forces = np.zeros((len(lengths), len(room.force), 1))
-        arrays = self._state, exchange, self._forces, lengths
-        self._aim(*arrays)
         rotation = self._turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
         room.matrix[:] = model.matrix_at(positions, rotation)
         room.bias[:] = model.bias_at(positions, rotation, room.qvel)
         for piece, values in enumerate(wrenches if wrenches.size else ()):
-            self._forces[piece, :, 0] = model.push(self._scenario.wrenches, values, positions, rotation)
-        self._advance(*arrays)
+            forces[piece, :, 0] = model.push(self._scenario.wrenches, values, positions, rotation)
 
     def scene(self) -> Scene:
         """Pose of the base link, if it floats."""

@@ -131,7 +131,7 @@ class MujocoEngine(RigidEngine):
             arrays = self._words, self._state, exchange, wrenches, lengths
             self._call(*[array.ctypes.data for array in arrays], len(lengths))
         else:
-            self._plain_step(self._state.data, exchange.data, wrenches.data, lengths.data)
+            self._plain_step(self._numbers, exchange.data, wrenches.data, lengths.data)
 
     @property
     def native(self) -> Native | None:

@@ -247,13 +247,21 @@ class Calculation:
 class RigidEngine:
     """The part of an engine for robots without contacts that does not depend on the physics library.
 
-    The class of each library derives from this class and adds `step` and the other members of `asrsim.engines.base.Engine`.
+    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`.
     """
 
     def __init__(self, room: Room, home: Array) -> None:
         """home: configuration (q,) at the start; the values of the joints are not used."""
         self._room, self._home = room, home
         self._state = np.zeros(_sizes(room)[0])
+        self._numbers = self._state.data
+        self._forces = np.zeros((1, len(room.force), 1))
+        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
+
+    def look(self, wrenches: Array, forces: Array) -> None:
+        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
+        (p, w, 6), if there are any, to `forces` (p, v, 1)."""
+        raise NotImplementedError
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
@@ -268,6 +276,15 @@ class RigidEngine:
         state[first + room.joint_v] = velocities
         state[first + size : first + 2 * size] = state[first : first + size]
         return positions, velocities
+
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
+        if len(self._forces) != len(lengths):
+            self._forces = np.zeros((len(lengths), len(self._room.force), 1))
+        arrays = self._state, exchange, self._forces, lengths
+        self._aim(*arrays)
+        self.look(wrenches, self._forces)
+        self._advance(*arrays)
 
     @property
     def state(self) -> Array:
