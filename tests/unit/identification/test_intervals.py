@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
+from asrsim.identification.search import Best, settle
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.identification.verdicts import estimates
 from asrsim.robot import load_robot, with_overrides
@@ -122,6 +125,16 @@ def test_a_diverged_simulation_gives_no_derivative():
     slopes = np.random.default_rng(0).normal(size=(50, 3))
     found = jacobian(modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50), np.zeros(3), 1e-3)
     np.testing.assert_allclose(found, slopes * [1.0, 0.0, 1.0], atol=1e-9)
+
+
+def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
+    diverging = modelled(lambda x: None, 1, 50)
+    (track,) = diverging.tracks
+    track.channels *= 2
+    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1))
+    best = Best(replace(diverging, weights=((2.0, 3.0),)), np.zeros(1))
+    settle(best, SimpleNamespace(robot=SimpleNamespace(actuators=(), moving_joints=(), links=())))
+    assert best.problem.weights == ((2.0, 3.0),)
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
