@@ -61,9 +61,9 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
         str, lambda dumper, text: dumper.represent_scalar(f"{tag}str", text, style=None if plain_scalar(text) == text else '"')
     )
     text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-    lines = text.splitlines()
+    lines, root = text.splitlines(), yaml.compose(text)
     for path, comment in comments.items():
-        node: Any = yaml.compose(text)
+        node: Any = root
         for part in path:
             key, node = next(item for item in node.value if item[0].value == part)
         lines[key.start_mark.line] += f"  # {comment}"
