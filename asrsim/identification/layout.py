@@ -24,17 +24,12 @@ class Entry:
     name: str
     """Displayed name: the key, with the recording's name if the recording has a separate value."""
 
-    @property
-    def start(self) -> float:
-        """Start value in the parameter's unit."""
-        return self.parameter.start
-
     def value(self, x: float) -> float:
         """Value in the parameter's unit."""
         parameter = self.parameter
         if parameter.logarithmic:
             return min(max(parameter.start * math.exp(min(max(x, -50.0), 50.0)), parameter.low), parameter.high)
-        return min(max(self.start + parameter.size * x, parameter.low), parameter.high)
+        return min(max(parameter.start + parameter.size * x, parameter.low), parameter.high)
 
     def slope(self, x: float) -> float:
         """Derivative of the value with respect to x, the element of the vector."""
@@ -45,7 +40,7 @@ class Entry:
         parameter = self.parameter
         if parameter.logarithmic:
             return math.log(value / parameter.start) if value > 0.0 else -math.inf
-        return (value - self.start) / parameter.size
+        return (value - parameter.start) / parameter.size
 
 
 @dataclass(frozen=True)
