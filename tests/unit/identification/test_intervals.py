@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 
 from asrsim import identify
 from asrsim.identification.causes import presliding
-from asrsim.identification.combinations import combinations
+from asrsim.identification.combinations import Combination, combinations
 from asrsim.identification.extensions import Extension, extended
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
@@ -184,6 +184,35 @@ def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, tex
     found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
     (one,) = combinations(problem, np.zeros(2), found, [0, 1])
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
+
+
+def of_two(values: tuple[float, float], slopes: tuple[float, float], start: float | None = None) -> list[Combination]:
+    """Combinations of two angles at these values, of which a recording shows one direction with these slopes."""
+    parameters = [
+        Parameter(key=key, unit="rad", start=value if start is None else start, low=-5.0, high=5.0)
+        for key, value in zip("ab", values, strict=True)
+    ]
+    layout = make_layout(parameters, (), ["a"], [{}])
+    x = np.array([entry.place(value) for entry, value in zip(layout.entries, values, strict=True)])
+    shape = 1e3 * np.sin(np.linspace(0.0, 9.0, 200))
+    problem = modelled(lambda x: shape * (np.array(slopes) @ (layout.values(x) - values)), parameters, 200)
+    return combinations(problem, x, uncertainty(problem, x, [False] * 2, foreseen=True), [0, 1])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("values", [(1.0, -2.0), (-1.0, -2.0), (-1.0, 2.0), (1.5, -0.5), (-1.5, 0.001)])
+def test_a_known_sum_has_its_sign_whatever_its_terms(values: tuple[float, float], sign: float) -> None:
+    (one,) = of_two(values, (1.0, sign))
+    assert (one.text, one.value) == (f"a {'+' if sign > 0.0 else '-'} b", pytest.approx(values[0] + sign * values[1]))
+
+
+def test_a_sum_that_is_zero_has_no_relative_interval() -> None:
+    assert of_two((1.0, -1.0), (1.0, 1.0)) == []
+
+
+def test_a_product_with_a_value_near_zero_gets_no_wrong_powers() -> None:
+    """a b is known, a is a hundredth of its typical size."""
+    assert all("^" not in one.text for one in of_two((0.01, 1.0), (1.0, 0.01), start=1.0))
 
 
 @pytest.mark.filterwarnings("error")
