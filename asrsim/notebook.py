@@ -64,9 +64,9 @@ def as_html(result: Result) -> str:
     import base64
     from io import BytesIO
 
-    from asrsim.summary.table import headline, joint_columns
+    from asrsim.summary.table import headline, limit_columns, measure_columns
 
-    columns = joint_columns(result.summary)
+    columns = (*measure_columns(result.summary), *limit_columns(result.summary))
     # Headings are hyphenated for narrow terminals; a notebook has wide lines.
     headings = [column.heading.replace("-\n", "") for column in columns]
     head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)

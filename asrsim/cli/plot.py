@@ -85,9 +85,6 @@ def plot(
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
-    if not logs and not (bode and experiment):
-        hint = "name a log; without one, the response of a recording can be drawn: --experiment FILE --bode"
-        raise typer.BadParameter(hint, param_hint="LOG")
     say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
     found = [log for place in logs or () for log in find_logs(place)]
     job = PlotJob(
@@ -97,6 +94,9 @@ def plot(
         lag=lag_of(align), lag_limit=max_lag, formats=tuple(formats or ("png",)),
         bode=bode, band=band, given=given, output=output, start=start, end=end,
     )  # fmt: skip
+    if job.empty:
+        hint = "name a log; without one, the response of a recording can be drawn: --experiment FILE --bode"
+        raise typer.BadParameter(hint, param_hint="LOG")
     with FractionBar(show=not quiet) as progress:
         result = draw(job, progress.update)
     return Done(data=result.as_dict(), always=lambda: _print(result, quiet=quiet), code=int(not result.ok))

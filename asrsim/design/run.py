@@ -20,7 +20,7 @@ from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
 from asrsim.identification.layout import Entry, Layout, make_layout
 from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian
-from asrsim.identification.setup import set_up
+from asrsim.identification.setup import read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.identification.track import NOT_THE_ROBOTS
 from asrsim.robot.model import Robot
@@ -153,11 +153,7 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
 
 def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
     """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
-    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
-
-    scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
-    given, _ = checked_robot(scenario)
-    robot = apply_to_robot(scenario, given)
+    scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
     known = parameters_of(
         robot, [f"{joint}.reference_{i}" for joint in joints for i in (1, 2)],

@@ -30,7 +30,7 @@ def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
 
 
 def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
-    data = relocated(found.scenario, found.task.scenario.parent.absolute(), path.parent.absolute())
+    data = relocated(found.scenario, path.parent.absolute())
     references, parameters = data.get("references") or {}, data.get("parameters") or {}
     for one in found.references:
         references.setdefault(one.joint, {})[one.name] = {"playback": {"file": motion.name, "column": one.heading}}

@@ -11,7 +11,7 @@ from asrsim import compiling
 from asrsim.engines.base import POSITION, VELOCITY, Native, Record, Scene
 from asrsim.packed import pack
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
+from asrsim.samples import Array, grid
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
@@ -77,7 +77,8 @@ class BenchEngine:
 
     def _motion(self, first: int, last: int) -> tuple[Array, Array]:
         """Positions and velocities (n, joints) at the steps `first` to `last` - 1."""
-        time = np.round(np.arange(max(first - 1, 0), last) * self._step, 12)
+        before = max(first - 1, 0)
+        time = grid(before, last - before, self._step)
         positions = np.column_stack([signal.values(time) for signal in self._signals])
         if not first:
             positions = np.concatenate([positions[:1], positions])

@@ -56,7 +56,7 @@ class Room(NamedTuple):
     inertia: Numbers
     """Diagonal (n,) of the mass matrix, without damping, kg m^2."""
     velocity: Numbers
-    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next ten
+    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next nine
     fields."""
     impulse: Numbers
     bound: Numbers

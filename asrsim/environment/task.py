@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from asrsim.environment.draws import Draws, plan
 from asrsim.environment.readings import KNOWN, Readings
 from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -61,7 +62,7 @@ class ControlTask:
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Number of actions per episode."""
-        self.actions, low, high = _actions(prepared, _listed(options["act"]))
+        self.actions, low, high = _actions(prepared, one_or_more(options["act"]))
         """Joint and reference that each entry of an action sets."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
@@ -70,7 +71,7 @@ class ControlTask:
         for places in self._start.bounds():
             prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
-        self._observe, self._tip = _listed(options["observe"]), options["tip"]
+        self._observe, self._tip = one_or_more(options["observe"]), options["tip"]
 
     @property
     def read_names(self) -> list[str]:
@@ -137,10 +138,6 @@ class ControlTask:
         """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
         reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
         return reward, self._terminated is not None and bool(self._terminated(state))
-
-
-def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _rewarded(value: Any) -> float:

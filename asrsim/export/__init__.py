@@ -60,11 +60,15 @@ def export_mjcf(
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
 
-    Args: scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3). out: Path of the model; meshes, picture of
-    the error, and ranges are written into the folder of the model. variant, overrides: As for `asrsim.run`. knots: Number of
-    knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad. timestep: Time step of
-    the model, s; None: the scenario's step. fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the
-    intervals of the fit become ranges for randomisation. plot: Draw the error.
+    Args:
+        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
+        out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
+        variant, overrides: As for `asrsim.run`.
+        knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
+        timestep: Time step of the model, s; None: the scenario's step.
+        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
+            randomisation.
+        plot: Draw the error.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from shlex import quote
+from shlex import join
 from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.user import plugin_options
 from asrsim.identification.noise import bandwidth
 from asrsim.identification.result import Result
 from asrsim.identification.verdicts import AT_BOUND, CLOSE, IDENTIFIED, NO_EFFECT, RATIO, WEAK
@@ -111,6 +112,13 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     if task.file is None:
         words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
         words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
-    words += [word for plugin in task.plugins for word in ("--plugin", str(plugin))]
-    words += ["--limits", str(path), "--seconds", f"{min(max(duration * longer, 4.0), LONGEST):.0f}", "--out", "next.csv"]
-    return [path], " ".join(map(quote, words))
+    words += [
+        *plugin_options(task.plugins),
+        "--limits",
+        str(path),
+        "--seconds",
+        f"{min(max(duration * longer, 4.0), LONGEST):.0f}",
+        "--out",
+        "next.csv",
+    ]
+    return [path], join(words)

@@ -67,9 +67,7 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
     """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
     friction share the stiffness.
     """
-    layout = problem.layout
-    known, tied = parameters_of(robot, (), {}), {tie.key: tie.to for tie in layout.ties}
-    taken = {*tied, *(entry.parameter.key for entry in layout.entries)}
+    known, tied, taken = parameters_of(robot, (), {}), {tie.key: tie.to for tie in problem.layout.ties}, _taken(problem)
     groups: dict[str, list[str]] = {}
     for block in robot.actuators:
         for i in range(1, ACTUATORS.get(block.actuator).motors + 1):

@@ -39,16 +39,18 @@ def percent(share: float) -> str:
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
-def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Jacobian (m, n) with respect to relative changes of the values, and the values (n,). Near 0, changes are relative to a
-    typical size.
-    """
-    values = layout.values(x)
-    scale = [
+def scales(layout: Layout, values: Array) -> Array:
+    """Positive sizes (n,) to which relative changes of the values refer: magnitudes, or typical sizes near 0."""
+    return np.array([
         value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
         for value, entry in zip(values.tolist(), layout.entries, strict=True)
-    ]
-    return jacobian * (np.array(scale) / layout.slopes(x)), values
+    ])  # fmt: skip
+
+
+def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Jacobian (m, n) with respect to relative changes of the values, and the values (n,)."""
+    values = layout.values(x)
+    return jacobian * (scales(layout, values) / layout.slopes(x)), values
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
             # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         if np.count_nonzero(exponents) > 1:
-            # A form that overflows has an infinite interval and is not chosen.
+            # Forms whose value overflows are left out.
             with np.errstate(over="ignore", invalid="ignore"):
                 result += _simplest(known, exponents)
     return result
@@ -111,7 +113,7 @@ class _Known:
         self.keys = {entry.parameter.key for entry in problem.layout.entries}
         """Keys of all free parameters."""
         scaled, values = relative(problem.layout, x, found.jacobian)
-        self.values = values[self.free]
+        self.values, self.scales = values[self.free], scales(problem.layout, values)[self.free]
         self._units = relative(problem.layout, x, np.ones((1, len(x))))[0][0][self.free]
         # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
         self._triangle = np.linalg.qr(scaled[:, self.free], mode="r")
@@ -149,7 +151,7 @@ class _Known:
 
 def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
     """First form whose interval is hardly wider than the narrowest interval; no form if all intervals are wide."""
-    margins = [(known.margin(form), form) for form in _forms(known, exponents)]
+    margins = [(known.margin(form), form) for form in _forms(known, exponents) if np.isfinite(form.value)]
     best = min((margin / form.size for margin, form in margins), default=0.0)
     for margin, form in margins:
         if margin < UNKNOWN and margin / form.size < NICE * best + NICER:
@@ -168,7 +170,8 @@ def _forms(known: _Known, exponents: Array) -> Iterator[_Form]:
         yield from _about_joint(known, second, first, 1.0 / power)
         yield from _about_joint(known, first, second, power)
         yield from _sum(known, first, second, power)
-    if np.all(known.values[moving] > 0.0):
+    # Powers are relative changes only of values that are positive and not near 0.
+    if np.all(known.values[moving] == known.scales[moving]):
         # The entry with the smallest exponent stands in the numerator.
         least = moving[np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0))]
         for denominator in DENOMINATORS:
@@ -216,8 +219,9 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
     """Sum other + n pivot of parameters with the same unit, n a small integer."""
     first, second = known.entries[other], known.entries[pivot]
     a, b = float(known.values[other]), float(known.values[pivot])
-    # From d a / a + power d b / b = 0 follows that a + times b is constant for small changes.
-    times = power * a / b if b else 0.0
+    per_a, per_b = float(known.scales[other]), float(known.scales[pivot])
+    # From d a / per_a + power d b / per_b = 0 follows that a + times b is constant for small changes.
+    times = power * per_a / per_b
     signed, whole = min(a, b) <= 0.0, round(times)
     factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
     if factors or first.parameter.unit != second.parameter.unit:
@@ -227,9 +231,9 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
     elif not signed:
         return
     total = a + times * b
-    if times and (total > 0.0 or signed):
+    if total > 0.0 or (signed and total != 0.0):
         change = np.zeros(len(known.free))
-        change[[other, pivot]] = a / total, times * b / total
+        change[[other, pivot]] = per_a / total, times * per_b / total
         size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
         yield _Form(f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}", total, change)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import Entry
+from asrsim.identification.layout import entry_of
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.problem import Problem, huber, jacobian, residuals, solve, with_own_substeps
 from asrsim.identification.task import Tie
@@ -138,10 +138,6 @@ def freed(
     """Problem with additional free parameters. tracks: recordings that get separate values; None: all recordings
     share a value.
     """
-    layout = problem.layout
-    entries = [
-        Entry(one, track, one.key if track is None else f"{one.key} ({problem.tracks[track].data.name})", one.start)
-        for one in parameters
-        for track in tracks
-    ]
+    layout, names = problem.layout, [track.data.name for track in problem.tracks]
+    entries = [entry_of(one, track, names) for one in parameters for track in tracks]
     return problem.under(replace(layout, entries=(*layout.entries, *entries), ties=(*layout.ties, *ties)))

@@ -70,7 +70,7 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
     # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps
     # of friction need the torque far beyond s = 2.
-    above = smoothed(raw, 4.0 * band * step) - smoothed(raw, 2.0 * band * step)
+    above = position - smoothed(raw, 0.5 * cutoff)
     of_position = gain * float(np.std(above[inside])) * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
     noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step * TORQUE_SHARE), of_position))
     channel = Channel(

@@ -52,7 +52,7 @@ def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, 
     """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: units of the recorded channels,
     by `joint.quantity`.
     """
-    found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(robot, commands, channels)]
+    found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(commands, channels)]
     return {parameter.key: parameter for parameter in found}
 
 
@@ -107,7 +107,7 @@ def _positive(key: str, unit: str, start: float) -> Parameter:
     return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR, logarithmic=True)
 
 
-def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:
+def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:
     yield Parameter(key=CLOCK, unit="s", start=0.0, low=-LATEST, high=LATEST, own=True)
     for key in dict.fromkeys((*commands, *channels)):
         unit = channels.get(key, "")
@@ -132,7 +132,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
             problems.append(_unknown(pattern, known, "free"))
         for key in keys:
             parameter = _wished(known[key], wish)
-            problems += _faults(parameter, wish)
+            problems += _faults(parameter)
             free[key] = parameter
     ties: list[Tie] = []
     for tie in task.ties:
@@ -171,7 +171,7 @@ def _wished(known: Parameter, wish: Wish) -> Parameter:
     return replace(known, start=start, low=low, high=high, own=own, logarithmic=logarithmic)
 
 
-def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
+def _faults(parameter: Parameter) -> Iterator[Problem]:
     key = parameter.key
     if not parameter.low < parameter.high:
         yield Problem("its lower bound is not below its upper bound", key=key, value=parameter.low, code="bounds")

@@ -23,14 +23,13 @@ class Entry:
     """Index of the recording to which this entry belongs; None: all recordings share the entry."""
     name: str
     """Displayed name: the key, with the recording's name if the recording has a separate value."""
-    start: float
 
     def value(self, x: float) -> float:
         """Value in the parameter's unit."""
         parameter = self.parameter
         if parameter.logarithmic:
             return min(max(parameter.start * math.exp(min(max(x, -50.0), 50.0)), parameter.low), parameter.high)
-        return min(max(self.start + parameter.size * x, parameter.low), parameter.high)
+        return min(max(parameter.start + parameter.size * x, parameter.low), parameter.high)
 
     def slope(self, x: float) -> float:
         """Derivative of the value with respect to x, the element of the vector."""
@@ -41,7 +40,7 @@ class Entry:
         parameter = self.parameter
         if parameter.logarithmic:
             return math.log(value / parameter.start) if value > 0.0 else -math.inf
-        return (value - self.start) / parameter.size
+        return (value - parameter.start) / parameter.size
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,14 @@ class Layout:
         return range(self.tracks) if track is None else range(track, track + 1)
 
 
+def entry_of(parameter: Parameter, track: int | None, names: Sequence[str]) -> Entry:
+    """Entry of a parameter. track: index of the recording with a separate value, None for a shared value; names: names of the
+    recordings.
+    """
+    name = parameter.key if track is None or len(names) == 1 else f"{parameter.key} ({names[track]})"
+    return Entry(parameter, track, name)
+
+
 def make_layout(
     free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> Layout:
@@ -98,10 +105,8 @@ def make_layout(
     entries: list[Entry] = []
     for parameter in free:
         if not parameter.own:
-            entries.append(Entry(parameter, None, parameter.key, parameter.start))
+            entries.append(entry_of(parameter, None, names))
             continue
-        for i, (name, own) in enumerate(zip(names, starts, strict=False)):
-            start = own.get(parameter.key, parameter.start)
-            shown = parameter.key if len(names) == 1 else f"{parameter.key} ({name})"
-            entries.append(Entry(replace(parameter, start=start), i, shown, start))
+        for i, own in enumerate(starts):
+            entries.append(entry_of(replace(parameter, start=own.get(parameter.key, parameter.start)), i, names))
     return Layout(tuple(entries), tuple(ties), len(names))

@@ -142,10 +142,13 @@ def _resolve(best: Best) -> None:
 
 
 def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Problem weighted by the noise in the residuals, and its solution."""
+    """Problem weighted by the noise in the residuals, and its solution. A recording whose simulation diverges keeps its
+    weights.
+    """
     found = [*problem.weights]
     for track in problem.fitted:
-        found[track] = tuple(map(noise_of_residuals, errors(problem, x, track) or [np.ones(1)]))
+        if (left := errors(problem, x, track)) is not None:
+            found[track] = tuple(map(noise_of_residuals, left))
     weighted = replace(problem, weights=tuple(found))
     return weighted, refined(weighted, x, 15)
 

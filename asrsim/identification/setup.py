@@ -30,15 +30,22 @@ class Setup:
     problem: Problem
 
 
-def set_up(task: Task, stack: ExitStack) -> Setup:
-    """Prepared fit of a task. Raises InputError with every problem."""
+def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
+    """Scenario of a task, robot of the robot file, and robot with the scenario's changes. Loads the plugins. Raises
+    InputError.
+    """
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     for plugin in task.plugins:
         load_plugin_file(plugin)
     scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
     given, _ = checked_robot(scenario)
-    robot = apply_to_robot(scenario, given)
+    return scenario, given, apply_to_robot(scenario, given)
+
+
+def set_up(task: Task, stack: ExitStack) -> Setup:
+    """Prepared fit of a task. Raises InputError with every problem."""
+    scenario, given, robot = read_scenario(task)
     data = read_data(task, scenario, robot)
     commands = {command.key: command.unit for one in data for command in one.commands}
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})

@@ -20,7 +20,9 @@ IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ra
 CLOSE = 0.05
 """Largest relative half width of the 95 % interval of an identified parameter."""
 NONE = 1.0
-"""Relative half width above which a parameter cannot be distinguished from zero."""
+"""Relative half width above which a parameter is unknown. It has no effect if its interval is so wide even though all other
+parameters are fixed; if only the other free parameters make its interval so wide, they imitate its effect.
+"""
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 VANISHED = 0.01
@@ -126,7 +128,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
             low = high = math.nan
         result.append(
             Estimate(
-                key=parameter.key, name=entry.name, unit=parameter.unit, start=entry.start, value=value, low=low, high=high,
+                key=parameter.key, name=entry.name, unit=parameter.unit, start=parameter.start, value=value, low=low, high=high,
                 verdict=verdict, reason=reason, combinations=listed, track=entry.track, is_place=place,
             )
         )  # fmt: skip
@@ -139,7 +141,7 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
     if parameter.logarithmic:
         middle = parameter.start * math.exp(x)
         return middle * math.exp(-min(width, 50.0)), middle * math.exp(min(width, 50.0))
-    middle = entry.start + parameter.size * x
+    middle = parameter.start + parameter.size * x
     return max(middle - parameter.size * width, parameter.low), min(middle + parameter.size * width, parameter.high)
 
 
@@ -147,7 +149,7 @@ def _vanished(entry: Entry, value: float) -> str:
     """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
     move so far.
     """
-    share = value / entry.start if entry.parameter.logarithmic else 1.0
+    share = value / entry.parameter.start if entry.parameter.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""
     where = "fell to" if share < 1.0 else "rose to"

@@ -17,7 +17,7 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.starter import relative_path, relocated
+from asrsim.scenario.starter import relocated, robot_key
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -152,11 +152,9 @@ def _scenario_text(
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 
-    base, folder = result.task.scenario.parent.absolute(), path.parent.absolute()
-    data = _as_played(relocated(result.scenario, base, folder), result.played)
-    given = result.scenario.resolved.get("robot")
-    packages = {"packages": given["packages"]} if isinstance(given, Mapping) and "packages" in given else {}
-    data["robot"] = {"file": relative_path(robot, folder), **packages} if packages else relative_path(robot, folder)
+    folder = path.parent.absolute()
+    data = _as_played(relocated(result.scenario, folder), result.played)
+    data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)
     data["parameters"] = data.get("parameters") or {}
     for block in result.robot.actuators:
         own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}

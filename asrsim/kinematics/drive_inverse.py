@@ -2,9 +2,9 @@
 
 The deflection of the springs is found by inverting their law, so that this works for every registered actuator. The lag of
 the motors behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position
-theta, gains P, I and D, inertia J, damping d, friction F and spring torque tau_el:
+theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_el:
 
-    P (r - theta) + I int (r - theta) = J theta'' + (d + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
+    P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
 The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each

@@ -12,8 +12,8 @@ import numpy as np
 
 from asrsim.learning.plant import Plant
 from asrsim.outfile import csv_text, make_folder, write_text
-from asrsim.plain import mapped
 from asrsim.samples import Array
+from asrsim.scenario.starter import relocated
 
 DIGITS = 3
 """Digits of a claimed error, which is rounded up. A replay on the same plant repeats the error bit for bit."""
@@ -36,13 +36,8 @@ def write_playback(
     import yaml
 
     scenario, folder = plant.scenario, path.parent
-    files = {name: os.path.relpath(file, folder) for name, file in scenario.attachments.items()}
-    data: dict[str, Any] = mapped(scenario.resolved, lambda value: files.get(value, value) if isinstance(value, str) else value)
-    robot = os.path.relpath(scenario.robot, folder)
-    data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
+    data = relocated(scenario, folder)
     learned = data.pop("ilc", {})
-    for key in ("variant", "expect"):
-        data.pop(key, None)
     # Learned inputs of two variants are played into two folders.
     variant = [scenario.variant] if scenario.variant != "default" else []
     data["name"] = "_".join([scenario.name, *variant, inputs.stem])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -77,8 +77,7 @@ class CurveSource:
         self._names = _names(self.reader, self.joints, quantities)
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
         """Joint and quantity of each column of the matrix."""
-        recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
-        self._stored = [name for name in stored(self._names) if name in recorded]
+        self._stored = stored(self._names, self.reader.info.joints)
 
     def run(
         self, curves: Mapping[tuple[str, str], Curve], samples: int, *, bodies: Mapping[str, Mapping[str, Curve]] | None = None
@@ -97,13 +96,22 @@ class CurveSource:
         return first, max(first, last if self._end is None else min(self._end, last))
 
     def chunks(self) -> Iterator[tuple[Samples, Array]]:
-        """Chunks of the log: samples, and the selected columns as a matrix (n, columns)."""
+        """Chunks of the log: samples, and the selected columns as a matrix (n, columns). Raises LogError if there are none."""
+        empty = True
         samples = self.reader.iter_samples(
             quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
         )
         for part in _ordered(samples, self.reader.path):
+            empty = False
             columns = table(part, self._names, self.reader.info.joints)
             yield part, np.concatenate([columns[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
+        if empty:
+            window = self._start is not None or self._end is not None
+            ended = "The run ended before its first chunk was written" if self.reader.truncated else None
+            raise LogError(
+                "the log contains no samples" + (" in that time" if window else ""), file=self.reader.path, code="empty-log",
+                hint=f"It lasts {self.reader.duration:g} s" if window and not ended else ended,
+            )  # fmt: skip
 
 
 def read_curves(
@@ -122,26 +130,17 @@ def read_curves(
     LogError for unknown names, files that are not logs, and a part without samples.
     """
     source = CurveSource(path, joints=joints, quantities=quantities, start=start, end=end)
-    reader, columns = source.reader, source.columns
-    envelope: Envelope | None = None
-    world: WorldEnvelope | None = None
-    for part, matrix in source.chunks():
-        if envelope is None:
-            first, last = source.span(float(part.time[0]))
-            envelope = Envelope(start=first, end=last, bins=bins)
-            world = WorldEnvelope(part, start=first, end=last, bins=bins) if bodies else None
+    chunks = source.chunks()
+    head = next(chunks)
+    first, last = source.span(float(head[0].time[0]))
+    envelope = Envelope(start=first, end=last, bins=bins)
+    world = WorldEnvelope(head[0], start=first, end=last, bins=bins) if bodies else None
+    for part, matrix in chain([head], chunks):
         envelope.add(part.time, matrix)
         if world is not None:
             world.add(part)
-    if envelope is None:
-        window = start is not None or end is not None
-        ended = "The run ended before its first chunk was written" if reader.truncated else None
-        raise LogError(
-            "the log contains no samples" + (" in that time" if window else ""), file=reader.path, code="empty-log",
-            hint=f"It lasts {reader.duration:g} s" if window and not ended else ended,
-        )  # fmt: skip
     curves = {}
-    for index, column in enumerate(columns):
+    for index, column in enumerate(source.columns):
         time, values = envelope.column(index)
         if np.isfinite(values).any():
             curves[column] = Curve(time=time, values=values)
@@ -201,13 +200,14 @@ def _names(reader: LogReader, members: Sequence[JointInfo], names: Sequence[str]
     return tuple(dict.fromkeys(names))
 
 
-def stored(names: Sequence[str]) -> list[str]:
-    """Names of the stored quantities from which the given quantities are computed."""
+def stored(names: Sequence[str], joints: Sequence[JointInfo]) -> list[str]:
+    """Names of the quantities, stored for at least one of the joints, from which the given quantities are computed."""
+    recorded = {name for joint in joints for name in joint.quantities}
     needed: dict[str, None] = {}
     for name in names:
         sources = DERIVED_SOURCES["position_error"] if name == REFERENCE else DERIVED_SOURCES.get(name, (name,))
         needed |= dict.fromkeys(sources)
-    return list(needed)
+    return [name for name in needed if name in recorded]
 
 
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
@@ -217,7 +217,7 @@ def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> d
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:
-                found[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
+                found[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values.get("link_position", np.nan)
             elif name in DERIVED_FUNCTIONS:
                 found[name] = DERIVED_FUNCTIONS[name](part, joints)
             else:

@@ -57,6 +57,11 @@ class PlotJob:
     """Start of the pictures of runs, s."""
     end: float | None = None
 
+    @property
+    def empty(self) -> bool:
+        """Whether the job has nothing to draw: no log, and no recording for a Bode plot."""
+        return not self.logs and not (self.bode and self.experiments)
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlotResult:
@@ -119,7 +124,7 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     Raises InputError (logs, recordings, options) before anything is written, and OutputError.
     """
     formats = check_formats(job.formats)
-    if not job.logs and not (job.bode and job.experiments):
+    if job.empty:
         raise InputError("no log was named", key="logs", code="no-log",
                          hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
     runs = _read_runs(job, progress)

@@ -93,26 +93,28 @@ def compare_run(
     label: str,
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
-    lags: Mapping[str, LagChoice] | LagChoice = "auto",
+    lags: Mapping[str, LagChoice],
     lag_limit: float | None = None,
-    bins: int = BINS,
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: one lag for all recordings, or a dictionary with the lag of each recording by its
-    path. lag_limit: largest automatic lag, s. Raises RecordingError (no common joint or quantity, no overlap in time) and
-    LogError.
+    joints, quantities: all by default. lags: lag of each recording, by its path. lag_limit: largest automatic lag, s. Raises
+    RecordingError (no common joint or quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
     infos = reader.info.joints
     pairings = [match_joints([joint.name for joint in infos], recording)[0] for recording in recordings]
     paired, common = _in_both(reader, recordings, pairings, joints, quantities)
-    alignments = {
-        str(recording.path): _aligned(reader, recording, pairing, lags, lag_limit)
-        for recording, pairing in zip(recordings, pairings, strict=True)
-    }
-    recorded = {name for joint in infos for name in joint.quantities}
-    samples = reader.read(quantities=[name for name in stored(common) if name in recorded], joints=paired).samples
+
+    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
+        return reader.read(quantities=quantities, joints=joints).samples
+
+    series = series_of(read, infos)
+    alignments: dict[str, Alignment] = {}
+    for recording, pairing in zip(recordings, pairings, strict=True):
+        name = str(recording.path)
+        alignments[name] = align_recording(recording, pairing, series, lag=lags[name], limit=lag_limit, infos=infos)
+    samples = reader.read(quantities=stored(common, infos), joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):
         shared = {its: ours for its, ours in pairing.items() if ours in paired}
@@ -124,7 +126,7 @@ def compare_run(
     return RunComparison(
         label=label,
         recordings=tuple(recording.path for recording in recordings),
-        pairs=_pairs(compared, bins),
+        pairs=_pairs(compared),
         alignments=alignments,
         joints={str(recording.path): pairing for recording, pairing in zip(recordings, pairings, strict=True)},
         rows=tuple(row for one in compared for row in one.rows(label)),
@@ -151,49 +153,30 @@ def _in_both(
     return paired, common
 
 
-def _aligned(
-    reader: LogReader,
-    recording: Recording,
-    pairing: Mapping[str, str],
-    lags: Mapping[str, LagChoice] | LagChoice,
-    limit: float | None,
-) -> Alignment:
-    """Alignment of a recording's clock with the run's clock."""
-
-    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        return reader.read(quantities=quantities, joints=joints).samples
-
-    infos = reader.info.joints
-    lag = lags.get(str(recording.path), "auto") if isinstance(lags, Mapping) else lags
-    return align_recording(recording, pairing, series_of(read, infos), lag=lag, limit=limit, infos=infos)
-
-
-def _pairs(compared: Sequence[Comparison], bins: int) -> dict[tuple[str, str], Pair]:
+def _pairs(compared: Sequence[Comparison]) -> dict[tuple[str, str], Pair]:
     pairs: dict[tuple[str, str], Pair] = {}
     for key in dict.fromkeys((s.joint, s.quantity) for one in compared for s in one.series):
         found = [s for s in (one.find(*key) for one in compared) if s is not None]
         runs = band(compared, *key) if len(found) > 1 else None
-        if len(found) > 1 and runs is None:
-            continue
         time, simulated, recorded = found[0].time, found[0].simulation, found[0].recording if runs is None else runs.mean
-
-        def thin(values: Array, time: Array = time) -> Curve:
-            moments, kept = decimate(time, values, bins=bins)
-            return Curve(time=moments, values=kept)
-
-        low, high = (None, None) if runs is None else _hull(runs.time, runs.low, runs.high, bins)
+        low, high = (None, None) if runs is None else _hull(runs.time, runs.low, runs.high)
         pairs[key] = Pair(
-            joint=key[0], quantity=key[1], simulation=thin(simulated), recording=thin(recorded),
-            difference=thin(simulated - recorded), low=low, high=high, count=len(found),
+            joint=key[0], quantity=key[1], simulation=_thin(time, simulated), recording=_thin(time, recorded),
+            difference=_thin(time, simulated - recorded), low=low, high=high, count=len(found),
             **{name: float(np.mean([one.metrics[name] for one in found])) for name in ("rmse", "nrmse")},
         )  # fmt: skip
     return pairs
 
 
-def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve]:
+def _thin(time: Array, values: Array) -> Curve:
+    moments, kept = decimate(time, values)
+    return Curve(time=moments, values=kept)
+
+
+def _hull(time: Array, low: Array, high: Array) -> tuple[Curve, Curve]:
     """Curves of the smallest and largest values over short intervals, at common times."""
-    if len(time) > 2 * bins:
-        edges = np.unique(np.linspace(0, len(time), bins + 1).astype(int)[:-1])
+    if len(time) > 2 * BINS:
+        edges = np.unique(np.linspace(0, len(time), BINS + 1).astype(int)[:-1])
         time, low, high = time[edges], np.fmin.reduceat(low, edges), np.fmax.reduceat(high, edges)
     return Curve(time=time, values=low), Curve(time=time, values=high)
 

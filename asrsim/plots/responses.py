@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.errors import InputError, LogError, Problem, RecordingError
-from asrsim.log import LogReader, open_log
+from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.log import open_log
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
@@ -123,16 +123,31 @@ def responses(
     first, last = ResponseSignal.parse(given, REFERENCE), ResponseSignal.parse(output, OUTPUT)
     named = [signal for signal, text in ((first, given), (last, output)) if text is not None]
     require_names(reader, "quantity", [signal.quantity for signal in named], (*available(reader), *EXTRA))
-    members = [joint.name for joint in reader.info.joints]
-    require_names(reader, "joint", [signal.joint for signal in named if signal.joint is not None], members)
+    members = reader.info.joints
+    infos = {joint.name: joint for joint in members}
+    require_names(reader, "joint", [signal.joint for signal in named if signal.joint is not None], tuple(infos))
+    names = [name for name in (first.quantity, last.quantity, "reference_1") if stored([name], members)]
+    samples = reader.read(quantities=stored(names, members)).samples
+    columns = table(samples, names, members)
+
+    def logged(quantity: str, info: JointInfo) -> Column | None:
+        """Quantity of a joint in the log, stored or derived; None if the log does not contain the quantity."""
+        values = columns[quantity][:, samples.joints.index(info.name)] if quantity in columns else np.empty(0)
+        if not np.isfinite(values).any():
+            return None
+        unit = style.unit(quantity, info)
+        return Column(
+            time=samples.time, values=values, unit=unit, joint=info.name, quantity=quantity, source=_RUN, conversion=""
+        )
+
     found: list[Response] = []
     problems: list[Problem] = []
-    for info in reader.info.joints:
+    for info in members:
         if (joints is not None and info.name not in joints) or (last.joint not in (None, info.name)):
             continue
-        u, y = _logged(reader, first.quantity, first.joint or info.name), _logged(reader, last.quantity, info.name)
+        u, y = logged(first.quantity, infos[first.joint or info.name]), logged(last.quantity, info)
         if u is None and given is None:
-            u = _logged(reader, "reference_1", info.name)
+            u = logged("reference_1", info)
         if u is None or y is None or not np.nanmax(u.values) - np.nanmin(u.values) > 1e-9 * np.nanmax(np.abs(u.values)):
             continue
         try:
@@ -180,21 +195,6 @@ def recorded_responses(
         except InputError as error:
             problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
     return found, problems
-
-
-def _logged(reader: LogReader, quantity: str, joint: str) -> Column | None:
-    """Quantity of a joint in a log, stored or derived; None if the log does not contain the quantity."""
-    info = next(info for info in reader.info.joints if info.name == joint)
-    names = [name for name in dict.fromkeys((OUTPUT, *stored([quantity]))) if name in info.quantities]
-    try:
-        samples = reader.read(quantities=names, joints=[joint]).samples
-        values = table(samples, [quantity], reader.info.joints)[quantity][:, 0]
-    except (LogError, KeyError):
-        return None
-    if not np.isfinite(values).any():
-        return None
-    unit = style.unit(quantity, info)
-    return Column(time=samples.time, values=values, unit=unit, joint=joint, quantity=quantity, source=_RUN, conversion="")
 
 
 def _recorded_pair(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
+from asrsim.plain import one_or_more
 from asrsim.recordings.align import Alignment, Reader, align_recording, series_of
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
@@ -86,5 +87,4 @@ def _recording(path: Path, _newest: int, joints: tuple[str, ...], mapping: tuple
 
 
 def _mapping(claim: Expectation) -> tuple[str, ...]:
-    given: Any = claim.options.get("map", ())
-    return (given,) if isinstance(given, str) else tuple(given)
+    return one_or_more(claim.options.get("map", ()))

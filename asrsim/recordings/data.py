@@ -110,6 +110,11 @@ class Column:
         return f"'{self.source}' ({'; '.join(filter(None, (self.conversion or self.unit, self.origin)))})"
 
     @property
+    def question(self) -> str:
+        """Why the user is asked about the meaning of the column; "" if there is no question."""
+        return self.origin.removeprefix("asked: ") if self.origin.startswith("asked: ") else ""
+
+    @property
     def given(self) -> bool:
         """Whether the command line or a document states the meaning of the column."""
         return self.origin == "command line" or self.origin.endswith((".yaml", ".yml"))
@@ -121,7 +126,7 @@ class Recording:
 
     path: Path
     format: str
-    """Name of the reader: text, json, mcap, bag, matlab, numpy, excel, arrow, asrsim, or a user's."""
+    """Name of the reader in `asrsim.recordings.READERS`, such as text, numpy or bag."""
     time: Array
     """Times (n,), s, strictly increasing, as in the file. Absolute stamps count from the first one (see `epoch`)."""
     channels: Mapping[str, Column]
@@ -136,7 +141,7 @@ class Recording:
     @property
     def asked(self) -> tuple[Column, ...]:
         """Unused columns that may be a joint's quantity, but whose names are ambiguous."""
-        return tuple(column for column in self.channels.values() if column.origin.startswith("asked"))
+        return tuple(column for column in self.channels.values() if column.question)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -123,9 +123,12 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
 
 
 def _check_unpacked(path: Path) -> None:
-    """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
-    with zipfile.ZipFile(path) as archive:
-        size = sum(member.file_size for member in archive.infolist())
+    """Raises RecordingError for an archive that is damaged, or too large: a few kB may unpack to more than the memory."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+    except Exception as error:  # on damaged archives zipfile raises errors of several types
+        raise RecordingError(f"cannot be read as an archive: {error}", file=path, code="damaged") from None
     if size > max(LEAST, RATIO * path.stat().st_size):
         message = (
             f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"
@@ -143,9 +146,9 @@ def answer_of(request: dict[str, str]) -> bytes:
         return pack(error.problems)
     except AsrsimError as error:
         return pack([Problem(str(error), code="damaged")])
+    except MemoryError:
+        return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
     except Exception as error:  # on damaged files libraries raise errors of many types
-        if isinstance(error, MemoryError):
-            return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
         return pack([Problem(message, code="damaged")])

@@ -32,7 +32,7 @@ def match_joints(
         hint = "Use another order with --map COLUMN=JOINT.QUANTITY"
         return pairing, [Problem(message, file=recording.path, code="joints-by-order", hint=hint)]
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
-    doubt = next((f"; {one.source}: {one.origin.partition(': ')[2]}" for one in recording.asked), "")
+    doubt = next((f"; {one.source}: {one.question}" for one in recording.asked), "")
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",

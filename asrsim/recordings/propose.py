@@ -66,8 +66,8 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
             yield _line(f"  {_text(column.source)}: {_text(target)}", column.origin + doubt)
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
-        yield _line(f"  # {_text(column.source)}: {target}", f"? {column.origin[7:]}")
-    others = [column.source for column in columns if not column.quantity and not column.origin.startswith("asked")]
+        yield _line(f"  # {_text(column.source)}: {target}", f"? {column.question}")
+    others = [column.source for column in columns if not (column.quantity or column.question)]
     yield from [f"# not used: {', '.join(others)}"] if others else []
     odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
     yield from ["# problems of the file:", *odd] if odd else []

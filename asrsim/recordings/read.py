@@ -263,11 +263,11 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
 
 def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
     """Questions about ambiguous columns, each with the option that answers it."""
-    asked = [column for column in columns if column.origin.startswith("asked")]
+    asked = [column for column in columns if column.question]
     propose = f"`asrsim init --experiment {path.name}` writes a document with all questions, for you to complete"
     if asked:
         first = asked[0]
-        message = f"not used, since {first.origin.partition(': ')[2]}" + (" (and similar)" if len(asked) > 1 else "")
+        message = f"not used, since {first.question}" + (" (and similar)" if len(asked) > 1 else "")
         hint = f"If it is a quantity of a joint: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):

@@ -15,6 +15,7 @@ from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
 from asrsim.document.kinds import NUMBER, Choice, Integer, Number, Optional, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
+from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, KNOWN
 from asrsim.recordings.units import Unit, find_unit, parse_unit
 
@@ -70,7 +71,7 @@ class TimeKeys:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names or numbers of the time's columns."""
-        return () if self.column is None else (self.column,) if isinstance(self.column, str) else self.column
+        return () if self.column is None else one_or_more(self.column)
 
     @property
     def factor(self) -> float | None:
@@ -191,7 +192,7 @@ def resolve_reading(
 ) -> Reading:
     """Reading options from the document beside the file or named in `mapping`, and from items, which take precedence."""
     given = [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else mapping
-    items: Sequence[str | Path] = [given] if isinstance(given, str | Path) else given or []
+    items: Sequence[str | Path] = () if given is None else one_or_more(given)
     documents = [Path(item) for item in items if is_document(item)]
     document = documents[-1] if documents else reading_file(path) if beside else None
     reading = Reading() if document is None else load_reading(document)

@@ -90,6 +90,19 @@ def is_named_time(column: RawColumn) -> bool:
     return column.zero is not None or is_time(re.split(r"[./]", name)[-1] or name, find_unit(column.unit) or unit)
 
 
+def unit_of_time(column: RawColumn) -> Unit | None:
+    """Unit that the header of a time column states, or its name (`nanosec`), or the digits of its Unix times; else None."""
+    if column.zero is not None:  # dates are in s already
+        return None
+    plain, unit = split_header(column.name)
+    unit = find_unit(column.unit) or unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
+    if unit is not None and unit.si == "s":
+        return unit
+    known = column.values[np.isfinite(column.values)]
+    size = float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
+    return UNITS[("s", "ms", "us", "ns")[min(int(np.log10(size / EPOCH) / 3), 3)]] if size > EPOCH else None
+
+
 def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
     """Time of a table: the columns that the user states, else the first column with the name of a time."""
     columns, names = table.columns, [column.name for column in table.columns]
@@ -136,23 +149,18 @@ def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alon
     name, values = column.name, column.values
     if column.zero is not None:
         return Clock(name=name, seconds=values, zero=column.zero)
-    plain, unit = split_header(name)
-    unit = find_unit(column.unit) or unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
-    factor = reading.time.factor or (unit.factor if unit is not None and unit.si == "s" else None)
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
-    size = float(np.nanpercentile(values, 50, method="nearest"))
-    if factor is None and size > EPOCH:  # the digits of a Unix time state its unit
-        unit = UNITS[("s", "ms", "us", "ns")[min(int(np.log10(size / EPOCH) / 3), 3)]]
-        factor = unit.factor
+    unit = unit_of_time(column)
+    factor = reading.time.factor or (None if unit is None else unit.factor)
     if factor is None and not alone:
         raise RecordingError(
             "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
         )
     if reading.time.factor is None:
         _check_steps(values, factor, name=name, findings=findings)
-    seconds, date = _since_first_date(values, factor or 1.0, size)
-    word = reading.time.unit or (unit.symbol if unit is not None and factor is not None else "s")
+    seconds, date = _since_first_date(values, factor or 1.0, float(np.nanpercentile(values, 50, method="nearest")))
+    word = reading.time.unit or ("s" if unit is None else unit.symbol)
     return Clock(name=name, seconds=seconds, zero=date, described=word)
 
 

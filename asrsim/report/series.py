@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, available
 from asrsim.plots.decimate import Envelope
@@ -77,23 +76,18 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Time
 
 
 def _read(source: CurveSource, grid: TimeGrid, duration: float) -> RunCurves:
-    envelope: Envelope | None = None
-    whole = np.full((grid.count, len(source.columns)), np.nan) if not grid.thinned else np.empty((0, 0))
+    envelope = Envelope(start=0.0, end=duration, bins=grid.count // 2)
+    whole = np.full((0 if grid.thinned else grid.count, len(source.columns)), np.nan)
     count = 0
     for part, matrix in source.chunks():
         count += len(part.time)
-        if not grid.thinned:
-            rows = np.clip(np.round((part.time - grid.start) / grid.step).astype(int), 0, grid.count - 1)
-            whole[rows] = matrix
-            continue
-        if envelope is None:
-            envelope = Envelope(start=0.0, end=duration, bins=grid.count // 2)
-        envelope.add(part.time, matrix)
-    if not count:
-        raise LogError("the log contains no samples", file=source.reader.path, code="empty-log")
+        if grid.thinned:
+            envelope.add(part.time, matrix)
+        else:
+            whole[np.clip(np.round((part.time - grid.start) / grid.step).astype(int), 0, grid.count - 1)] = matrix
     curves: dict[tuple[str, str], Curve] = {}
     for index, column in enumerate(source.columns):
-        values = whole[:, index] if envelope is None else envelope.pairs(index)
+        values = envelope.pairs(index) if grid.thinned else whole[:, index]
         if np.isfinite(values).any():
             curves[column] = Curve(time=grid.time, values=values)
     return source.run(curves, count)

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-import numpy as np
-
 from asrsim.document.block import REQUIRED, Block, Key, declare, declared_keys
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
-from asrsim.samples import Array
+from asrsim.samples import Array, grid
 from asrsim.scenario.goal_keys import CLAIMS, LEARNING, TASK, CartesianPose, CartesianTask, Expectation, Learning
 from asrsim.scenario.joint_keys import (
     ACTUATORS_BY_JOINT,
@@ -260,7 +258,7 @@ class Scenario:
 
     def step_times(self) -> Array:
         """Times (n,) of the start and of the end of every step, s."""
-        return np.round(np.arange(self.steps + 1) * self.step, 12)
+        return grid(0, self.steps + 1, self.step)
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:

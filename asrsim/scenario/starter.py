@@ -61,9 +61,9 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
         str, lambda dumper, text: dumper.represent_scalar(f"{tag}str", text, style=None if plain_scalar(text) == text else '"')
     )
     text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-    lines = text.splitlines()
+    lines, root = text.splitlines(), yaml.compose(text)
     for path, comment in comments.items():
-        node: Any = yaml.compose(text)
+        node: Any = root
         for part in path:
             key, node = next(item for item in node.value if item[0].value == part)
         lines[key.start_mark.line] += f"  # {comment}"
@@ -345,26 +345,24 @@ def write_new(path: Path, text: str, *, force: bool) -> None:
     write_text(path, text, "schema", replace=force)
 
 
-def relocated(scenario: Scenario, base: Path, folder: Path) -> dict[str, Any]:
-    """Copy of a scenario's data for a file in another folder: with changed paths, and without name, variant and claims.
-
-    base: folder of the scenario's file.
-    """
+def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:
+    """Copy of a scenario's data for a file in another folder: with changed paths, and without name, variant and claims."""
+    # The attachments contain the files of an attached folder, such as a ROS 2 bag, but not the folder.
+    folders = {name.partition("/")[0]: path.parent for name, path in scenario.attachments.items() if "/" in name}
+    files = {**folders, **scenario.attachments}
 
     def place(name: str) -> str:
-        return relative_path(scenario.attachments.get(name, base / name), folder)
+        return relative_path(files[name], folder) if name in files else name
 
-    data = _placed(scenario.resolved, place)
-    if isinstance(data.get("robot"), str):
-        data["robot"] = place(data["robot"])
-    return {key: value for key, value in data.items() if key not in ("name", "variant", "expect")}
+    data = _placed({key: value for key, value in scenario.resolved.items() if key not in ("name", "variant", "expect")}, place)
+    return {**data, "robot": robot_key(scenario.robot, folder, scenario.xacro_arguments, scenario.package_paths)}
 
 
 def _placed(data: Any, place: Callable[[str], str]) -> Any:
     """Copy of data with the paths of all files changed by the function `place`."""
     if isinstance(data, Mapping):
         return {
-            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else _placed(value, place)
+            key: place(value) if key in ("file", "manager", "mesh") and isinstance(value, str) else _placed(value, place)
             for key, value in data.items()
         }
     return [_placed(value, place) for value in data] if isinstance(data, list) else data

@@ -42,10 +42,10 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     if table is None:
         raise _no_column(path, [one for each in content.tables for one in each.columns], column, "column")
     values = table.columns[find_raw(column, table.columns) or 0]
-    seconds, clock = _times(path, table, reading)
+    seconds, clocks = _times(path, table, reading)
     problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # skipped rows
-    for one in dict.fromkeys((clock, values)):
-        problems += [] if one is None else _gaps(path, table, one)
+    for one in dict.fromkeys((*clocks, values)):
+        problems += _gaps(path, table, one)
     kept = np.isfinite(seconds)
     if table.name:  # of messages with equal stamps, the last is used, as a receiver that polls would do
         kept[:-1] &= np.diff(seconds) != 0.0
@@ -53,7 +53,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     for bad in np.flatnonzero(np.diff(seconds[finite]) <= 0.0)[:MAX_PROBLEMS]:
         before, after = finite[bad], finite[bad + 1]
         message = f"time {seconds[after]:.9g} follows {seconds[before]:.9g}, but times must ascend"
-        name = table.name or (None if clock is None else clock.name)
+        name = table.name or (clocks[0].name if clocks else None)
         problems.append(Problem(message, file=path, line=_line(table, after), key=name, code="csv-time"))
     if problems:
         raise RecordingError(problems)
@@ -91,26 +91,30 @@ def _read(path: Path, time_column: str | None, _file: int, _document: int) -> tu
     return content_of(path, reading), reading
 
 
-def _times(path: Path, table: RawTable, reading: Reading) -> tuple[Array, RawColumn | None]:
-    """Times in s and their column: the stated column, else the first column with the name of a time."""
-    from asrsim.recordings.names import find_raw, stated_unit
-    from asrsim.recordings.times import is_named_time
+def _times(path: Path, table: RawTable, reading: Reading) -> tuple[Array, list[RawColumn]]:
+    """Times in s, and the columns whose sum they are: the stated columns, else the first with the name of a time."""
+    from asrsim.recordings.names import find_raw
+    from asrsim.recordings.times import is_named_time, unit_of_time
 
     if reading.time.rate is not None:
-        return np.arange(len(table.columns[0].values)) / reading.time.rate, None
-    place = next((i for i, column in enumerate(table.columns) if is_named_time(column)), None)
-    if len(reading.time.columns) == 1:
-        place = find_raw(reading.time.columns[0], table.columns)
+        return np.arange(len(table.columns[0].values)) / reading.time.rate, []
+    clocks: list[RawColumn] = []
+    for name in reading.time.columns:
+        place = find_raw(name, table.columns)
         if place is None:
-            raise _no_column(path, table.columns, reading.time.columns[0], "time")
-    if place is None:
+            raise _no_column(path, table.columns, name, "time")
+        clocks.append(table.columns[place])
+    clocks = clocks or [column for column in table.columns if is_named_time(column)][:1]
+    if not clocks:
         names = tuple(column.name for column in table.columns)
         hint = "Name the time column with the key 'time'"
         raise RecordingError("no column is called time or t", file=path, choices=names, hint=hint, code="no-column")
-    clock = table.columns[place]
-    unit = None if clock.zero is not None else stated_unit(clock.name, clock.unit)
-    zero = clock.zero * 1e-9 if table.name and clock.zero else 0.0
-    return zero + clock.values * (reading.time.factor or (1.0 if unit is None else unit.factor)), clock
+    parts: list[Array] = []
+    for clock in clocks:
+        unit = unit_of_time(clock)
+        zero = clock.zero * 1e-9 if table.name and clock.zero else 0.0
+        parts.append(zero + clock.values * (reading.time.factor or (1.0 if unit is None else unit.factor)))
+    return np.sum(parts, axis=0), clocks
 
 
 def _no_column(path: Path, columns: Sequence[RawColumn], wanted: str, key: str) -> RecordingError:

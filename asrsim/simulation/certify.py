@@ -19,7 +19,8 @@ COMPARED = ("link_position", "link_torque")
 BLOCK = 65_536
 """Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
-"""Tolerance of the measured order of convergence: larger differences from the order of the scheme are reported."""
+"""Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
+is reported, and the estimate uses it. A higher order is not reported."""
 RESOLVED = 1e-12
 """Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
 differences."""
@@ -94,14 +95,15 @@ def certify(
     warnings = []
     for j, joint in enumerate(run.info.joints):
         order = _order(float(first[1, 0, j]), float(second[1, 0, j]))
-        used = max(order, 0.5) if order < stepping.order - ORDER_TOLERANCE else stepping.order
+        low = order < stepping.order - ORDER_TOLERANCE
+        used = max(order, 0.5) if low else stepping.order
         # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
         scale = 1.0 / (1.0 - 4.0**-used)
         position_max, torque_max, position_rms, torque_rms = (scale * whole[:, :, j]).ravel().tolist()
         joints[joint.name] = JointError(
             position_max=position_max, position_rms=position_rms, torque_max=torque_max, torque_rms=torque_rms, order=order
         )
-        if order < stepping.order - ORDER_TOLERANCE:
+        if low:
             warnings.append(
                 f"joint '{joint.name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
                 f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"

@@ -14,7 +14,7 @@ SHORTEST = 1024
 
 def longest_chunk(joints: int, asked: int | None = None) -> int:
     """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number. Raises InputError
-    if `asked` is 0."""
+    if `asked` is below 1."""
     if asked is not None and not asked >= 1:
         raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
     return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))

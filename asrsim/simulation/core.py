@@ -196,8 +196,8 @@ class Core:
         return Given(*lists)._replace(wrenches=given.wrenches, lengths=given.lengths)
 
     def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
-        """Advance worlds with the inputs `given`. options: first, count, every, watched, columns, out, rows, references; see
-        `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
+        """Advance worlds with the inputs `given`. options: first, count, every, watched, columns, out, last_rows,
+        last_references; see `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
             self._call(bounds[0], which, given, *options)
@@ -223,13 +223,13 @@ class Core:
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(self._pieces, given.wrenches.shape[2])
         own = slice(world, world + 1)
-        columns, out, rows, references = options[4:]
+        columns, out, last_rows, last_references = options[4:]
         try:
             plain: Any = kernel.run
             plain(
                 [(0, *places)], *options[:4], self.done[own], self.fault[own], [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data, rows[own].data,
-                references[own].data,
+                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data,
+                last_rows[own].data, last_references[own].data,
             )  # fmt: skip
         finally:
             self.S[world] = state

@@ -81,7 +81,8 @@ def cross_check(
         comparison = Comparison(same, [logged.motion], keep=False)
         again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
         version = again.info.metadata["engine_version"]
-        found = (*comparison.differences, found)[0]
+        if comparison.differences:
+            (found,) = comparison.differences
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")

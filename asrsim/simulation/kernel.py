@@ -70,7 +70,7 @@ ENDLESS = 1e300
 def run(
     which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
     kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, lengths: Any, cuts: Any,
-    exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
+    exchange: Any, engine: int, record: int, columns: Any, out: Any, last_rows: Any, last_references: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
@@ -81,7 +81,8 @@ def run(
     kinds: K (joints, ...); z: numbers of the stepping; engine_states: state of the engine (worlds, ...); inputs, references,
     wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 5) shared with the engine;
     engine: address of the engine's step function, which receives `record`; columns: recorded columns of S; out: recorded
-    values (m, rows, joints, columns); rows, given: last recorded row and references of each world (worlds, joints, ...).
+    values (m, rows, joints, columns); last_rows, last_references: last recorded row of each world, and its references (worlds,
+    joints, ...).
     """
     for chosen in range(len(which)):
         w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
@@ -169,9 +170,9 @@ def run(
             done[w] = substep + 1
         for j in range(len(kinds) if kept else 0):
             for c in range(len(columns)):
-                rows[w, j, c] = out[place, kept - 1, j, c]
+                last_rows[w, j, c] = out[place, kept - 1, j, c]
             for c in range(len(references[own_set][recorded][j])):
-                given[w, j, c] = references[own_set][recorded][j][c]
+                last_references[w, j, c] = references[own_set][recorded][j][c]
 
 
 def _clear_means(s: Any, k: Any) -> None:

@@ -263,7 +263,8 @@ class Worlds:
             alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
         parts: list[Given] = []
         count = 0
-        which = np.column_stack([numbers, numbers, np.arange(len(numbers)), numbers])
+        which = np.empty((len(numbers), 4), dtype=np.int64)
+        which[:, 0], which[:, 2] = numbers, self._everyone[: len(numbers)]
         for (_, substep), places in alike.items():
             worlds = numbers[places]
             inputs, held = self._inputs[worlds[0]], self._held[worlds]
@@ -534,8 +535,7 @@ class Worlds:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
         if the worlds are not watched."""
         self._check_watched()
-        self._numbers(world)
-        prepared, model, state = self._own[world], self.look(world).model, self.core.S[world]
+        model, prepared, state = self.look(world).model, self._own[world], self.core.S[world]
         if not self.healthy[world]:
             return False
         if model is None or prepared.stepping.released:
@@ -564,13 +564,15 @@ class Worlds:
         if worlds is None:
             return self._everyone
         given = np.asarray(worlds)
-        masked, whole = given.dtype == bool, given.dtype.kind in "iu" or not given.size
-        numbers = np.flatnonzero(given) if masked else given.astype(np.int64).reshape(-1) if whole else self._everyone
-        wrong = given.shape != (self.count,) if masked else not whole or len(set(numbers.tolist())) < len(numbers)
-        if wrong or ((numbers < 0) | (numbers >= self.count)).any():
-            message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
-            raise InputError(message, key="worlds", value=worlds, code="worlds")
-        return numbers
+        if given.dtype == bool:
+            if given.shape == (self.count,):
+                return np.flatnonzero(given)
+        elif given.dtype.kind in "iu" or not given.size:
+            numbers = given.astype(np.int64).reshape(-1)
+            if len({number for number in numbers.tolist() if 0 <= number < self.count}) == len(numbers):
+                return numbers
+        message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
+        raise InputError(message, key="worlds", value=worlds, code="worlds")
 
     def _check_watched(self) -> None:
         if not self._watched:

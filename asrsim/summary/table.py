@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
-MEASURES = 7
-"""Number of columns of the table of joints before the columns of the limits."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TableColumn:
@@ -22,11 +19,11 @@ class TableColumn:
     right: bool = True
 
 
-def joint_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
-    """Columns of the table of joints; limits that no joint reached have no column."""
+def measure_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
+    """Columns of the table of joints: names, actuators and measures."""
     joints = summary.joints
     length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
-    columns = [
+    return (
         TableColumn(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
         TableColumn(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
         TableColumn(heading=f"steady\n{length}", cells=cells([joint.measures.steady_state for joint in joints])),
@@ -36,12 +33,19 @@ def joint_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
         TableColumn(
             heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")
         ),
-    ]
-    for kind, heading in LIMITS.items():
-        found = tuple(share(joint.limits[kind], summary.total_substeps) for joint in joints)
-        if any(joint.limits[kind] for joint in joints):
-            columns.append(TableColumn(heading=heading.replace(" ", "\n"), cells=found))
-    return tuple(columns)
+    )
+
+
+def limit_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
+    """Columns of the limits that a joint reached, with each joint's share of the substeps."""
+    return tuple(
+        TableColumn(
+            heading=heading.replace(" ", "\n"),
+            cells=tuple(share(joint.limits[kind], summary.total_substeps) for joint in summary.joints),
+        )
+        for kind, heading in LIMITS.items()
+        if any(joint.limits[kind] for joint in summary.joints)
+    )
 
 
 def headline(summary: RunSummary) -> str:

@@ -14,7 +14,7 @@ from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.plain import finite_or_none
 from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of
-from asrsim.samples import Samples, grid
+from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.chunks import LONGEST_NUMBERS
 from asrsim.simulation.prepared import Prepared
@@ -139,7 +139,7 @@ class _Kind:
             return {}
         scenario = worlds.prepared.scenario
         record = worlds.record(worlds.selection.names, worlds=ready)
-        time = grid(0, scenario.steps + 1, scenario.step)
+        time = scenario.step_times()
         cells = {}
         for place, world in enumerate(ready):
             if not worlds.sane(world):

@@ -84,11 +84,16 @@ def follow(
 ) -> Followed:  # fmt: skip
     """Let a twin follow a recording of positions and commands.
 
-    Args: scenario: Scenario of the robot; if the sampling interval of the recording is longer than the step, it replaces the
-    step. recording: Any file that `asrsim.recordings.read_recording` reads; mapping, rate: as for `read_recording`. bandwidth:
-    Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the sampling rate if that is less. lag: Time by which the clock
-    of the positions is ahead of the clock of the commands, s. variant, overrides: As for `asrsim.run`. progress: Receives the
-    finished fraction of the recording. stop: Ends the work early when it returns True.
+    Args:
+        scenario: Scenario of the robot. If the sampling interval of the recording is longer than the scenario's step, it
+            replaces the step.
+        recording: Any file that `asrsim.recordings.read_recording` reads.
+        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the rate of steps if that is less.
+        mapping, rate: As for `read_recording`.
+        lag: Time by which the clock of the positions is ahead of the clock of the commands, s.
+        variant, overrides: As for `asrsim.run`.
+        progress: Receives the finished fraction of the recording.
+        stop: Ends the work early when it returns True.
 
     Raises:
         RecordingError: The recording has no position of any joint of the robot.

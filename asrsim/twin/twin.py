@@ -116,7 +116,8 @@ class Twin:
         n = len(self.joints)
         known = self.simulation.recording.selection.names
         self._springs = [name for name in known if name.startswith("elastic_torque_")]
-        self._has_stiffness = "stiffness" in known
+        self._read = [*self._springs, *(name for name in known if name == "stiffness")]
+        """Names of the quantities that each step reads from the simulation."""
         self._effort = np.array([drive.joint.most_effort for drive in ready.drives])
         self._friction = FRICTION * np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
@@ -263,7 +264,7 @@ class Twin:
                 self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
 
     def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
-        read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state
+        read, state = self.simulation.read(self._read), self._state
         springs = _zero_if_missing(np.array([read[name] for name in self._springs]).reshape(-1, len(self.joints)))
         spring, sizes = springs.sum(axis=0), np.abs(springs)
         self._stiffness = read.get("stiffness", self._stiffness)

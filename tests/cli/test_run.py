@@ -57,6 +57,17 @@ def test_a_run_leaves_log_summary_and_table(tiny, asrsim_command) -> None:
     assert "\x1b[" not in outcome.out
 
 
+@pytest.mark.parametrize("scenario", ["step_2dof", "step_1dof_awas_ii"])
+def test_tables_of_examples_fit_80_columns(scenario: str, asrsim_command) -> None:
+    """Both examples reach limits, whose columns would not fit beside those of the measures."""
+    path = ROOT / "examples" / "scenarios" / f"{scenario}.yaml"
+    lines = asrsim_command("run", path, "--no-plot", "--set", "duration=0.5").out.splitlines()
+    rules = [line for line in lines if set(line) == set(" ─")]
+    assert sum(line.startswith("  limits: ") for line in lines) == len(rules) / 2
+    # Each rule is as long as the longest line of its table.
+    assert max(map(len, rules)) <= 80
+
+
 def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsim_command) -> None:
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json", "--set", "duration=0.3")
     document = json.loads(outcome.out)
@@ -320,6 +331,13 @@ def test_rerun_needs_consent_to_run_code_of_a_log(tiny, asrsim_command) -> None:
 def test_version_and_unknown_commands(asrsim_command) -> None:
     assert asrsim_command("--version").out.startswith("asrsim ")
     assert asrsim_command("rum").code == 2
+
+
+def test_plot_without_a_log_is_wrong_usage(asrsim_command) -> None:
+    outcome = asrsim_command("plot")
+    assert outcome.code == 2
+    assert "name a log" in outcome.err
+    assert asrsim_command("plot", "--experiment", "lab.csv").code == 2
 
 
 def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from asrsim.scenario.data import LinkDamping
+from asrsim.signals import Step
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEP, INERTIA = 1e-3, 0.01
@@ -44,3 +46,42 @@ def test_damping_ratio_follows_stiffness_only_in_joints_with_a_spring() -> None:
         ends = [run(robot, mode=mode, initial=[0.3], duration=0.05, link_damping={"*": law}) for law in (constant, ratio)]
         one, other = (end.samples.values["link_position"][-1, 0] for end in ends)
         assert bool(one == other) is same
+
+
+def awas_swing(rows: np.ndarray, jump: float, presets: tuple[float, float], constant: float, ratio: float) -> np.ndarray:
+    """Positions of a link at the times of `rows`, from rest at 0, with its AwAS-II at 0.2 rad and a preset that jumps (paper
+    eq. 4; section 4.2.2 for the damping). The default parameters are Ks = 10 N m/rad, L = 50 mm, r_t = 15 mm."""
+
+    def slope(_: float, state: np.ndarray, preset: float) -> list[float]:
+        gain = 2.0 * 10.0 * (0.05 / 0.015 * preset / (0.05 - preset)) ** 2
+        bent = 0.2 - state[0]
+        damping = constant + 2.0 * ratio * np.sqrt(INERTIA * gain * np.cos(2.0 * bent))
+        return [state[1], (gain * np.sin(bent) * np.cos(bent) - damping * state[1]) / INERTIA]
+
+    late = rows > jump
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13}
+    first = solve_ivp(slope, (0.0, jump), [0.0, 0.0], args=presets[:1], dense_output=True, **options)
+    second = solve_ivp(slope, (jump, rows[-1]), first.y[:, -1], args=presets[1:], t_eval=rows[late], **options)
+    return np.concatenate([first.sol(rows[~late])[0], second.y[0]])
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
+def test_damping_ratio_uses_the_stiffness_on_each_side_of_jumps(share: float, engine: str, compiled: bool) -> None:
+    """The preset jumps `share` of a step after a row of the log; the error falls with the square of the step."""
+    errors = []
+    for step in (1e-3, 2.5e-4):
+        jump, presets, constant, ratio = 0.05 + share * step, (0.005, 0.02), 0.01, 0.2
+        result = run(
+            chain(Body(actuator="awas_ii", mass=1e-9, reach=0.0, inertia=INERTIA)), mode=3, gravity=0.0, duration=0.1,
+            step=step, substeps=1, engine=engine, compiled=compiled,
+            references={
+                "equilibrium_position": 0.2, "stiffness_preset": Step(at=jump, before=presets[0], after=presets[1]),
+            },
+            link_damping={"*": LinkDamping(constant=constant, ratio=ratio, inertia=INERTIA)},
+        )  # fmt: skip
+        truth = awas_swing(result.samples.time, jump, presets, constant, ratio)
+        errors.append(np.abs(column(result, "link_position") - truth).max())
+    assert errors[0] < 5e-4
+    assert np.log2(errors[0] / errors[1]) / 2.0 > 1.9

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
+from asrsim.engines import ENGINES
+from asrsim.engines.base import DAMPING, TORQUE, EngineEntry
+from asrsim.engines.mujoco import MujocoEngine
 from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
@@ -84,6 +87,30 @@ def test_divergence_error_names_the_unstable_joint() -> None:
     with pytest.raises(DivergenceError) as caught:
         run(robot, mode=3, duration=1.0, substeps=1, joints={"joint_1": {"equilibrium_position": 0.1}, "joint_2": STIFF})
     assert caught.value.joint == "joint_2"
+
+
+class Undamped(MujocoEngine):
+    """Faulty engine that ignores the damping of the joints."""
+
+    native = None
+
+    def step(self, exchange, wrenches, lengths):
+        """Step without damping."""
+        free = exchange.copy()
+        free[..., DAMPING] = 0.0
+        super().step(free, wrenches, lengths)
+        exchange[..., :TORQUE] = free[..., :TORQUE]
+
+
+def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A link of 0.125 J coasts. The damping has to take this energy in 0.1 s, but the link keeps it."""
+    robot = chain(Body(mass=1e-9, reach=0.0, inertia=0.01, damping=0.1))
+    options: dict[str, Any] = {"gravity": 0.0, "duration": 1.0, "engine": "mujoco", "initial_velocities": {"joint_1": 5.0}}
+    assert run(robot, **options).status == "complete"
+    entry = EngineEntry(make=lambda *given: (Undamped(*given), ()), doc="wrong", module="mujoco")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    with pytest.raises(DivergenceError, match="that nothing gave them"):
+        run(robot, **options)
 
 
 def test_excessive_input_is_distinguished_from_an_unstable_spring() -> None:

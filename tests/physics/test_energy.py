@@ -14,7 +14,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.signals import PulseTrain, Sinusoid
 from asrsim.simulation.run import Run
 from validation.conservation import motors
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
 BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
 WAVE = Sinusoid(amplitude=0.3, frequency=2.0)
@@ -131,6 +131,29 @@ def test_a_rigid_joint_has_no_spring_energy(mode: int) -> None:
     assert "link_work" in quantities
     assert not {"spring_energy", "energy_residual", "friction_loss"} & set(quantities)
     np.testing.assert_array_equal(column(result, "motor_work"), column(result, "link_work"))
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("effort", [0.8, 1e6])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
+def test_work_of_a_jumping_controller_is_kinetic_energy(share: float, effort: float, engine: str, compiled: bool) -> None:
+    """There is no other force. The reference jumps every 20 ms, `share` of a step after a row of the log; 0.8 N m is a limit
+    that acts on one side of the jumps. Half way between the jumps the error falls with the square of the step."""
+    limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
+    inertia, left = 0.01, []
+    for step in (1e-3, 2.5e-4):
+        jumps = PulseTrain(low=0.1, high=0.5, start=0.02 + share * step, period=0.04, width=0.02)
+        result = run(
+            chain(Body(actuator="sea", mass=1e-9, reach=0.0, inertia=inertia, limits=limits)), mode=1, gravity=0.0,
+            duration=0.2, step=step, substeps=1, engine=engine, compiled=compiled, references={"link_position": jumps},
+            parameters={"controller_1_proportional": 4.0, "controller_1_integral": 5.0, "controller_1_derivative": 0.1},
+        )  # fmt: skip
+        between = slice(round(0.01 / step), None, round(0.02 / step))
+        energy = 0.5 * inertia * column(result, "link_velocity") ** 2
+        left.append(np.abs(energy - column(result, "link_work"))[between].max())
+    assert left[0] < 1e-4
+    assert np.log2(left[0] / left[1]) / 2.0 > 1.9
 
 
 def test_energy_and_momentum_are_constant_after_a_push() -> None:

@@ -36,3 +36,22 @@ def test_velocity_cutoff_lets_springs_brake_but_not_accelerate(engine: str, kick
     assert -FASTEST - 1e-3 * rate * 2.0 * FASTEST < speed.min() < -FASTEST
     crossed = (time[1:] > 0.5 * np.pi / rate) & (q[1:] > 0.0) & (speed < -FASTEST)
     assert np.ptp(speed[crossed]) < 1e-6
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_moving_link_starts_with_the_effort_limit_alone(engine: str, compiled: bool) -> None:
+    """The derivative action wants twice the limit E at the start and more than E until the end: q = v t - E t^2 / (2 I)."""
+    effort, speed = 0.5, 1.0
+    limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
+    result = run(
+        chain(Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, limits=limits)), mode=1, gravity=0.0,
+        duration=0.008, substeps=1, engine=engine, compiled=compiled, initial_velocities={"joint_1": speed},
+        references={"link_position": 0.0},
+        parameters={
+            "controller_1_proportional": 0.0, "controller_1_integral": 0.0, "controller_1_derivative": 2.0 * effort / speed,
+        },
+    )  # fmt: skip
+    time = result.samples.time
+    moved = speed * time - 0.5 * effort / INERTIA * time**2
+    np.testing.assert_allclose(column(result, "link_position"), moved, rtol=0.0, atol=1e-12)

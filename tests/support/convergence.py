@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,15 +55,19 @@ def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list
     return [float(links), float(motors), float(base)]
 
 
-def speed_and_errors(
-    run: RandomRun, folder: Path, engine: str, *, compiled: bool = False, **options: str
-) -> tuple[float, Array]:
-    """Largest speed of a joint (at least 1 rad/s), and the result of `errors`."""
+def speed_and_truth(run: RandomRun) -> tuple[float, dict[str, Array]]:
+    """Largest speed of a joint (at least 1 rad/s), and the independent solution."""
     times = np.arange(round(run.duration * 100) + 1) / 100.0
     # The torque of a spring with hysteresis has a corner wherever the deflection reverses.
     corners = any("hysteresis_torque" in joint.parameters for joint in run.joints)
     truth = solve(run, times, **({"tolerance": 1e-9, "longest": 2e-3} if corners else {}))
-    return max(1.0, float(np.abs(truth["velocities"]).max())), errors(run, folder, engine, truth, compiled=compiled, **options)
+    return max(1.0, float(np.abs(truth["velocities"]).max())), truth
+
+
+def speed_and_errors(run: RandomRun, folder: Path, engine: str, **options: Any) -> tuple[float, Array]:
+    """Largest speed of a joint (at least 1 rad/s), and the result of `errors`."""
+    speed, truth = speed_and_truth(run)
+    return speed, errors(run, folder, engine, truth, **options)
 
 
 def check(run: RandomRun, folder: Path, engines: list[str], *, order: float = 1.6) -> None:
@@ -70,8 +75,9 @@ def check(run: RandomRun, folder: Path, engines: list[str], *, order: float = 1.
 
     At the deflection limit of a spring and at the effort limit, the torque has a corner, which reduces the order slightly.
     """
+    speed, truth = speed_and_truth(run)
     for engine in engines:
-        speed, found = speed_and_errors(run, folder, engine)
+        found = errors(run, folder, engine, truth)
         assert found[0].max() < 5e-5 * speed, (engine, found)
         for coarse, fine in zip(found[0], found[2], strict=True):
             small = coarse < ROUNDING or (coarse < CHANCE * found[0].max() and fine < coarse)

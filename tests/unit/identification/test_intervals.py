@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,13 +16,15 @@ from scipy.special import stdtrit
 
 from asrsim import identify
 from asrsim.identification.causes import presliding
-from asrsim.identification.combinations import combinations
+from asrsim.identification.combinations import Combination, combinations
 from asrsim.identification.extensions import Extension, extended
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
+from asrsim.identification.search import Best, settle
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
+from asrsim.identification.verdicts import estimates
 from asrsim.robot import load_robot, with_overrides
 from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT
@@ -123,6 +127,16 @@ def test_a_diverged_simulation_gives_no_derivative():
     np.testing.assert_allclose(found, slopes * [1.0, 0.0, 1.0], atol=1e-9)
 
 
+def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
+    diverging = modelled(lambda x: None, 1, 50)
+    (track,) = diverging.tracks
+    track.channels *= 2
+    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1))
+    best = Best(replace(diverging, weights=((2.0, 3.0),)), np.zeros(1))
+    settle(best, SimpleNamespace(robot=SimpleNamespace(actuators=(), moving_joints=(), links=())))
+    assert best.problem.weights == ((2.0, 3.0),)
+
+
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
 @pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0)])
 def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_sizes(values, powers):
@@ -142,6 +156,26 @@ def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_size
     assert np.prod(np.array(values) ** known) == pytest.approx(one.value)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.2])
+def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -> None:
+    """Unit noise, columns of norm 3 at an angle: together 1.96 / (3 sin(angle)) > 1, one alone 1.96 / 3. A norm of 1 is no
+    effect.
+    """
+    columns = np.zeros((100, 3))
+    columns[0] = 3.0, 3.0 * math.cos(angle), 0.0
+    columns[1, 1], columns[2, 2] = 3.0 * math.sin(angle), 1.0
+
+    def verdicts(slopes: np.ndarray) -> list[str]:
+        n, problem = slopes.shape[1], linear(slopes)
+        found = uncertainty(problem, np.zeros(n), [False] * n, foreseen=True)
+        known, _ = estimates(problem, np.zeros(n), found, [False] * n)
+        assert all(math.isnan(one.low) for one in known if one.verdict != "weak")
+        return [one.verdict for one in known]
+
+    assert verdicts(columns) == ["only as ratio", "only as ratio", "no effect"]
+    assert verdicts(columns[:, :1]) == verdicts(columns[:, 1:2]) == ["weak"]
+
+
 @pytest.mark.parametrize(("unit", "text", "value"), [("kg", "a + b", 3.0), ("1", "a * b", 2.25), ("m", "a * b", 2.25)])
 def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, text: str, value: float) -> None:
     parameters = [Parameter(key=key, unit=unit, start=1.5, low=1e-3, high=1e3, logarithmic=True) for key in "ab"]
@@ -150,6 +184,48 @@ def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, tex
     found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
     (one,) = combinations(problem, np.zeros(2), found, [0, 1])
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
+
+
+def of_two(values: tuple[float, float], slopes: tuple[float, float], start: float | None = None) -> list[Combination]:
+    """Combinations of two angles at these values, of which a recording shows one direction with these slopes."""
+    parameters = [
+        Parameter(key=key, unit="rad", start=value if start is None else start, low=-5.0, high=5.0)
+        for key, value in zip("ab", values, strict=True)
+    ]
+    layout = make_layout(parameters, (), ["a"], [{}])
+    x = np.array([entry.place(value) for entry, value in zip(layout.entries, values, strict=True)])
+    shape = 1e3 * np.sin(np.linspace(0.0, 9.0, 200))
+    problem = modelled(lambda x: shape * (np.array(slopes) @ (layout.values(x) - values)), parameters, 200)
+    return combinations(problem, x, uncertainty(problem, x, [False] * 2, foreseen=True), [0, 1])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("values", [(1.0, -2.0), (-1.0, -2.0), (-1.0, 2.0), (1.5, -0.5), (-1.5, 0.001)])
+def test_a_known_sum_has_its_sign_whatever_its_terms(values: tuple[float, float], sign: float) -> None:
+    (one,) = of_two(values, (1.0, sign))
+    assert (one.text, one.value) == (f"a {'+' if sign > 0.0 else '-'} b", pytest.approx(values[0] + sign * values[1]))
+
+
+def test_a_sum_that_is_zero_has_no_relative_interval() -> None:
+    assert of_two((1.0, -1.0), (1.0, 1.0)) == []
+
+
+def test_a_product_with_a_value_near_zero_gets_no_wrong_powers() -> None:
+    """a b is known, a is a hundredth of its typical size."""
+    assert all("^" not in one.text for one in of_two((0.01, 1.0), (1.0, 0.01), start=1.0))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_combination_beyond_all_numbers_is_left_out() -> None:
+    """Only a^8 b is known, and a is 1e40."""
+    starts = {"a": 1e40, "b": 2.0}
+    parameters = [
+        Parameter(key=key, unit="", start=v, low=1e-9 * v, high=1e9 * v, logarithmic=True) for key, v in starts.items()
+    ]
+    slopes = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), [8.0, 1.0])
+    problem = modelled(lambda x: slopes @ x, parameters, 200)
+    found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
+    assert combinations(problem, np.zeros(2), found, [0, 1]) == []
 
 
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():

@@ -243,6 +243,15 @@ def test_an_archive_that_unpacks_to_more_than_the_memory_is_refused(tmp_path: Pa
         read_recording(tmp_path / "lab.npz")
 
 
+def test_an_archive_without_a_readable_directory_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "lab.npz"
+    np.savez(path, time=TIME, q1=Q1)
+    path.write_bytes(path.read_bytes().replace(b"PK\x01\x02", b"PK\0\0"))
+    with pytest.raises(RecordingError, match=r"lab\.npz: cannot be read as an archive") as error:
+        read_recording(path)
+    assert error.value.problems[0].code == "damaged"
+
+
 def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path: Path) -> None:
     from mcap.writer import CompressionType, Writer
 

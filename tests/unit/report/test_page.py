@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -251,6 +252,15 @@ def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command, command: 
         assert f"{name}/log.mcap: left out: {reason}" in outcome.err
     good.write_bytes(b"")
     assert asrsim_command(command, tmp_path).code == 1
+
+
+def test_a_log_without_link_positions_has_a_page(tmp_path: Path):
+    whole = read_log(made_up_log(tmp_path / "whole.mcap", count=20))
+    joints = tuple(replace(joint, quantities=("link_torque", "reference_1")) for joint in whole.info.joints)
+    with LogWriter(tmp_path / "log.mcap", replace(whole.info, joints=joints)) as writer:
+        writer.write(whole.samples)
+    (joint,) = page_data(write_report(tmp_path / "log.mcap", film=False))["joints"]
+    assert [plot["title"] for plot in joint["plots"]] == ["link torque"]
 
 
 @needs_browser

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import struct
 
 import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
+from asrsim.scenario.starter import relocated
 from asrsim.signals import Constant, Ramp, Step
 from support.bags import write_bag
 
@@ -166,6 +168,31 @@ def test_a_folder_bag_is_attached_file_by_file(tmp_path):
     assert scenario.resolved["references"]["a"]["reference_2"]["playback"]["file"] == "run"
     again = scenario_from_data(scenario.resolved, base_dir=tmp_path, files=scenario.attachments)
     assert again.references == scenario.references
+
+
+def test_a_relocated_scenario_finds_every_file(tmp_path):
+    lab, other = tmp_path / "lab", tmp_path / "other"
+    for folder in (lab / "data", lab / "ros", other):
+        folder.mkdir(parents=True)
+    (lab / "arm.urdf").write_text("<robot name='arm'/>")
+    (lab / "data" / "ref.csv").write_text("time,q\n0,1\n")
+    (lab / "data" / "hand.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0))
+    write_bag(lab / "data" / "run", ros1=False)
+    files = {"reference_1": {"file": "data/run", "column": "/q"}, "reference_2": {"file": "data/ref.csv", "column": "q"}}
+    given = {
+        "robot": {"file": "arm.urdf", "packages": {"arm_description": "ros"}}, "duration": 1,
+        "references": {"a": {name: {"playback": play} for name, play in files.items()}},
+        "world": {"objects": {"hand": {"shape": "mesh", "mesh": "data/hand.stl"}}},
+    }  # fmt: skip
+    (lab / "s.yaml").write_text(json.dumps(given))
+    (scenario,) = load_scenario(lab / "s.yaml")
+    (other / "s.yaml").write_text(json.dumps(relocated(scenario, other)))
+    (found,) = load_scenario(other / "s.yaml")
+    assert found.robot.samefile(scenario.robot)
+    assert found.package_paths["arm_description"].samefile(lab / "ros")
+    assert found.world.objects[0].mesh.samefile(lab / "data" / "hand.stl")
+    for name, play in files.items():
+        assert found.references["a"][name].file.samefile(lab / play["file"])
 
 
 @pytest.mark.parametrize("key", ["gravity", "base.position", "base.rpy"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
+from asrsim.recordings import read_recording
 from asrsim.signals import parse_signal
 from asrsim.signals.curve import curve_through, is_jump
 from support.bags import write_bag
@@ -42,6 +43,23 @@ def test_other_time_column_in_ms_and_shifted_start(tmp_path):
     text = "stamp_ms [ms];q\n1000;1\n2000;2\n"
     signal = play(tmp_path, text, column="q", time="stamp_ms", start=5)
     assert signal.values(np.array([5.0, 5.5, 6.0])).tolist() == [1, 1.5, 2]
+
+
+@pytest.mark.parametrize(
+    ("names", "clock", "document"),
+    [
+        ("ms", lambda i: f"{10 * i}", ""),
+        ("nanosec", lambda i: f"{10**7 * i}", ""),
+        ("timestamp", lambda i: f"{1_700_000_000_000 + 10 * i}", ""),
+        ("sec,nanosec", lambda i: f"{i // 100},{i % 100 * 10**7}", "time: [sec, nanosec]"),
+    ],
+)
+def test_a_playback_has_the_times_of_the_recording(tmp_path, names, clock, document):
+    text = "\n".join([f"{names},q1 [rad]", *(f"{clock(i)},{0.1 * i}" for i in range(150))])
+    (tmp_path / "ref.csv.yaml").write_text(document)
+    times, _ = play(tmp_path, text, column="q1").samples
+    assert times == pytest.approx(0.01 * np.arange(150), abs=1e-9)
+    assert times == pytest.approx(read_recording(tmp_path / "ref.csv").time, abs=1e-9)
 
 
 def test_a_changed_file_is_read_again(tmp_path):

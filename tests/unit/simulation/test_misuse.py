@@ -68,12 +68,27 @@ def test_a_snapshot_is_of_one_simulation_and_its_parameters(simulation, tiny) ->
         simulation.restore(kept)
 
 
-@pytest.mark.parametrize("call", ["advance", "observe", "snapshot", "reset"])
+CALLS: dict[str, list[object]] = {
+    "advance": [], "observe": [], "snapshot": [], "reset": [], "set_reference": ["elbow", "equilibrium_position", 0.3],
+}  # fmt: skip
+"""Methods of simulations and worlds, and their arguments."""
+
+
+@pytest.mark.parametrize("call", CALLS)
 def test_a_closed_simulation_says_so(simulation, call: str) -> None:
     simulation.close()
     with pytest.raises(SimulationError, match="is closed"):
-        getattr(simulation, call)()
+        getattr(simulation, call)(*CALLS[call])
     simulation.close()
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_closed_worlds_say_so(tiny, call: str) -> None:
+    worlds = asrsim.Worlds(tiny.scenario, 2)
+    worlds.close()
+    with pytest.raises(SimulationError, match="are closed"):
+        getattr(worlds, call)(*CALLS[call])
+    worlds.close()
 
 
 @pytest.mark.parametrize(
