@@ -152,7 +152,7 @@ def _response(
     return FrequencyResponse(
         frequency=spectra.frequency, gain=gain, phase=phase, coherence=np.clip(spectra.coherence, 0, 1),
         gain_low=gain * np.maximum(1 - width, 0), gain_high=gain * (1 + width), phase_margin=margin,
-        confidence=confidence, averages=spectra.averages, resolution=spectra.resolution, method=method, band=band,
+        confidence=confidence, averages=spectra.freedom, resolution=spectra.resolution, method=method, band=band,
         resonance=_resonance(spectra.frequency, gain, spectra.coherence) if moves else None,
         bandwidth=_bandwidth(spectra.frequency, gain) if moves else None, moves=moves, findings=tuple(findings),
     )  # fmt: skip

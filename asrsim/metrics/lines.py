@@ -55,10 +55,9 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     freedom = 2 * _AROUND + 1 - np.sum(np.abs(middle[:, None] - middle) <= _AROUND, axis=1)
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
-    least = float(freedom.min())
     return Spectra(
         frequency=cycles / (n * step), response=response, coherence=1 / (1 + freedom * relative), deviation=np.sqrt(relative),
-        freedom=least, averages=least, resolution=1.0 / (count * step),
+        freedom=float(freedom.min()), resolution=1.0 / (count * step),
     )  # fmt: skip
 
 

@@ -29,7 +29,6 @@ class Spectra:
     """
     freedom: float
     """Number of complex degrees of freedom from which each deviation is estimated."""
-    averages: float
     resolution: float
     """Distance between independent points, Hz."""
 

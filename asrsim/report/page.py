@@ -130,13 +130,14 @@ def _known(value: float | None) -> float:
 
 
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    rows, limited = [], False
+    limited = any(joint.get("limits") for run in runs for joint in run.summary.get("joints", ()))
+    limits = LIMITS if limited else {}
+    rows = []
     for run, label in zip(runs, labels, strict=True):
         total = run.summary.get("total_substeps") or 1
         for joint in run.summary.get("joints", ()):
             unit = "m" if joint.get("prismatic") else "rad"
             counts = joint.get("limits", {})
-            limited = limited or bool(counts)
             mode = "" if joint.get("mode") is None else f", mode {joint['mode']}"
             rows.append(
                 [
@@ -145,13 +146,11 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     f"{joint['actuator']}{mode}",
                     unit,
                     *(cells([factor * _known(joint.get(key))], form)[0] for key, _, factor, form in _MEASURES),
-                    *(share(counts.get(key, 0), total) for key in LIMITS),
+                    *(share(counts.get(key, 0), total) for key in limits),
                 ]
             )
     heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _, _ in _MEASURES)]
-    heads += LIMITS.values()
-    if not limited:
-        heads, rows = heads[: -len(LIMITS)], [row[: -len(LIMITS)] for row in rows]
+    heads += limits.values()
     note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
     return section("Joints", table(heads, rows) + note) if rows else ""
 
