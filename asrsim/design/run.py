@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.design.limits import Limits, located, read_limits
 from asrsim.design.plant import DesignPlant, Reference
-from asrsim.design.search import DESIGN, Found, Search
+from asrsim.design.search import DESIGN, SMALL, Found, Search
 from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
@@ -36,8 +36,6 @@ TRIED = 12
 """Number of random pieces that are tried, after the chirps, before a parameter is said to have no effect."""
 CHECKS, FACTOR = 24, 2.0
 """Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
-MANY = 27
-"""Largest number of combinations of gains that are tried."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""
 
@@ -46,7 +44,6 @@ WANTED = 0.05
 class Design:
     """A designed motion, and the predicted intervals of the parameters."""
 
-    task: Task
     scenario: Scenario
     references: tuple[Reference, ...]
     step: float
@@ -111,15 +108,21 @@ def design(
             known = _of_recordings(set_up(task, stack).problem, layout)
             remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
         with located(path):
-            plant = DesignPlant(ready, robot, layout, read, seconds)
-            stack.callback(plant.close)
             generator = np.random.default_rng(seed)
             robots = [np.zeros(len(layout)), *(off(layout, generator) for _ in range(robust))]
-            checks = [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
-            searches = []
-            for gains in _choices(read):
-                substeps = plant.substeps_of(gains, robots + checks)
-                searches.append(Search(plant, gains, robots, checks, substeps, known, np.random.default_rng(seed), stop))
+            robots += [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
+            plant = DesignPlant(ready, robot, layout, read, seconds, robots)
+            stack.callback(plant.close)
+            searches = [
+                Search(
+                    plant.under(dict(zip(read.gains, values, strict=True))),
+                    1 + robust,
+                    known,
+                    np.random.default_rng(seed),
+                    stop,
+                )
+                for values in product(*read.gains.values())
+            ]
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
         # An interval is relative to the value; if the value is zero, to its typical size.
@@ -127,8 +130,10 @@ def design(
         known_by = {DESIGN: best.information} | {
             name: one.information for name, one in search.motions.items() if name != DESIGN
         }
-        for group, sensor in enumerate(read.sensors, start=1):
-            known_by[f"with {sensor}"] = best.information + best.information[:, [group]]
+        for sensor in read.sensors:
+            more = search.plant.play(best.motion, search.robots, changes=SMALL, sensor=sensor)
+            if more is not None and more.information is not None:
+                known_by[f"with {sensor}"] = best.information + more.information
         intervals = {name: 1.96 * search.deviations(one)[0] * sizes for name, one in known_by.items()}
         keys = tuple(entry.name for entry in layout.entries)
         unknown = [key for key, half in zip(keys, intervals[DESIGN], strict=True) if half > 1.0]
@@ -136,7 +141,7 @@ def design(
         if best.name != DESIGN:
             remarks.append(f"no motion was found that is better than: {best.name}")
         return Design(
-            task=task, scenario=ready, references=plant.references, step=plant.step, gains=search.gains, keys=keys, found=best,
+            scenario=ready, references=plant.references, step=plant.step, gains=search.plant.gains, keys=keys, found=best,
             intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
         )  # fmt: skip
 
@@ -191,20 +196,13 @@ def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False)
     return np.clip(places, *layout.bounds)
 
 
-def _choices(limits: Limits) -> Iterator[dict[str, float]]:
-    table = list(product(*limits.gains.values()))
-    if len(table) > MANY:
-        raise InputError(f"{len(table)} choices of gains are more than {MANY}", key="choose", code="choose")
-    return (dict(zip(limits.gains, values, strict=True)) for values in table)
-
-
 def _probe(search: Search) -> None:
     """Raise InputError if the start exceeds limits, no motion keeps the limits, or no recorded quantity depends on
     a parameter.
     """
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
-    resting = search.play(home, checks=len(search.checks))
+    resting = plant.play(home, len(plant.robots))
     if resting is None:
         raise InputError("the simulation of the resting robot diverges", key="limits", code="start-limit")
     if resting.use.max(initial=0.0) > 1.0:
@@ -218,7 +216,7 @@ def _probe(search: Search) -> None:
     tried = [*search.motions.values(), *search.library]
     if not tried:
         raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
-    seen = np.diagonal(sum(one.information[0].sum(axis=0) for one in tried) + search.known)
+    seen = np.diagonal(sum(one.information[0] for one in tried) + search.known)
     none = [entry.name for entry, shown in zip(plant.layout.entries, seen, strict=True) if shown < 1e-8]
     if none:
         message, hint = "no motion identifies it: no recorded quantity depends on it", "Do not free it, or record more"
@@ -232,7 +230,7 @@ def _searched(searches: Sequence[Search], rounds: int, progress: Callable[[float
         one.run(rounds // 5)
         progress(0.5 * (i + 1) / len(searches))
         if one.best is not None:
-            named = ", ".join(f"{key} = {value:g}" for key, value in one.gains.items())
+            named = ", ".join(f"{key} = {value:g}" for key, value in one.plant.gains.items())
             remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % in the mean")
     search = min(searches, key=lambda one: np.inf if one.best is None else one.rank(one.best))
     best = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
@@ -241,5 +239,5 @@ def _searched(searches: Sequence[Search], rounds: int, progress: Callable[[float
         hint = "Widen the limits, free fewer parameters, or add damping to the scenario"
         raise InputError(message, key="limits", hint=hint, code="limits")
     if several:
-        remarks.insert(0, "gains: " + ", ".join(f"{key} = {value:g}" for key, value in search.gains.items()))
+        remarks.insert(0, "gains: " + ", ".join(f"{key} = {value:g}" for key, value in search.plant.gains.items()))
     return search, best, remarks

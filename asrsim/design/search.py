@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
 from asrsim.design.motion import Piece, chirp, fresh, step, varied
-from asrsim.design.plant import DesignPlant, MotionOutcome
-from asrsim.identification.door import Substeps
+from asrsim.design.plant import DesignPlant
 from asrsim.samples import Array
 
 LENGTH, MOST = 2.0, 8
 """Usual length of a piece, s; largest number of pieces of a motion."""
 FRESH, BATCH = 100, 40
 """Number of random pieces; number of variations in each round."""
-FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
-"""First and last frequencies of chirps, Hz; number of chirps of each kind that are tried as whole motions."""
+FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 5
+"""First and last frequencies of chirps, Hz; number of chirps that are tried as whole motions."""
 FULL, ENOUGH = 0.97, 0.93
 """Fraction of a limit to which a motion is scaled; fraction of its goal with which a motion is large enough."""
 TRIES, SHRINKING = 8, 4
@@ -27,7 +26,7 @@ shrinks.
 """
 FEW = 4
 """Number of further robots on which each piece keeps the limits; the whole motion keeps them on all further robots."""
-ONE_STEP, CHIRP, PRESET_CHIRP, DESIGN = "one step", "chirp", "chirp, preset moved", "design"
+ONE_STEP, CHIRP, DESIGN = "one step", "chirp", "design"
 SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
 """Relative changes of the parameters for sensitivities; larger changes with which predicted deviations are checked, as
 fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of deviations.
@@ -53,7 +52,7 @@ class Found:
     motion: Array
     """Motion (references, rows) in the references' units."""
     information: Array
-    """Fisher matrices (robots, groups, n, n)."""
+    """Fisher matrices (robots, n, n)."""
 
 
 @dataclass(eq=False)
@@ -61,12 +60,8 @@ class Search:
     """A search with given gains. Its results are stored, so that a further call of `run` continues the search."""
 
     plant: DesignPlant
-    gains: Mapping[str, float]
-    robots: Sequence[Array]
-    """Parameter vectors of the robots for which the motion is designed."""
-    checks: Sequence[Array]
-    """Parameter vectors of further robots on which the motion must keep the limits."""
-    substeps: Substeps
+    robots: int
+    """Number of robots for which the motion is designed; on all robots of the plant, the motion must keep the limits."""
     known: Array
     """Fisher matrix (n, n) of earlier recordings."""
     generator: np.random.Generator
@@ -88,8 +83,8 @@ class Search:
         return min(MOST, max(1, round((self.plant.rows - 1) * self.plant.step / LENGTH)))
 
     def deviations(self, information: Array) -> Array:
-        """Standard deviations (..., robots, n) for Fisher matrices (..., robots, groups, n, n) of the recorded sensors."""
-        matrices = information[..., 0, :, :] + self.known + PRIOR * np.eye(len(self.known))
+        """Standard deviations (..., robots, n) for Fisher matrices (..., robots, n, n)."""
+        matrices = information + self.known + PRIOR * np.eye(len(self.known))
         variances = np.diagonal(np.linalg.inv(matrices), axis1=-2, axis2=-1)
         return np.asarray(np.sqrt(np.maximum(variances, 1e-30)))
 
@@ -101,13 +96,7 @@ class Search:
         """Score of a motion alone."""
         return float(self.score(found.information))
 
-    def play(
-        self, motion: Array, *, checks: int = 0, changes: Sequence[Array | float] = (), windows: int = 1
-    ) -> MotionOutcome | None:
-        """Outcome of a motion on the robots of the design, and on some of the further robots."""
-        return self.plant.play(motion, self.gains, [*self.robots, *self.checks[:checks]], self.substeps, changes, windows)
-
-    def fitted(self, pieces: Sequence[Piece], rows: int, checks: int) -> Sequence[Piece] | None:
+    def fitted(self, pieces: Sequence[Piece], rows: int, robots: int) -> Sequence[Piece] | None:
         """Pieces scaled into the limits; None if no tried size keeps the limits.
 
         In each window, a single piece becomes so large that each joint uses its goal, a fraction of its limits. Several pieces
@@ -116,7 +105,7 @@ class Search:
         presets, best, most = self.plant.presets, None, -1.0
         goals = FULL * np.maximum(np.hstack([one.goals for one in pieces]), 0.02)
         for left in reversed(range(TRIES)):
-            outcome = self.play(self.plant.motion(pieces, rows), checks=checks, windows=goals.shape[1])
+            outcome = self.plant.play(self.plant.motion(pieces, rows), robots, windows=goals.shape[1])
             factors = np.full(goals.shape, 0.5)
             if outcome is not None:
                 use = np.maximum(outcome.use, 1e-6)
@@ -138,13 +127,13 @@ class Search:
             pieces = [one.scaled(part) for one, part in zip(pieces, parts, strict=True)]
         return best
 
-    def judged(self, name: str, pieces: Sequence[Piece], rows: int, checks: int) -> Found | None:
+    def judged(self, name: str, pieces: Sequence[Piece], rows: int, robots: int) -> Found | None:
         """Motion scaled into the limits, with its information; None if no size keeps them, or if a robot is near chaos."""
-        fitting = self.fitted(pieces, rows, checks)
+        fitting = self.fitted(pieces, rows, robots)
         if fitting is None:
             return None
         motion = self.plant.motion(fitting, rows)
-        outcome = self.play(motion, changes=SMALL)
+        outcome = self.plant.play(motion, self.robots, changes=SMALL)
         if outcome is None or outcome.information is None:
             return None
         return Found(name, fitting, motion, outcome.information)
@@ -158,7 +147,7 @@ class Search:
         least, small = found.information, self.deviations(found.information + others)
         size = np.minimum(small.min(axis=0), LARGEST)
         for share in LARGER:
-            outcome = self.play(found.motion, changes=(share * size, -share * size))
+            outcome = self.plant.play(found.motion, self.robots, changes=(share * size, -share * size))
             if outcome is None or outcome.information is None:
                 return None
             ratios = self.deviations(outcome.information + others) / small
@@ -169,25 +158,23 @@ class Search:
 
     def whole(self, name: str, pieces: Sequence[Piece]) -> Found | None:
         """Whole motion within the limits on all robots."""
-        return self.judged(name, pieces, self.plant.rows, len(self.checks))
+        return self.judged(name, pieces, self.plant.rows, len(self.plant.robots))
 
     def start(self) -> None:
         """Try usual test motions: one step, and chirps with stiffness presets at rest or at an end of their range.
 
         Chirps are tried as pieces first; the best chirps are then extended to the whole motion.
         """
-        presets, chirps = self.plant.presets, dict[str, list[Found]]()
+        presets, stepped = self.plant.presets, step(self.plant.presets)
         for preset, (first, last) in product((0.0, 1.0, -1.0) if presets.any() else (0.0,), product(FREQUENCIES, repeat=2)):
-            found = self.try_piece(chirp(presets, first, last, preset)) if first <= last else None
-            if found is not None:
-                chirps.setdefault(PRESET_CHIRP if preset else CHIRP, []).append(found)
-        stepped = step(presets)
+            if first <= last:
+                self.try_piece(chirp(presets, first, last, preset))
+        chirps = sorted(self.library, key=self.rank)[:WHOLE]
         self.try_piece(stepped)
-        for name, several in chirps.items():
-            for one in sorted(several, key=self.rank)[:WHOLE]:
-                if self.stop() and self.best is not None:
-                    return
-                self.keep(self.confirmed(self.whole(name, one.pieces)))
+        for one in chirps:
+            if self.stop() and self.best is not None:
+                return
+            self.keep(self.confirmed(self.whole(CHIRP, one.pieces)))
         one_step = self.whole(ONE_STEP, [replace(stepped, scales=stepped.scales[:, :1])])
         self.keep(self.confirmed(one_step))
         least = self.confirmed(one_step, agree=(0.0, np.inf))
@@ -204,7 +191,7 @@ class Search:
         """Scale a piece into the limits and add it to the library; None if it cannot be used, or if the search is stopped."""
         if self.stop() and self.library:
             return None
-        found = self.judged("piece", [piece], (self.plant.rows - 1) // self.count + 1, FEW)
+        found = self.judged("piece", [piece], (self.plant.rows - 1) // self.count + 1, self.robots + FEW)
         self.library += [] if found is None else [found]
         return found
 
