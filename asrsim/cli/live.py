@@ -39,7 +39,7 @@ def live(
         list[str] | None,
         typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
     ] = None,
-    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the service 'pause' resumes the run.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the topic 'pause' resumes the run.")] = False,
     twin: Annotated[
         bool, typer.Option("--twin", help="Follow a robot: read its topics, publish external torques and alarms.")
     ] = False,

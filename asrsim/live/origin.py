@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 import socket
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from threading import Thread
 
@@ -40,11 +40,11 @@ def origin_of(text: str) -> str:
 class OriginProxy:
     """Listens at an address and forwards permitted connections to a server; `close` ends its thread."""
 
-    def __init__(self, address: tuple[str, int], allowed: Collection[str], notices: list[str]) -> None:
-        """allowed: permitted origins besides this machine's; notices: list to which one sentence per refused origin is added.
-        Raises OSError if the address is in use.
+    def __init__(self, address: tuple[str, int], allowed: Collection[str], tell: Callable[[str], None]) -> None:
+        """allowed: permitted origins besides this machine's; tell: receives one sentence per refused origin, in the proxy's
+        thread. Raises OSError if the address is in use.
         """
-        self._allowed, self._notices, self._clients = frozenset(allowed), notices, 0
+        self._allowed, self._tell, self._clients = frozenset(allowed), tell, 0
         self._refused: set[str] = set()
         self._socket = socket.create_server(address)
         self.port: int = self._socket.getsockname()[1]
@@ -97,7 +97,7 @@ class OriginProxy:
             if origin not in self._refused and len(self._refused) < MOST_NOTICES:
                 self._refused.add(origin)
                 name = "".join(each if each.isprintable() else "?" for each in origin[:80])
-                self._notices.append(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
+                self._tell(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
 
 
 def _origins(head: bytes) -> list[str]:
