@@ -43,7 +43,7 @@ class FoxgloveTransport:
 
         self._channels = [channel(outlet) for outlet in interface.outlets if not outlet.latched]
         self._latched = {outlet.name: (channel(outlet), outlet.latched) for outlet in interface.outlets if outlet.latched}
-        self.wanted = [True] * len(self._channels)
+        self.wanted: Sequence[bool] = [True] * len(self._channels)
         self._inlets = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
         host = "0.0.0.0" if access.network else "127.0.0.1"
         try:

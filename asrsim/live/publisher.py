@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from asrsim.actuators import MODES
 from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
@@ -15,8 +16,10 @@ from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
 
-APPLIED = "applied"
-"""Part of the names of topics that publish the references in effect; the toolbox's own topic names are for commands."""
+APPLIED = "/applied_commands"
+"""Topic of the references in effect: positions of a JointState with names such as `joint_1.equilibrium_position`. The toolbox's
+names of topics are for commands.
+"""
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
 """Suffix of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
@@ -32,8 +35,6 @@ class Publisher:
         self.prefix = prefix_of(namespace)
         topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
-        # Publish the topics that answer commands first, because each message takes some microseconds.
-        topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [LiveTopic(topic.name, topic.message) for topic in topics]
         if self._frames is not None:
@@ -94,6 +95,15 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
 
 
 def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
+    # The applied commands precede the positions: a twin that reads both then knows the commands of its next step.
+    applied = {
+        f"{joint.name}.{name}": MessageColumn("value", quantity, joint.name)
+        for joint in joints
+        for name, quantity in _references(joint)
+        if quantity in joint.quantities
+    }
+    builder = CdrBuilder().header().strings([*applied]).float64s([*applied.values()]).float64s([]).float64s([])
+    yield Topic(name=APPLIED, message="sensor_msgs/JointState", template=builder.build())
     paths = topic_paths(joints)
     settable = {
         f"{path}/{name}"
@@ -101,10 +111,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
         for name in (*REFERENCE_TOPICS.get(joint.mode, ()), EXTERNAL_TORQUE)
     }
     for topic in robot_topics(joints):
-        if topic.name in settable:
-            path, _, name = topic.name.rpartition("/")
-            yield replace(topic, name=f"{path}/{APPLIED}/{name}")
-        elif topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails":
+        if topic.name not in (*settable, TIME_TOPIC) and topic.message != "asrsim_msgs/JointDetails":
             yield topic
     for joint, path in zip(joints, paths, strict=True):
         if "stiffness" in joint.quantities:
@@ -118,6 +125,13 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
     members = [*driven, *(replace(joint, name=joint.name + STIFFNESS_JOINT) for joint in preset)]
     if driven:
         yield joint_state(f"{CONTROL}/joint_states", members, [positions, *others])
+
+
+def _references(joint: JointInfo) -> Iterator[tuple[str, str]]:
+    """Name and quantity of each reference of a joint, and of its external torque."""
+    if joint.mode is not None:
+        yield from zip(MODES[joint.mode].references_of(joint.motors), ("reference_1", "reference_2"), strict=False)
+    yield EXTERNAL_TORQUE, EXTERNAL_TORQUE
 
 
 def _columns(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:

@@ -25,7 +25,7 @@ DEPTH = 300
 message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
-"""Largest number of messages that a subscription keeps, and that one call processes."""
+"""Largest number of messages that a subscription keeps, and that one call takes from it."""
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
 FLOAT64 = struct.Struct("<4xd")
@@ -107,6 +107,7 @@ class RosTransport:
             if (kind := message_type(inlet.message))
         ]
         self._unsent = 0
+        self.wanted: Sequence[bool] = ()
         self._look()
         reach = "the network" if access.network else "this machine"
         left = f" (without topics of {', '.join(sorted(missing))}, which are not installed here)" if missing else ""
@@ -127,11 +128,12 @@ class RosTransport:
         """Implements `Transport.poll`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
-        left = MOST
         for number, kind, subscription in self._spoken_to:
-            # Take raw bytes, because rclpy then detects an empty queue in half the time.
-            while left and (taken := subscription.handle.take_message(kind, True)) is not None:
-                left -= 1
+            for _ in range(MOST):
+                # Take raw bytes, because rclpy then detects an empty queue in half the time.
+                taken = subscription.handle.take_message(kind, True)
+                if taken is None:
+                    break
                 data, about = taken
                 sent = 1e-9 * about["source_timestamp"]
                 if self._interface.inlets[number].message == "std_msgs/Float64" and len(data) == FLOAT64.size and data[1] == 1:
@@ -143,7 +145,7 @@ class RosTransport:
         """Find the topics with subscribers, and the topics with publishers."""
         self._looked = clock.monotonic()
         self.wanted = [each is not None and each.get_subscription_count() > 0 for each in self._publishers]
-        self._spoken_to = [one for one in self._subscriptions if one[2].get_publisher_count()]
+        self._spoken_to = [one for one in reversed(self._subscriptions) if one[2].get_publisher_count()]
 
     def close(self) -> None:
         """Implements `Transport.close`."""

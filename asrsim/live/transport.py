@@ -78,6 +78,9 @@ class Interface:
     """Name of the node, including its namespace."""
     outlets: tuple[LiveTopic, ...]
     inlets: tuple[LiveTopic, ...]
+    """A transport takes the waiting messages of later topics first. So if a run has a message of a topic, it has all earlier
+    messages of the topics before it, too.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
