@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, reference_names
+from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_names
 from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.ranges import Range
 from asrsim.simulation.simulation import Simulation
 
 Target = tuple[str, str]
 """Name of a joint and name of one of its references."""
-Ranges = Mapping[str, Mapping[str, Range]]
-"""Permitted range by joint and reference; references without a range cannot be set."""
 MOST_NOTICES = 100
 """Largest number of distinct refusals that are reported and counted separately."""
 
@@ -50,11 +47,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Input:
-    """Input topic and the references that its values set, assigned by position or by name."""
+    """Input topic and the references that its values set."""
 
     topic: LiveTopic
-    places: tuple[Target | None, ...] = ()
-    names: Mapping[str, Target] = field(default_factory=dict)
+    targets: Mapping[str, Target | None]
+    """Reference by the name in the message, or, if the message has no names, in the order of the values."""
 
 
 class CommandInput:
@@ -100,7 +97,7 @@ class CommandInput:
         one, names = self._inputs[received.inlet], received.names
         points = received.points or [(0.0, received.values, ())]
         times = [time for time, _, _ in points]
-        targets = one.places if names is None else [one.names.get(name) for name in names]
+        targets = [*one.targets.values()] if names is None else [one.targets.get(name) for name in names]
         counts = {len(row) for _, row, _ in points}
         fault = received.fault
         if not fault and counts != {len(targets)}:
@@ -156,9 +153,9 @@ def _present(simulation: Simulation, target: Target) -> float:
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterator[_Input]:
-    named: dict[str, Target] = {}
-    arrays: dict[tuple[str, int], list[Target | None]] = {}
-    """References in the toolbox's arrays, by namespace and number of the array."""
+    named: dict[str, Target | None] = {}
+    arrays: dict[str, dict[str, Target | None]] = {}
+    """References in each of the toolbox's arrays, by joint."""
     for joint, path in zip(joints, topic_paths(joints), strict=True):
         own = ranges.get(joint.name, {})
         targets = [(joint.name, name) for name in own if name != EXTERNAL_TORQUE]
@@ -169,18 +166,17 @@ def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterato
         if EXTERNAL_TORQUE in own:
             topics[EXTERNAL_TORQUE] = joint.name, EXTERNAL_TORQUE
         for name, target in topics.items():
-            yield _Input(LiveTopic(f"{prefix}{path}/{name}", "std_msgs/Float64"), (target,))
+            yield _Input(LiveTopic(f"{prefix}{path}/{name}", "std_msgs/Float64"), {joint.name: target})
         if targets:
             named[joint.name] = targets[0]
             if targets[-1][1] == "stiffness_preset":
                 named[joint.name + STIFFNESS_JOINT] = targets[-1]
-        for number in (1, 2) if joint.mode is not None else ():
-            places = arrays.setdefault((joint.namespace, number), [])
-            places.append(targets[number - 1] if number <= len(targets) else None)
-    for (namespace, number), places in arrays.items():
-        if any(places):
-            name = f"{prefix}{prefix_of(namespace)}/reference_{number}"
-            yield _Input(LiveTopic(name, "std_msgs/Float64MultiArray"), tuple(places))
+        for number in (0, 1) if joint.mode is not None else ():
+            name = f"{prefix}{prefix_of(joint.namespace)}/reference_{number + 1}"
+            arrays.setdefault(name, {})[joint.name] = targets[number] if number < len(targets) else None
+    for name, members in arrays.items():
+        if any(members.values()):
+            yield _Input(LiveTopic(name, "std_msgs/Float64MultiArray"), members)
     if named:
-        yield _Input(LiveTopic(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), names=named)
-        yield _Input(LiveTopic(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), names=named)
+        yield _Input(LiveTopic(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), named)
+        yield _Input(LiveTopic(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), named)

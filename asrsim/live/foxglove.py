@@ -12,7 +12,7 @@ from typing import Any
 from asrsim import __version__
 from asrsim.errors import InputError
 from asrsim.live.origin import OriginProxy
-from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
+from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received, unreadable
 from asrsim.log.topics import schema_name, schema_text
 
 WAITING = 5000
@@ -106,7 +106,7 @@ class FoxgloveTransport:
             channel.log(message)
         for _ in range(min(MOST, len(self._messages))):
             number, data = self._messages.popleft()
-            yield received(number, decoded, data)
+            yield decoded(number, data)
 
     def close(self) -> None:
         """Implements `Transport.close`."""
@@ -114,7 +114,10 @@ class FoxgloveTransport:
         self._server.stop()
 
 
-def decoded(data: bytes) -> Any:
-    """Message object decoded from JSON. Raises the errors of the decoder."""
+def decoded(inlet: int, data: bytes) -> Received:
+    """Content of a message in JSON."""
     missing = {"position": (), "effort": (), "velocities": ()}
-    return json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields}))
+    try:
+        return received(inlet, json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields})))
+    except (ValueError, TypeError, RecursionError) as error:
+        return unreadable(inlet, error)

@@ -48,7 +48,7 @@ class OriginProxy:
         self._refused: set[str] = set()
         self._socket = socket.create_server(address)
         self.port: int = self._socket.getsockname()[1]
-        self._loop = asyncio.new_event_loop()
+        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
         self._thread = Thread(target=self._run, daemon=True)
 
     def start(self, host: str, port: int) -> None:
@@ -58,18 +58,19 @@ class OriginProxy:
 
     def close(self) -> None:
         """End all connections."""
-        with suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(self._loop.stop)
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join()
 
     def _run(self) -> None:
-        self._loop.create_task(asyncio.start_server(self._serve, sock=self._socket, limit=LONGEST_HEAD))
-        self._loop.run_forever()
-        for task in asyncio.all_tasks(self._loop):
-            task.cancel()
-        self._loop.run_until_complete(asyncio.sleep(0))
-        self._socket.close()
-        self._loop.close()
+        # At its end, the runner cancels the tasks of all connections.
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._listen())
+
+    async def _listen(self) -> None:
+        server = await asyncio.start_server(self._serve, sock=self._socket, limit=LONGEST_HEAD)
+        await self._stopped.wait()
+        server.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clients += 1

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators import MODES
 from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
 from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, joint_state, robot_topics, topic_paths
 from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.ranges import Range, ranges_of
 from asrsim.simulation.simulation import Simulation
 
+Ranges = Mapping[str, Mapping[str, Range]]
+"""Permitted range by joint and reference; references without a range cannot be set."""
 APPLIED = "/applied_commands"
 """Topic of the references in effect: positions of a JointState with names such as `joint_1.equilibrium_position`. The toolbox's
 names of topics are for commands.
@@ -33,7 +35,9 @@ class Publisher:
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
         self.prefix = prefix_of(namespace)
-        topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
+        topics = [
+            replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints, ranges_of(simulation.prepared))
+        ]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [LiveTopic(topic.name, topic.message) for topic in topics]
@@ -82,10 +86,10 @@ class Publisher:
         whole = self._data.tobytes()
         messages = [whole[start:end] if one else b"" for (start, end), one in zip(self._places, listened, strict=False)]
         if self._frames is not None:
-            due = listened[-1] and self._frames.due(time * 1e-9)
             position = found["link_position"][None]
             samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position})
-            messages.append(self._frames.messages(samples)[0][1] if due else b"")
+            due = self._frames.messages(samples) if listened[-1] else []
+            messages.append(due[0][1] if due else b"")
         return messages
 
 
@@ -94,26 +98,21 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
     return REFERENCE_TOPICS.get(joint.mode, ())[: 1 if joint.motors == 1 else None]
 
 
-def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
+def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
     # The applied commands precede the positions: a twin that reads both then knows the commands of its next step.
     applied = {
-        f"{joint.name}.{name}": MessageColumn("value", quantity, joint.name)
+        f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
         for joint in joints
-        for name, quantity in _references(joint)
-        if quantity in joint.quantities
+        for slot, name in enumerate(ranges.get(joint.name, ()), start=1)
     }
     builder = CdrBuilder().header().strings([*applied]).float64s([*applied.values()]).float64s([]).float64s([])
     yield Topic(name=APPLIED, message="sensor_msgs/JointState", template=builder.build())
-    paths = topic_paths(joints)
-    settable = {
-        f"{path}/{name}"
-        for joint, path in zip(joints, paths, strict=True)
-        for name in (*REFERENCE_TOPICS.get(joint.mode, ()), EXTERNAL_TORQUE)
-    }
-    for topic in robot_topics(joints):
-        if topic.name not in (*settable, TIME_TOPIC) and topic.message != "asrsim_msgs/JointDetails":
+    commands = {name for names in REFERENCE_TOPICS.values() for name in names}
+    for topic in robot_topics(joints, external=False):
+        shown = topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails"
+        if shown and topic.name.rpartition("/")[2] not in commands:
             yield topic
-    for joint, path in zip(joints, paths, strict=True):
+    for joint, path in zip(joints, topic_paths(joints), strict=True):
         if "stiffness" in joint.quantities:
             template = CdrBuilder().float64(MessageColumn("value", "stiffness", joint.name)).build()
             yield Topic(name=f"{path}/stiffness", message="std_msgs/Float64", template=template)
@@ -125,13 +124,6 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
     members = [*driven, *(replace(joint, name=joint.name + STIFFNESS_JOINT) for joint in preset)]
     if driven:
         yield joint_state(f"{CONTROL}/joint_states", members, [positions, *others])
-
-
-def _references(joint: JointInfo) -> Iterator[tuple[str, str]]:
-    """Name and quantity of each reference of a joint, and of its external torque."""
-    if joint.mode is not None:
-        yield from zip(MODES[joint.mode].references_of(joint.motors), ("reference_1", "reference_2"), strict=False)
-    yield EXTERNAL_TORQUE, EXTERNAL_TORQUE
 
 
 def _columns(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:

@@ -123,20 +123,17 @@ class Session:
             gc.freeze()
             stack.callback(gc.unfreeze)
             try:
-                self._loop(stop, status)
+                self._advance(0)
+                self.pace.start()
+                looked = clock.perf_counter()
+                while self._turn() and not stop():
+                    if clock.perf_counter() - looked > LOOK:
+                        looked = clock.perf_counter()
+                        status()
                 self.simulation.flush()
             except DivergenceError as caught:
                 error = caught
             return self._finish(log_file, earlier, clock.perf_counter() - began, error)
-
-    def _loop(self, stop: Callable[[], bool], status: Callable[[], None]) -> None:
-        self._advance(0)
-        self.pace.start()
-        looked = clock.perf_counter()
-        while self._turn() and not stop():
-            if clock.perf_counter() - looked > LOOK:
-                looked = clock.perf_counter()
-                status()
 
     @property
     def time(self) -> float:

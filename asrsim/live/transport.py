@@ -45,10 +45,9 @@ class Received:
     """Reason why the message cannot be decoded; empty if there is none."""
 
 
-def received(inlet: int, decode: Callable[..., Any], *data: Any, sent: float = 0.0) -> Received:
-    """Content of a message object of any library, `decode(*data)`. An error in `decode` is stored as the message's fault."""
+def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
+    """Content of a message object of any library. If the content is not that of a command, the message has a fault."""
     try:
-        message = decode(*data)
         if hasattr(message, "points"):
             points = [
                 (p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec, _numbers(p.positions), _numbers(p.velocities))
@@ -61,8 +60,13 @@ def received(inlet: int, decode: Callable[..., Any], *data: Any, sent: float = 0
             seconds = getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0)
             return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=float(seconds), sent=sent)
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
-    except Exception as error:  # decoders may raise any error for invalid bytes
-        return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
+    except (AttributeError, TypeError, ValueError) as error:
+        return unreadable(inlet, error)
+
+
+def unreadable(inlet: int, error: Exception) -> Received:
+    """Message that cannot be decoded."""
+    return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
 
 
 def _numbers(values: Iterable[Any]) -> list[float]:
@@ -141,16 +145,6 @@ class TransportEntry:
 TRANSPORTS: Registry[TransportEntry] = Registry("transport", entry_point_group="asrsim.transports", instance=TransportEntry)
 
 
-def available(names: Sequence[str]) -> tuple[str, ...]:
-    """Transports with these names. Raises InputError with the installation command if one is not installed."""
-    for name in names:
-        entry = TRANSPORTS.get(name)
-        if not entry.available:
-            message = f"the transport '{name}' needs '{entry.module}', which is not installed"
-            raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
-    return tuple(names)
-
-
 def prefix_of(namespace: str) -> str:
     """Prefix of topic names for a namespace."""
     return f"/{namespace.strip('/')}" if namespace.strip("/") else ""
@@ -158,10 +152,14 @@ def prefix_of(namespace: str) -> str:
 
 @contextmanager
 def opened(names: Sequence[str], interface: Interface, access: Access, tell: Tell) -> Iterator[list[Transport]]:
-    """Context manager that opens the transports. Raises InputError if a transport is unavailable."""
+    """Context manager that opens the transports. Raises InputError, with the command that installs a missing library."""
     transports: list[Transport] = []
     with ExitStack() as stack:
         for name in names:
-            transports.append(TRANSPORTS.get(name).make(interface, access, tell))
+            entry = TRANSPORTS.get(name)
+            if not entry.available:
+                message = f"the transport '{name}' needs '{entry.module}', which is not installed"
+                raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
+            transports.append(entry.make(interface, access, tell))
             stack.callback(transports[-1].close)
         yield transports

@@ -21,23 +21,19 @@ pytest.importorskip("foxglove")
 from asrsim.errors import InputError
 from asrsim.live.foxglove import FoxgloveTransport, decoded
 from asrsim.live.origin import origin_of
-from asrsim.live.transport import Access, Interface, LiveTopic, received
+from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
 
 
-def read(data):
-    return received(1, decoded, data)
-
-
 def test_messages_in_json():
-    assert read(b'{"data": 0.5}').values == [0.5]
-    assert read(b'{"data": true}').values == [1.0]
-    assert read(b'{"data": [1, null]}').values == pytest.approx([1.0, math.nan], nan_ok=True)
-    state = read(b'{"name": ["a"], "position": [], "effort": [2.0]}')
+    assert decoded(1, b'{"data": 0.5}').values == [0.5]
+    assert decoded(1, b'{"data": true}').values == [1.0]
+    assert decoded(1, b'{"data": [1, null]}').values == pytest.approx([1.0, math.nan], nan_ok=True)
+    state = decoded(1, b'{"name": ["a"], "position": [], "effort": [2.0]}')
     assert (state.names, state.values) == (["a"], [2.0])
     point = b'{"positions": [0.5], "time_from_start": {"sec": 1, "nanosec": 500000000}}'
-    found = read(b'{"joint_names": ["a"], "points": [' + point + b"]}")
+    found = decoded(1, b'{"joint_names": ["a"], "points": [' + point + b"]}")
     assert (found.names, found.points) == (["a"], [(1.5, [0.5], [])])
 
 
@@ -45,7 +41,7 @@ def test_messages_in_json():
     "data", [b"", b"{", b"[]", b'{"data": "high"}', b"\xff\xfe", b"[" * 100_000, b"\x00\x01\x00\x00", b'{"position": [1]}']
 )
 def test_unreadable_messages_have_a_fault(data):
-    found = read(data)
+    found = decoded(1, data)
     assert found.fault
     assert not found.values
 
@@ -149,8 +145,7 @@ def test_a_client_of_the_protocol(tmp_path):
     assert set(seen["messages"]) == set(seen["channels"])
     assert seen["messages"]["/robot_description"] == 1
     assert not seen["whilePaused"]
-    commands = [command.value for command in open_log(tmp_path / "out" / "log.mcap").commands()]
-    assert commands == pytest.approx([i / 1000 for i in range(1, 101)])
+    assert list(open_log(tmp_path / "out" / "log.mcap").commands())[-1].value == 0.1
     live = json.loads((tmp_path / "out" / "summary.json").read_text())["live"]
-    assert sum(live["dropped"].values()) == 5
+    assert (live["commands"], sum(live["dropped"].values())) == (100, 5)
     assert repeat(tmp_path / "out" / "log.mcap").identical
