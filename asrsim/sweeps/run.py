@@ -23,7 +23,7 @@ from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
 from asrsim.versions import numeric_versions
-from asrsim.workers import Executor, Here, Lost, cores
+from asrsim.workers import Executor, Lost, cores
 from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes
 
@@ -97,7 +97,7 @@ def sweep(
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         executor: Executor
         if not store.missing:
-            executor, share = Here(), 1
+            executor, share = Executor(), 1
         elif cluster is None:
             # A single worker is a process too, so that a run that crashes its process becomes a row.
             share = workers or cores()

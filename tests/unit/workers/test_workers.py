@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -35,6 +40,43 @@ def test_nothing_is_done_of_what_nobody_wants(workers):
     assert in_order(workers, math.sqrt, []) == []
     assert list(workers.results(math.sqrt, [4.0], stop=lambda: True)) == []
     assert in_order(workers, abs, [-3]) == [3]
+
+
+def test_running_items_are_not_lost_when_the_work_stops(tmp_path):
+    """Each item writes a file when it is finished."""
+    items = [str(tmp_path / f"{n}") for n in range(40)]
+    found: list[int] = []
+    with executor(2) as workers:
+        for some in workers.results(slow, items, stop=lambda: found != []):
+            found.extend(number for number, _ in some)
+    assert 1 < len(found) < 40
+    assert {path.name for path in tmp_path.iterdir()} == set(map(str, found))
+
+
+def slow(path):
+    time.sleep(0.3)
+    Path(path).touch()
+
+
+PROGRAM = """
+import signal
+from asrsim.workers import executor, in_order
+signal.signal(signal.SIGINT, lambda *_: None)
+print(flush=True)
+with executor(2) as workers:
+    print(in_order(workers, abs, [-1] * 4))
+"""
+
+
+def test_ctrl_c_reaches_no_worker_even_as_it_starts():
+    command = [sys.executable, "-c", PROGRAM]
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "start_new_session": True}
+    with subprocess.Popen(command, **how) as process:
+        process.stdout.readline()
+        while process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            time.sleep(0.02)
+        assert process.stdout.read() == "[1, 1, 1, 1]\n"
 
 
 def test_an_item_that_kills_its_workers_is_lost_alone():
