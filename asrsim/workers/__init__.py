@@ -155,15 +155,6 @@ def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
     return Processes(processes, plugins)
 
 
-def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
-    """Results of all items in the order of the items. Raises SimulationError for a lost item, and the errors of the task."""
-    found = dict(pair for some in workers.results(task, items) for pair in some)
-    for result in found.values():
-        if isinstance(result, Lost):
-            raise SimulationError(result.reason)
-    return [found[number] for number in range(len(items))]
-
-
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
     """Limit NumPy to one thread; call before NumPy is imported. More threads slow down operations on small matrices (80 joints:
     2.4 times) and compete with other processes for the cores.

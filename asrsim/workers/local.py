@@ -58,7 +58,7 @@ class Processes(Pool):
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """Context manager in which processes start that ignore Ctrl-C, even while they import. This process handles it at the end."""
+    """Context manager in which processes start that ignore Ctrl-C, even while they import; it takes effect here afterwards."""
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
         return

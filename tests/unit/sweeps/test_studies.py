@@ -211,7 +211,7 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     )
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
     seen = []
-    stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].here >= 3}
+    stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].done >= 3}
     assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
 

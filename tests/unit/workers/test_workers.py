@@ -12,10 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from asrsim.errors import SimulationError
-from asrsim.workers import Executor, Lost, executor, in_order
+from asrsim.workers import Executor, Lost, executor
 
 ITEMS = ["1", "__import__('os')._exit(9)", "3"]
+
+
+def in_order(workers, task, items):
+    return [result for _, result in sorted(pair for some in workers.results(task, items) for pair in some)]
 
 
 @pytest.fixture(scope="module", params=[1, 2])
@@ -60,11 +63,11 @@ def slow(path):
 
 PROGRAM = """
 import signal
-from asrsim.workers import executor, in_order
+from asrsim.workers import executor
 signal.signal(signal.SIGINT, lambda *_: None)
 print(flush=True)
 with executor(2) as workers:
-    print(in_order(workers, abs, [-1] * 4))
+    print(sum(len(some) for some in workers.results(abs, [-1] * 4)))
 """
 
 
@@ -76,7 +79,7 @@ def test_ctrl_c_reaches_no_worker_even_as_it_starts():
         while process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)
             time.sleep(0.02)
-        assert process.stdout.read() == "[1, 1, 1, 1]\n"
+        assert process.stdout.read() == "4\n"
 
 
 def test_an_item_that_kills_its_workers_is_lost_alone():
@@ -85,8 +88,7 @@ def test_an_item_that_kills_its_workers_is_lost_alone():
         assert (found[0], found[2]) == (1, 3)
         assert isinstance(found[1], Lost)
         assert "3 workers died" in found[1].reason
-        with pytest.raises(SimulationError, match="EXIT\\(9\\)"):
-            in_order(workers, eval, ITEMS[1:2])
+        assert "EXIT(9)" in found[1].reason
         pids = in_order(workers, eval, ["__import__('os').getpid()"] * 4)
     for pid in pids:
         with pytest.raises(ProcessLookupError):
