@@ -10,7 +10,7 @@ import time as clock
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, MutableMapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -167,11 +167,8 @@ def one_thread() -> AbstractContextManager[object]:
     """Context manager that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the
     processor time.
     """
-    try:
-        from threadpoolctl import threadpool_limits
-    except ImportError:
-        # threadpoolctl is missing in installations older than the requirement: the run is only slower.
-        return nullcontext()
+    from threadpoolctl import threadpool_limits
+
     # SciPy has a BLAS library of its own, whose threads can be limited only after it is loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)
