@@ -156,15 +156,11 @@ def number(value: object) -> object:
 
 
 def _block(block: ActuatorBlock) -> dict[str, Any]:
+    about = ("actuator", "joint", "mode", "namespace", "sample_time", "line")
     return {
-        "actuator": block.actuator,
+        **{key: getattr(block, key) for key in about},
         "title": ACTUATORS.get(block.actuator).title,
-        "joint": block.joint,
-        "mode": block.mode,
         "mode_name": MODES[block.mode].name,
-        "namespace": block.namespace,
-        "sample_time": block.sample_time,
-        "line": block.line,
         "parameters": [
             {key: entry for key, entry in vars(value).items() if entry not in ("", None)} for value in block.parameters.values()
         ],

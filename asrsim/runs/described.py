@@ -21,8 +21,8 @@ from asrsim.plain import mapped
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import RunInfo
+from asrsim.scenario.blocks import EQUILIBRIUM
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.joint_keys import EQUILIBRIUM
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
