@@ -143,11 +143,6 @@ def line_width() -> int:
     return shutil.get_terminal_size().columns if is_terminal() else sys.maxsize
 
 
-def counted(number: int, noun: str) -> str:
-    """Number followed by the noun; the noun is in the plural unless the number is 1."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def say_written(paths: Sequence[Path], remark: str = "") -> None:
     """Print the files that a command wrote: their common folder and their names."""
     if paths:

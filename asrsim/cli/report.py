@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.cli.console import complain, counted, say, say_problems, say_table, say_written, styled
+from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
+from asrsim.errors import counted
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import TableColumn, headline, limit_columns, limit_note, measure_columns
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -383,7 +384,8 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
     def text(self) -> str:
         if self.names:
             return f"list [{', '.join(self.names)}]"
-        return f"list of {self.of.text}" if self.length is None else f"list of {self.length} x {self.of.text}"
+        several = re.sub(r"^(whole )?\w+", r"\g<0>s", self.of.text)
+        return f"list of {several}" if self.length is None else f"list of {self.length} {several}"
 
     def fits(self, node: Node) -> bool:
         return isinstance(node.value, list)

@@ -229,7 +229,9 @@ class Scenario:
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="external torques on the links, about the joints"
     )
-    wrenches: tuple[Wrench, ...] = declare(ListOf(of=block_of(Wrench, "wrench")), default=(), doc="forces and torques on links")
+    wrenches: tuple[Wrench, ...] = declare(
+        ListOf(of=block_of(Wrench, "load on a link")), default=(), doc="forces and torques on links"
+    )
     command_effects: Mapping[str, Effects] = declare(
         EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="imperfections of the references"
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from asrsim.errors import counted
 from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
@@ -56,7 +57,7 @@ def headline(summary: RunSummary) -> str:
     time = f"{summary.simulated_time:.6g} s{of}" if summary.status == "complete" or of else ""
     speed = f"{summary.speed:.3g} x real time" if math.isfinite(summary.speed) else ""
     parts = [f"{status}{time} simulated in {summary.wall_time:.2g} s ({speed})", f"step {summary.step * 1e3:g} ms"]
-    parts.append(_plural(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
+    parts.append(counted(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
     parts += [summary.stepping, f"{summary.engine}, {summary.loop} loop"]
     return ", ".join(parts)
 
@@ -88,7 +89,3 @@ def share(count: int, total: int) -> str:
     if percent < 0.01:
         return "< 0.01 %"
     return f"{percent:.2g} %" if percent < 99.5 else "100 %"
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

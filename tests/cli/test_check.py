@@ -110,23 +110,6 @@ def test_xacro_arguments_and_packages(runner: CliRunner, tmp_path: Path) -> None
     assert runner.invoke(app, ["check", str(path)]).exit_code == 1
 
 
-def test_scenario_with_its_robot(runner: CliRunner, good: Path, tmp_path: Path) -> None:
-    scenario = tmp_path / "s.yaml"
-    scenario.write_text(
-        "robot: good.urdf\nduration: 1\nstep: 0.01\nparameters:\n  elbow: {spring_k: 300}\n"
-        "references:\n  elbow: {equilibrium_position: 0.1}\n"
-    )
-    result = runner.invoke(app, ["check", str(scenario)])
-    assert result.exit_code == 0, result.stdout
-    row = next(line for line in result.stdout.splitlines() if line.lstrip().startswith("spring_stiffness"))
-    assert "300" in row
-    assert "scenario" in row
-    scenario.write_text(scenario.read_text().replace("elbow: {spring_k", "elbwo: {spring_k"))
-    result = runner.invoke(app, ["check", str(scenario)])
-    assert result.exit_code == 1
-    assert "elbwo" in result.stdout
-
-
 def test_check_of_a_law(runner: CliRunner) -> None:
     plugin = str(EXAMPLES / "plugins/my_vsa.py")
     result = runner.invoke(app, ["check", "--actuator", "my_vsa", "--plugin", plugin])
