@@ -131,13 +131,15 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
 
 def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
     """Substeps of the run, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
-    the engine rejects.
+    the engine rejects, claims that cannot be evaluated.
     """
     from asrsim.simulation.prepare import prepare
+    from asrsim.summary.claims import check_claims
 
     try:
         prepared = prepare(scenario, robot)
         prepared.make_engine().close()
+        check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
     except AsrsimError as error:
         return None, problems_of(error, path)
     return vars(prepared.resolution), ()

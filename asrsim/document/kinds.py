@@ -127,7 +127,7 @@ def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyP
     """Tuples (path, kind, node) of a node and of all nodes inside it whose kinds are declared."""
     kind = kind.chosen(node)
     yield path, kind, node
-    for name, item in node.items():
+    for name, item in node.items() if kind.fits(node) else ():
         key = kind.part(name)
         if key is not None:
             yield from walk(key.kind, item, (*path, name))
@@ -244,6 +244,9 @@ class Choice(Kind[str]):
     """Noun for the words in tables; "": tables list the words."""
     missing: str = ""
     """Hint for an unknown word."""
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, str)
 
     @property
     def words(self) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
     """Tuple (path, name, `joint` or `link`) for every name of a joint or link in the scenario."""
     for path, kind, node in walk(SCENARIO, node_from_data(scenario.resolved)):
-        if isinstance(kind, MapOf) and kind.noun == "joint":
+        if isinstance(kind, MapOf) and kind.noun == "joint" and kind.fits(node):
             yield from (((*path, name), name, "joint") for name, _ in node.items())
         elif isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and node.value is not None:
             # Only keys of mappings have lines; entries of lists are reported at their list.

@@ -71,6 +71,9 @@ class SignalKind(Kind[Signal]):
         kinds = [name for name, _ in base.items()]
         return merge_items(base, over, self.part) if len(kinds) == 1 and kinds == [name for name, _ in over.items()] else over
 
+    def fits(self, node: Node) -> bool:
+        return not isinstance(node.value, list)
+
     def part(self, name: str) -> Key | None:
         from asrsim.signals import SIGNALS
 

@@ -131,6 +131,24 @@ def test_list_of_actuators(runner: CliRunner) -> None:
     assert "Jafari" in shown
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        "expect: [{joint: elbow, quantity: link_position, measure: maximun, value: 1}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: maximum, value: 1, options: {stat: 1}}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, tolerance: 0.1}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: rmse, value: 1, against: pendulum.urdf}]",
+        "task: {link: arm, poses: [{time: 1, position: [9, 9, 9]}]}",
+    ],
+)
+def test_check_names_the_line_of_what_run_would_refuse(tiny, asrsim_command, keys: str) -> None:
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1\n{keys}\n")
+    outcome = asrsim_command("check", "-q", tiny.scenario)
+    assert outcome.code == 1
+    assert "step.yaml:3: " in outcome.out or "pendulum.urdf:3: " in outcome.out
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 1
+
+
 @pytest.mark.parametrize("name", ["scenario.JSON", "scenario"])
 def test_scenarios_are_recognised_by_their_content(tiny, asrsim_command, name: str) -> None:
     keys = {"robot": "pendulum.urdf", "duration": 1.0, "references": {"elbow": {"equilibrium_position": 0.2}}}

@@ -57,12 +57,13 @@ def installed(tmp_path: Path) -> Path:
 SCRIPT = """
 import json
 import asrsim
+from asrsim.errors import AsrsimError
 from asrsim.runs.repeat import repeat
 
 def outcome(**keys):
     try:
         result = asrsim.run(asrsim.make_scenario("r.urdf", duration=0.2, **keys), out="out", overwrite=True)
-    except asrsim.InputError as error:
+    except AsrsimError as error:
         return str(error)
     return [float(result["j"].link_position[-1]), repeat("out/log.mcap").identical]
 
