@@ -106,7 +106,10 @@ class Key:
         doc = self.doc + (f" Unit: {self.unit}." if self.unit else "")
         if self.default_text and not self.required:
             doc += f" Default: {self.default_text}."
-        return {**self.kind.schema(), "description": doc.strip()}
+        schema = self.kind.schema()
+        if self.default is None:
+            schema = {"anyOf": [schema, {"type": "null"}]}
+        return {**schema, "description": doc.strip()}
 
 
 def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:

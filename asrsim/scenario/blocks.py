@@ -50,7 +50,7 @@ class Effects:
 
     delay: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="dead time")
     rate: float | None = declare(
-        Optional(Number(above=0.0, maximum=1e6)),
+        Number(above=0.0, maximum=1e6),
         default=None,
         unit="Hz",
         doc="values are held between ticks of this rate",
@@ -105,14 +105,14 @@ class Range(ListOf[float]):
 _MOTORS = ListOf(of=NUMBER, minimum=1)
 START: Block[Keys] = Block(
     keys=(
-        Key(name="position", kind=Optional(NUMBER), default=None, unit="rad", doc="of the link", shown="0"),
-        Key(name="velocity", kind=Optional(NUMBER), default=None, unit="rad/s", doc="of the link", shown="0"),
+        Key(name="position", kind=NUMBER, default=None, unit="rad", doc="of the link", shown="0"),
+        Key(name="velocity", kind=NUMBER, default=None, unit="rad/s", doc="of the link", shown="0"),
         Key(
-            name="motor_positions", kind=Optional(_MOTORS), default=None, unit="rad", doc="of each motor, link side",
+            name="motor_positions", kind=_MOTORS, default=None, unit="rad", doc="of each motor, link side",
             shown="the link's, springs undeflected",
         ),
         Key(
-            name="motor_velocities", kind=Optional(_MOTORS), default=None, unit="rad/s", doc="of each motor, link side",
+            name="motor_velocities", kind=_MOTORS, default=None, unit="rad/s", doc="of each motor, link side",
             shown="at rest",
         ),
     ),
@@ -176,10 +176,10 @@ class WorldObject:
     size: tuple[float, ...] = declare(
         _SIZE, default=(), unit="m", doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]"
     )
-    mesh: Path | None = declare(Optional(File(noun="mesh")), default=None, doc="mesh: its file")
+    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
-        Optional(ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz"))), default=None, unit="kg m^2",
+        ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
         doc="principal moments; default: those of the solid shape, of a mesh those of its bounding box; the centre of mass is "
         "the shape's middle, of a mesh its origin",
     )  # fmt: skip
@@ -272,7 +272,7 @@ class CartesianPose:
 
     time: float = declare(NOT_NEGATIVE, unit="s", doc="time at which the pose is reached")
     position: Vector = declare(POSITION, unit="m", doc="position in the world's frame")
-    rpy: Vector | None = declare(Optional(RPY), default=None, unit="rad", doc="orientation", shown="free")
+    rpy: Vector | None = declare(RPY, default=None, unit="rad", doc="orientation", shown="free")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,10 +342,10 @@ class Learning:
         MapOf(of=POSITIVE, star=False), default={}, unit="1", doc="gains that replace `gain`"
     )
     filter: Filter | None = declare(
-        Optional(block_of(Filter, "zero-phase filter")), default=None, doc="zero-phase filter on what is learned", shown="none"
+        block_of(Filter, "zero-phase filter"), default=None, doc="zero-phase filter on what is learned", shown="none"
     )
     first_guess: FirstGuess | None = declare(
-        Optional(Choice(("zero", "reference", "inverse_dynamics"))), default=None,
+        Choice(("zero", "reference", "inverse_dynamics")), default=None,
         doc="first input: zero, the trajectory, or inverse dynamics through the springs",
         shown="law auto: inverse_dynamics; else zero",
     )  # fmt: skip
@@ -378,28 +378,26 @@ class AnyData(Kind[Any]):
 class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
-    joint: str | None = declare(Optional(JOINT), default=None, doc="the joint (or give `body`)")
-    body: str | None = declare(Optional(Text(noun="name of an object")), default=None, doc="an object of the world")
+    joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
+    body: str | None = declare(Text(noun="name of an object"), default=None, doc="an object of the world")
     quantity: str = declare(Text(noun="name of a quantity"), doc="the quantity, such as link_position")
     measure: str = declare(Text(noun="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
     comparison: str = declare(Choice(COMPARISONS), default="==", doc="the comparison; `==` within the tolerance")
     value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
-    variant: str | None = declare(
-        Optional(Text(noun="name of a variant")), default=None, doc="the variant of the claim", shown="all"
-    )
+    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Optional(Choice(engines)),
+        Choice(engines),
         default=None,
         doc="the engine of the claim, as engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(
-        Optional(Text(noun="name of a quantity")), default=None, shown="the joint's own",
+        Text(noun="name of a quantity"), default=None, shown="the joint's own",
         doc="another quantity of the same joint to compare with, for measures of two series",
     )  # fmt: skip
     against: Path | None = declare(
-        Optional(File(noun="recording", folder=True, beside=".yaml")), default=None,
+        File(noun="recording", folder=True, beside=".yaml"), default=None,
         doc="a recording to compare with, for measures of a difference",
     )  # fmt: skip
     options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
