@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
@@ -30,7 +30,7 @@ SHIPPED = {
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
+def test_a_shipped_robot_is_driven_and_drawn(name, tmp_path):
     data = Path(pytest.importorskip("pybullet_data").getDataPath())
     shutil.copytree((data / name).parent, tmp_path / "robot")
     path = tmp_path / "robot" / Path(name).name
@@ -49,7 +49,7 @@ def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
 # -- engines -----------------------------------------------------------------------------------------------------------
 
 
-def in_engine(engine: str, robot: Robot, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
+def in_engine(engine, robot, positions, velocities):
     """Mass matrix and bias (Coriolis, gravity) as an engine's model has them."""
     names = [joint.name for joint in robot.moving_joints]
     built, _ = ENGINES.get(engine).make(make_scenario(robot.path, duration=0.01, engine=engine), robot)
@@ -66,18 +66,18 @@ def in_engine(engine: str, robot: Robot, positions: dict[str, float], velocities
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_the_file(engine: str, seed: int, tmp_path: Path) -> None:
+def test_engines_have_the_bodies_of_the_file(engine, seed, tmp_path):
     (tmp_path / "r.urdf").write_text(random_urdf(seed, moving=1 + seed % 7, fixed=seed, massless_root=seed % 2 == 0))
     same_bodies(engine, tmp_path / "r.urdf")
 
 
 @pytest.mark.parametrize("file", ALTEREGO)
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_alterego(engine: str, file: str, shared: Path) -> None:
+def test_engines_have_the_bodies_of_alterego(engine, file, shared):
     same_bodies(engine, shared / file)
 
 
-def same_bodies(engine: str, path: Path) -> None:
+def same_bodies(engine, path):
     """Mass matrix and bias of the engine's robot are those of the file."""
     robot = load_robot(path)
     source, names = np.random.default_rng(0), [joint.name for joint in robot.moving_joints]
@@ -89,7 +89,7 @@ def same_bodies(engine: str, path: Path) -> None:
 
 @pytest.mark.parametrize("inertia", [(0.0, 0, 0, 1e-2, 0, 1e-2), (1e-3, 0, 0, 1e-3, 0, 1.0), (0.0, 0, 0, 0.0, 0, 0.0)])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_bodies_that_are_none_are_simulated_as_they_are(engine: str, inertia: tuple, tmp_path: Path) -> None:
+def test_bodies_that_are_none_are_simulated_as_they_are(engine, inertia, tmp_path):
     """A rod, a body against the triangle inequality, a point: warnings to us, which some engines refuse to build."""
     (tmp_path / "r.urdf").write_text(random_urdf(1, moving=2, fixed=0))
     robot = load_robot(tmp_path / "r.urdf")
