@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, listed, printable
+from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import SEPARATORS, Reading
 from asrsim.samples import Array
@@ -137,12 +137,13 @@ class Rows:
         """Content with the table, and one problem for each kind of fault."""
         findings = []
         if self.ragged:
-            fields = f"{len(self.ragged[0][1])} instead of {len(self.columns)} fields"
-            message = f"{len(self.ragged)} rows with {fields} (or another number) are skipped"
+            rows, first = counted(len(self.ragged), "row"), len(self.ragged[0][1])
+            message = f"skipped {rows} with {first} instead of {len(self.columns)} fields (or another number)"
             findings.append(_problem(message, [line for line, _ in self.ragged], "ragged-row"))
         for column in self.columns:
             if column.faults:
-                message = f"{len(column.faults)} cells are not numbers, such as '{column.example}', and are read as missing"
+                cells = counted(len(column.faults), "cell")
+                message = f"read as missing, since not a number: {cells}, such as '{column.example}'"
                 findings.append(_problem(message, column.faults, "not-a-number", column.name))
         if texts := [column.name for column in self.columns if column.kind == "text"]:
             findings.append(Problem("text is not read", key=listed(texts, 6), code="text-column"))
