@@ -187,11 +187,11 @@ def read_text(path: Path, reading: Reading) -> Content:
 def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
     """Content made of rows of cells, from a sheet or a list of records."""
     width = max((len(row) for row in rows), default=0)
-    counted = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
-    if not counted:
+    filled = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
+    if not filled:
         raise RecordingError("holds no rows", code="empty")
-    found = layout_of(counted[:_SAMPLE], reading, ".", ",")
-    found.add(row for row in counted if row[0] >= found.first)
+    found = layout_of(filled[:_SAMPLE], reading, ".", ",")
+    found.add(row for row in filled if row[0] >= found.first)
     return found.content(form)
 
 
