@@ -38,7 +38,7 @@ def test_check_shows_metres_and_newtons_for_prismatic_joints(runner, good):
     sliding = good.with_name("slide.urdf")
     sliding.write_text(GOOD.replace("revolute", "prismatic"))
     found = runner.invoke(app, ["check", str(sliding)]).stdout
-    units = ("N m/rad", "N m s/rad", "kg m^2", "kg m²", "rad/s", "N m/(rad s)")
+    units = ("N m/rad", "N m s/rad", "kg m^2", "rad/s", "N m/(rad s)")
     assert all(f" {unit} " in turning for unit in units)
     assert not any(f" {unit} " in found for unit in units)
     for unit in ("N/m", "N s/m", "kg", "m/s", "N/(m s)"):
