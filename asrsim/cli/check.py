@@ -50,7 +50,7 @@ def check(
     ]
     good = not any(report.errors for report in reports)
     return Done(
-        data={"ok": good, "files": [report.as_dict() for report in reports]},
+        data={"ok": good, "files": reports},
         always=lambda: print_reports(reports, quiet=quiet),
         code=int(not good),
     )

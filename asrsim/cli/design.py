@@ -67,7 +67,7 @@ def design(
 
     intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
     data = {
-        "ok": not found.interrupted, "files": [str(path) for path in files],
+        "ok": not found.interrupted, "files": files,
         "findings": [{"message": remark} for remark in found.remarks], "intervals": mapped(intervals, finite_or_none),
     }  # fmt: skip
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)

@@ -25,6 +25,6 @@ def examples(
     written = copy_examples(out, overwrite=overwrite)
     run = command_line("run", out / "scenarios" / "step_2dof.yaml")
     return Done(
-        data={"ok": True, "files": [str(path) for path in written]},
+        data={"ok": True, "files": written},
         text=lambda: say(f"wrote {len(written)} files into {out}; run one: {run}"),
     )

@@ -117,7 +117,7 @@ def identify(
     folder = out or Path("out") / task.name / "fit"
     result, code = _run(task, check=check, quiet=quiet, accept=accept, seconds=seconds)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
-    data = {"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]}
+    data = {"ok": code == 0, **as_dict(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 

@@ -126,7 +126,7 @@ def _next(
 
     data = {
         "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
-        "findings": [problem.as_dict() for problem in step.findings],
+        "findings": step.findings,
         "foretold_ratio": finite_or_none(step.foretold), "warning": step.warning,
         "trial": trial_data(step.trials[-1], plant.joints),
     }  # fmt: skip

@@ -106,6 +106,6 @@ def _done(
             say(hint)
 
     return Done(
-        data={"ok": True, "files": [str(path) for path in files], "findings": [problem.as_dict() for problem in notes]},
+        data={"ok": True, "files": files, "findings": notes},
         text=text,
     )

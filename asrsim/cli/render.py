@@ -67,4 +67,4 @@ def render(
             say(f"note {note}", "yellow")
         say_written(files)
 
-    return Done(data={"ok": True, "files": [str(path) for path in files], "notes": notes}, text=text)
+    return Done(data={"ok": True, "files": files, "notes": notes}, text=text)

@@ -35,4 +35,4 @@ def report(
     with FractionBar(show=not quiet) as progress:
         page = write_report(folder, out, film=film, progress=progress.update)
     size = page.stat().st_size
-    return Done(data={"ok": True, "report": str(page), "bytes": size}, text=lambda: say(f"wrote {page} ({size / 1e6:.2f} MB)"))
+    return Done(data={"ok": True, "report": page, "bytes": size}, text=lambda: say(f"wrote {page} ({size / 1e6:.2f} MB)"))

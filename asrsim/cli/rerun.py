@@ -54,10 +54,9 @@ def rerun(
                 _print(repetition, quiet=quiet)
             if interruption.requested:
                 break
-    documents = [repetition.as_dict() for repetition in repetitions]
     different = not all(repetition.identical for repetition in repetitions)
     return Done(
-        data=documents[0] if len(logs) == 1 else {"runs": documents},
+        data=repetitions[0].as_dict() if len(logs) == 1 else {"runs": repetitions},
         code=INTERRUPTED if interruption.requested else int(different),
     )
 

@@ -101,7 +101,7 @@ def run(
     good = failure is None and all(entry.summary.ok for entry in done)
     errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]
     return Done(
-        data={"ok": good, "runs": [entry.summary.as_dict() for entry in done], "errors": errors},
+        data={"ok": good, "runs": [entry.summary for entry in done], "errors": errors},
         code=INTERRUPTED if interruption.requested else int(not good),
     )
 

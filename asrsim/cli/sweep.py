@@ -91,7 +91,7 @@ def sweep(
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")
 
-    data = {**as_dict(table), "files": [str(path) for path in (*table.files, *files)]}
+    data = {**as_dict(table), "files": [*table.files, *files]}
     return Done(data=data, text=text, code=code)
 
 

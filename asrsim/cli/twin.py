@@ -63,7 +63,7 @@ def twin(
             say(f"and {len(found.notes) - 20} further notes (--json prints all)")
         say_written(files)
 
-    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": [str(path) for path in files]}
+    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": files}
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)
 
 
