@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import asrsim
 from asrsim.simulation.simulation import Simulation
-from support.hanging_chain import links
 from support.paths import EXAMPLES
-from validation.models import INSTALLED
+from validation.models import INSTALLED, Body, chain
 
 ROBOT = EXAMPLES / "urdf" / "dof1_sea.urdf"
 SHAPES = {
@@ -89,8 +89,11 @@ def test_a_ground_out_of_reach_changes_neither_friction_nor_stops(
     The solvers of the engines, which are used with contacts, change the sign of friction once a step.
     """
     robot = tmp_path / "arm.urdf"
-    chained = links("0 1 0", "1 0 0").replace('friction="0"', 'friction="0.15"')
-    robot.write_text(chained.replace('lower="-60" upper="60"', 'lower="-0.6" upper="0.6"').replace('"1000"', '"50"'))
+    link = Body(
+        mass=0.4, reach=0.1, inertia=2e-3, length=0.2, friction=0.15,
+        limits='<limit lower="-0.6" upper="0.6" effort="1e6" velocity="50"/>',
+    )  # fmt: skip
+    robot.write_text(chain(link, replace(link, axis="1 0 0")).text)
     push = {"sinusoid": {"amplitude": amplitude, "frequency": 2.0}}
     found = []
     for world in ({}, {"ground": {}}):

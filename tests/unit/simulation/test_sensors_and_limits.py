@@ -10,14 +10,14 @@ import pytest
 
 from asrsim.scenario.data import Effects
 from asrsim.signals import Sinusoid, Step
-from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples
+from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples
 from validation.conservation import motors
 from validation.models import Body, chain, column, run
 
 LIMITS = '<limit lower="{0}" upper="{1}" effort="{2}" velocity="100"/>'
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
 PROPORTIONAL = joint(
-    "j1", actuator="sea", mode=1, references=(NEVER,),
+    actuator="sea", mode=1, references=(NEVER,),
     parameters={"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0},
 )  # fmt: skip
 """Joint whose torque in N m is -5 times its measured position in rad."""
@@ -25,7 +25,7 @@ PROPORTIONAL = joint(
 
 @pytest.mark.parametrize(("delay", "substeps"), [(0.0026, 3), (0.0024, 2), (0.0004, 0)])
 def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay: float, substeps: int) -> None:
-    given = plan(links("0 1 0"), (replace(PROPORTIONAL, start=0.3, speed=1.0),), 0.05)
+    given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
     found = samples(given, tmp_path, effects={"sensors": {"*": {"delay": delay}}}, substeps=1)
     q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
     np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
@@ -33,7 +33,7 @@ def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay:
 
 @pytest.mark.parametrize("start", [0.34, -0.36])
 def test_readings_are_rounded_to_the_nearest_quantum(tmp_path: Path, start: float) -> None:
-    given = plan(links("0 1 0"), (replace(PROPORTIONAL, start=start),), 0.01)
+    given = plan([replace(PROPORTIONAL, start=start)], 0.01)
     found = samples(given, tmp_path, effects={"sensors": {"*": {"quantum": 0.1}}})
     assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * 0.1 * round(start / 0.1))
 

@@ -15,7 +15,7 @@ from asrsim.scenario import Scenario
 from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.simulation import Simulation
-from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
+from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples, truth
 from validation.models import INSTALLED, Body, chain, column, run
 
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
@@ -25,7 +25,7 @@ TOTAL = INERTIA + MASS * REACH**2
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 def test_the_first_velocity_is_the_initial_velocity(tmp_path: Path, stepping: str) -> None:
-    given = plan(links("0 1 0"), (replace(joint("j1", start=0.5), speed=1.25),), 0.02)
+    given = plan([joint(start=0.5, speed=1.25)], 0.02)
     speed = samples(given, tmp_path, stepping=stepping).values["link_velocity"][:, 0]
     assert speed[0] == 1.25
     # One step of gravity later. Centred differences are of second order.
@@ -54,8 +54,8 @@ def test_a_jump_anywhere_in_a_step_is_of_second_order(tmp_path: Path, engine: st
         1: {"controller_1_proportional": 6.0, "controller_1_integral": 200.0, "controller_1_derivative": 0.3},
         3: {"spring_stiffness": 5.0, "max_deflection": 1.5},
     }.get(mode, {})  # fmt: skip
-    first = joint("j1", damping=0.4, actuator="sea", mode=mode, parameters=parameters, references=(jump,))
-    given = plan(links("0 1 0", "0 1 0", damping=0.4), (first, joint("j2", damping=0.4)), 0.1, (at,))
+    first = joint(damping=0.4, actuator="sea", mode=mode, parameters=parameters, references=(jump,))
+    given = plan((first, joint(damping=0.4)), 0.1, jumps=(at,))
     runs = [samples(given, tmp_path, engine=engine, substeps=substeps) for substeps in (2, 8)]
     exact = truth(given, runs[0].time)
     coarse, fine = (float(np.abs(found.values["link_position"] - exact).max()) for found in runs)
@@ -77,17 +77,17 @@ def test_the_controller_of_the_link_in_toolbox_stepping() -> None:
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path: Path, engine: str) -> None:
-    given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=0, references=(NEVER,)),), 0.1)
+    given = plan([joint(actuator="sea", mode=0, references=(NEVER,))], 0.1)
     scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **(given.keys() | {"gravity": [0, 0, 0]}))
     with Simulation(prepare(scenario, ranges={"*": {"link_torque": (-0.5, 0.5)}}), compiled=False) as simulation:
         simulation.advance(10)
         assert simulation.observe().link_velocity[0] == 0.0
-        assert simulation.set_reference("j1", "link_torque", 2.0) == 0.5
+        assert simulation.set_reference("joint_1", "link_torque", 2.0) == 0.5
         simulation.advance(20)
         assert simulation.observe().link_position[0] == pytest.approx(0.5 * 0.5 / TOTAL * 0.02**2, rel=0.06)
         assert simulation.time == 0.03
-        assert simulation.set_reference("j1", "link_torque", -9.0) == -0.5
-        simulation.set_reference("j1", "link_torque", None)
+        assert simulation.set_reference("joint_1", "link_torque", -9.0) == -0.5
+        simulation.set_reference("joint_1", "link_torque", None)
         before = simulation.observe().link_velocity[0]
         simulation.advance(5)
         assert simulation.observe().link_velocity[0] == pytest.approx(before, rel=0.06)
