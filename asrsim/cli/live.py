@@ -70,7 +70,10 @@ def live(
     from asrsim.scenario import load_scenario, only_variant
 
     names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
-    names = [] if names == ["none"] else names
+    known = (*TRANSPORTS.names(), "none")
+    if wrong := [name for name in names if name not in known]:
+        raise typer.BadParameter(f"there is no transport '{wrong[0]}'; choose from: {', '.join(known)}", param_hint="--on")
+    names = [name for name in names if name != "none"]
     one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin)
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
