@@ -31,10 +31,6 @@ class FrameMessages:
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
         """Message with the fixed frames; None where there are none."""
 
-    def due(self, time: float) -> bool:
-        """Whether a message is due for a sample at `time` in s; for callers with single samples."""
-        return bool(self._moving) and time * self._rate + 1e-9 >= self._next
-
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
         """Pairs (time in s, message) for the samples at which a message is due. Calls must follow the order of time."""
         if not self._moving or not len(samples.time):

@@ -16,7 +16,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, MetadataIndex
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.errors import LogError, Problem
 from asrsim.log.container import MAGIC
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, counted
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
 from asrsim.quantities import QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
@@ -279,7 +279,7 @@ def _tables(
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
     findings += [
-        Problem(f"{count} messages do not match their type's definition and are skipped", key=topics[id_].name,
+        Problem(f"skipped {counted(count, 'message')} that are not as their type defines", key=topics[id_].name,
                 value=topics[id_].kind, code="broken-message")
         for id_, count in broken.items()
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.document.mistaken import DOCUMENTS, mistaken
+from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
 from asrsim.recordings.data import Column, Content, RawSeries, Recording

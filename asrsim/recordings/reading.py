@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Unpack
 
 from asrsim.document.block import block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
-from asrsim.document.kinds import NUMBER, Choice, Integer, Number, Optional, Text
+from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Number, Optional, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, KNOWN
@@ -58,7 +57,7 @@ class TimeKeys:
     """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
-        Optional(Either(((is_list, ListOf(of=Text(noun="name of a column"), minimum=1)), (lambda _: True, Text())))),
+        Optional(Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text()))),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
         "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError, listed
+from asrsim.errors import Problem, RecordingError, counted, listed
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import SEPARATORS, Reading
 from asrsim.samples import Array
@@ -135,9 +135,10 @@ class Rows:
         """Content with the table, and one problem for each kind of fault."""
         findings = []
         for (code, column), (where, cell) in sorted(self.faults.items()):
-            message = f"{len(where)} cells are not numbers, such as '{cell}', and are read as missing"
+            message = f"read as missing, since not a number: {counted(len(where), 'cell')}, such as '{cell}'"
             if column < 0:
-                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields (or another number) are skipped"
+                rows = counted(len(where), "row")
+                message = f"skipped {rows} with {cell} instead of {len(self.names)} fields (or another number)"
             message += f": line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
             key = self.names[column] if column >= 0 else None
             findings.append(Problem(message, line=where[0], key=key, code=code))

@@ -5,14 +5,14 @@ To add an error, write a generator and list it in `CHECKS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import fields, replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.document.kinds import Integer, attempt
+from asrsim.document.kinds import Integer, attempt, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError
@@ -21,7 +21,7 @@ from asrsim.robot.findings import LARGEST
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.apply import laid_on
 from asrsim.scenario.build import whole
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import unknown_names
@@ -157,15 +157,11 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
-    left = [(key, scenario.resolved[key]) for key in PLAIN_NUMBERS if key in scenario.resolved]
-    while left:
-        key, value = left.pop(0)
-        if isinstance(value, Mapping):
-            left += [(f"{key}.{name}", part) for name, part in value.items()]
-        elif isinstance(value, list | tuple):
-            left += [(f"{key}.{index}", part) for index, part in enumerate(value)]
-        elif isinstance(value, float | int) and abs(value) > LARGEST:
-            yield Problem(f"is larger than {LARGEST:g}, which no robot has", key=key, value=value, code="out-of-range")
+    numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
+    for path, _, node in walk(SCENARIO, node_from_data(numbers)):
+        if isinstance(node.value, float | int) and abs(node.value) > LARGEST:
+            message = f"is larger than {LARGEST:g}, which no robot has"
+            yield Problem(message, key=".".join(path), value=node.value, code="out-of-range")
 
 
 def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

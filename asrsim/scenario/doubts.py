@@ -229,10 +229,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
             yield Problem(message, key=f"link_damping.{name}", value=damping.ratio, code="ratio-without-inertia")
-    for index, claim in enumerate(scenario.expect):
-        if claim.tolerance and claim.comparison != "==":
-            message = f"has no effect with {claim.comparison}: it applies to == only"
-            yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
     for name, effects in scenario.sensor_effects.items():
         modes = {block.mode for block in robot.actuators if name in ("*", block.joint)}
         if effects.active and modes and not any(MODES[mode].controller for mode in modes):

@@ -80,7 +80,7 @@ def test_a_changed_file_is_read_again(tmp_path):
             {"column": "q"},
             ["ref.csv:3: q: the cell must contain", "ref.csv:4: q: the cell must contain", "time 1.5 follows 2"],
         ),
-        ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
+        ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "row with 1 instead of 2 fields"]),
         ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no numeric column 'note'"]),
         (CSV, {}, ["column"]),
     ],
