@@ -178,6 +178,8 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with asrsim.Twin(five) as twin:
         with pytest.raises(InputError, match="joint_9"):
             twin.step({"joint_9": 0.0}, {})
+        with pytest.raises(InputError, match=r"commands.*must be a number"):
+            twin.step([0.0] * 5, {"joint_1": "fast"})
         with pytest.raises(InputError, match="5 positions"):
             twin.step([0.0], {})
         with pytest.raises(InputError, match="elbow"):
