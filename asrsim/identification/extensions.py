@@ -31,13 +31,11 @@ class Extension:
     """A problem with additional free parameters at the end of its parameter vector, or with commands played as a staircase."""
 
     text: str = ""
-    flags: str = ""
-    """Options of `asrsim identify` that add this extension."""
     problem: Problem
-    begins: tuple[float | tuple[float, ...], ...] = ()
-    """Start values of the new entries of the parameter vector; empty: the start is the optimum of the linearised problem."""
-    finite: bool = False
-    """Whether the effect of the extension is simulated at the start values, since derivatives do not show this effect."""
+    begins: Sequence[float | Sequence[float]] = ()
+    """Start values of the new entries of the parameter vector, at which the effect of the extension is simulated; empty: the
+    start is the optimum of the linearised problem.
+    """
     restepped: bool = False
     """Whether the extension changes the required number of substeps."""
     share: float = 1.0
@@ -71,20 +69,19 @@ class _Place:
         """
         from scipy.optimize import lsq_linear
 
-        n, layout = len(self.x), extension.problem.layout
-        if extension.finite:
-            for begin in [[one] for one in extension.begins] or [[]]:
-                start = np.append(self.x, begin)
-                trial = with_own_substeps(extension.problem, start) if extension.restepped else extension.problem
-                alone = self.alone(residuals(trial, start) - self.there)
-                amount = max(-float(alone @ self._left) / max(float(alone @ alone), 1e-300), 0.0)
-                yield self._share(amount * alone), replace(extension, problem=trial), start
-            return
-        nowhere, new = np.append(self.x, np.zeros(len(layout) - n)), range(n, len(layout))
-        alone = self.alone(jacobian(extension.problem, nowhere, LOOK, base=self.there, columns=new))
-        low, high = (bound[n:] for bound in layout.bounds)
-        moves = lsq_linear(alone, -self._left, bounds=(np.minimum(low, -1e-9), high)).x if alone.any() else np.zeros(len(new))
-        yield self._share(alone @ moves), extension, np.append(self.x, extension.begins[:1] or moves)
+        new, (low, high) = range(len(self.x), len(extension.problem.layout)), extension.problem.layout.bounds
+        for begin in extension.begins or [(0.0,) * len(new)]:
+            start, trial = np.append(self.x, begin), extension.problem
+            trial = with_own_substeps(trial, start) if extension.restepped else trial
+            if extension.begins:
+                change, limits = (residuals(trial, start) - self.there)[:, None], (np.zeros(1), np.full(1, np.inf))
+            else:
+                change = jacobian(trial, start, LOOK, base=self.there, columns=new)
+                limits = np.minimum(low[new], -1e-9), high[new]
+            alone = self.alone(change)
+            moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
+            start = start if extension.begins else np.append(self.x, moves)
+            yield self._share(alone @ moves), replace(extension, problem=trial), start
 
     def _share(self, change: Array) -> float:
         """Fraction of the squared error that a change of the residuals explains; 0 if the fraction is not significant."""
