@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import ASKED, Extended, Extension, extended, freed
 from asrsim.identification.keys import CLOCK, LATEST, Parameter, parameters_of
-from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
+from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
 from asrsim.identification.task import Tie
 from asrsim.identification.uncertainty import Uncertainty, noise_of
 from asrsim.robot.model import Robot
@@ -129,18 +129,17 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
 
 def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
-    free, first = _taken(problem), problem.fitted[0]
+    free = _taken(problem)
     own = {entry.parameter.key for entry in problem.layout.entries if entry.track is not None}
-    left = errors(problem, x, first) or [np.zeros(1)] * len(problem.tracks[first].channels)
-    for channel, off in zip(problem.tracks[first].channels, left, strict=True):
+    channels = problem.tracks[problem.fitted[0]].channels
+    for channel, part, off in zip(channels, problem.parts, differences(problem, x), strict=False):
         key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
         offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield _cause(f"a zero offset of {key}", problem, offset)
         if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
-            recorded = channel.values[: len(off)]
-            slope, zero = np.polyfit(recorded + off, recorded, 1).tolist()
+            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist() if np.isfinite(off).all() else (0.0, 0.0)
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))
                 yield _cause(f"another scale and zero of {key}", problem, offset, gain, begins=(begin,))
@@ -152,7 +151,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that free springs, friction, damping, hysteresis and motor limits, if the robot lacks them or they are fixed."""
+    """Extensions that free springs, friction, damping, hysteresis and motor limits that are not free."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), _taken(problem)
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):

@@ -68,6 +68,10 @@ class Channel:
         """Key of the channel: `joint.quantity`."""
         return f"{self.joint}.{self.quantity}"
 
+    def until(self, end: float) -> int:
+        """Number of samples up to a time, s."""
+        return int(np.sum(self.time <= end + 1e-9))
+
     @property
     def floor(self) -> float:
         """Smallest standard deviation that noise and quantisation allow."""

@@ -60,8 +60,9 @@ class Played(Signal):
 
 
 def noise_of_command(command: PlayedCommand) -> float:
-    """Standard deviation of a recorded command's noise."""
-    return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
+    """Standard deviation of a recorded command's noise; 0 if it is negligible."""
+    noise = fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
+    return noise if noise > 2e-6 * np.ptp(command.values) else 0.0
 
 
 def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[PlayedCommand]:

@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes, ties_that_are_none
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
-from asrsim.identification.problem import Errors, Problem, errors, jacobian, mean_square
+from asrsim.identification.problem import Problem, differences, jacobian, mean_square
 from asrsim.identification.progress import INTERRUPTED, Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import Best, Stopped, refined, search, settle
@@ -67,8 +67,9 @@ def identify(
         watch.stage("reading and preparing")
         setup = set_up(task, stack)
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
-        before = _errors(problem, start)
-        if any(before[track] is None for track in problem.fitted):
+        before = differences(problem.everything, start)
+        parts = zip(problem.everything.parts, before, strict=True)
+        if any(np.isnan(left).any() for part, left in parts if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
         problem.meter.tell = watch.tick
@@ -94,17 +95,10 @@ def _searched(best: Best, setup: Setup, watch: Watch) -> str:
     return "complete"
 
 
-def _errors(problem: Problem, x: Array) -> Errors:
-    return [errors(problem, x, track, whole=True) for track in range(len(problem.tracks))]
-
-
-def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
+def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     problem, trained, complete = best.problem, best.x, status == "complete"
-    after = _errors(problem, trained)
-    playing = zip(problem.tracks, problem.playing, strict=True)
-    shaken = [track.shaken(problem.layout.table(trained, i), one) for i, (track, one) in enumerate(playing)]
-    fits = channel_fits(problem, before, after, shaken)
+    fits = channel_fits(problem, before, trained)
     misfit = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else []
     causes = []
     if misfit:
@@ -149,11 +143,11 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
     """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
     values, vectors = np.linalg.eigh(uncertainty(problem, x, bounds_met(problem.layout, x)).covariance)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in problem.tracks)
-    everything = replace(problem, ends=tuple(track.data.duration for track in problem.tracks), weights=weights)
+    everything = replace(problem.everything, weights=weights)
     moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     sizes = []
     for part in everything.parts:
-        held = moves[part.rows][part.channel.time > problem.ends[part.track] + 1e-9]
+        held = moves[part.rows][part.time > problem.ends[part.track] + 1e-9]
         sizes.append(rms(np.linalg.norm(held, axis=1)) * part.noise)
     return sizes
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import repeat
 
 import numpy as np
 
@@ -122,40 +123,38 @@ class Track:
         """Playing with unchanged recorded commands and the default number of substeps."""
         return Playing(self.door.substeps)
 
-    def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
-        """Prediction of each channel at its recorded times up to `until` s; None if the simulation diverges."""
+    def predict(self, values: Mapping[str, float], playing: Playing, until: float) -> list[Array]:
+        """Prediction of each channel at its recorded times up to `until` s; NaN if the simulation diverges."""
         return self._predicted(tuple(sorted(values.items())), playing, until)
 
-    def _predict(self, values: Settings, playing: Playing, until: float | None) -> list[Array] | None:
+    def _predict(self, values: Settings, playing: Playing, until: float) -> list[Array]:
         return next(self.predictions([dict(values)], playing, until))
 
-    def predictions(
-        self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
-    ) -> Iterator[list[Array] | None]:
+    def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
         """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
-        steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
+        steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
         for values, series in zip(tables, found, strict=True):
-            yield None if series is None else self._sensed(values, series, until)
+            yield self._sensed(values, series, until)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Simulated quantities (index of joint, name) at whole steps; None if the simulation diverges."""
         return next(self.door.rollout(names, [self._world(values, playing)], substeps=playing.substeps))
 
-    def _sensed(self, values: Mapping[str, float], series: Array, until: float | None) -> list[Array]:
+    def _sensed(self, values: Mapping[str, float], series: Array | None, until: float) -> list[Array]:
         """Channels as the sensors measure them, from simulated series at whole steps."""
         clock, predicted = values.get(CLOCK, 0.0), []
-        for channel, exact in zip(self.channels, series, strict=True):
-            time = channel.time if until is None else channel.time[channel.time <= until + 1e-9]
-            if (guide := channel.guide) is not None:
-                lag = guide.positions[: len(time)] - interpolate(exact, time / self.scenario.step)
-                torque = guide.stiffness * lag / values.get(f"{guide.command}.gain", 1.0)
-                predicted.append(channel.values[: len(time)] + torque)
-                continue
-            shift = clock + values.get(f"{channel.key}.delay", 0.0)
-            gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
-            predicted.append(interpolate(exact, (time - shift) / self.scenario.step) / gain + offset)
+        for channel, exact in zip(self.channels, repeat(None) if series is None else series, strict=False):
+            count, key, guide = channel.until(until), channel.key, channel.guide
+            shift = 0.0 if guide else clock + values.get(f"{key}.delay", 0.0)
+            times = channel.time[:count]
+            sensed = np.full(count, np.nan) if exact is None else interpolate(exact, (times - shift) / self.scenario.step)
+            if guide is not None:
+                torque = guide.stiffness * (guide.positions[:count] - sensed) / values.get(f"{guide.command}.gain", 1.0)
+                predicted.append(channel.values[:count] + torque)
+            else:
+                predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
         return predicted
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
@@ -189,14 +188,7 @@ class Track:
     @property
     def has_noisy_inputs(self) -> bool:
         """Whether the recorded commands have noise that affects the motion."""
-        return any(noise_of_command(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
-
-    def shaken(self, values: Mapping[str, float], playing: Playing, draw: int = 0) -> list[Array] | None:
-        """Change (n,) of each channel due to one draw of the commands' noise; None if the commands have no noise."""
-        if not self.has_noisy_inputs:
-            return None
-        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=draw)))
-        return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
+        return any(map(noise_of_command, self.data.commands))
 
     def close(self) -> None:
         """Release the engines."""

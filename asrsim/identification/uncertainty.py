@@ -186,7 +186,7 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     step, size = part.channel.quantum, (len(left), DRAWS)
     power = float(np.mean(left**2)) * part.noise**2
     noise = generator.normal(scale=max(power - step**2 / 12.0, 0.0) ** 0.5, size=size)
-    predicted = (part.channel.values[: len(left)] + left * part.noise)[:, None]
+    predicted = (part.recorded + left * part.noise)[:, None]
     zeros = step * generator.uniform(-0.5, 0.5, size=DRAWS)
     shown = step * np.round((predicted + noise + zeros) / step) - predicted
     return weigh(shown, part.noise, step)
@@ -278,11 +278,5 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
         return
     for draw in range(PLAYED):
-        change = np.zeros(problem.parts[-1].rows.stop)
-        for number, track in enumerate(tracks):
-            moved = track.shaken(problem.layout.table(x, number), problem.playing[number], draw)
-            if moved is not None:
-                lengths = [part.rows.stop - part.rows.start for part in problem.parts if part.track == number]
-                cut = [one[:length] for one, length in zip(moved, lengths, strict=True)]
-                change[problem.rows(number)] = problem.weighted(cut, number)
-        yield change
+        playing = tuple(replace(one, draw=draw) for one in problem.playing)
+        yield residuals(replace(problem, playing=playing), x) - residuals(problem, x)

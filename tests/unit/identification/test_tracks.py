@@ -50,7 +50,7 @@ def test_what_is_predicted_is_the_motion_as_its_sensor_shows_it(tmp_path: Path) 
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
     with ExitStack() as stack:
         (track,) = setup_of(stack, tmp_path, columns, ["joint_1.damping"]).tracks
-        predict = partial(track.predict, playing=track.playing)
+        predict = partial(track.predict, playing=track.playing, until=1.0)
         (base,) = predict({}) or ()
         assert np.ptp(base) > 0.3
         place = "joint_1.link_position"
