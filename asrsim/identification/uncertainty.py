@@ -158,16 +158,15 @@ def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float
     n).
     """
     parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
-    basis = np.linalg.qr(slopes)[0]
     shown = [autocovariances(left[part.rows]) for part in parts]
-    counts = [part.rows.stop - part.rows.start for part in parts]
-    models = [_Noise.of(one, count) for one, count in zip(shown, counts, strict=True)]
-    for _ in range(CORRECTIONS):
-        spreads = [model.times(basis[part.rows]) for part, model in zip(parts, models, strict=True)]
-        taken = sum((basis[part.rows].T @ one for part, one in zip(parts, spreads, strict=True)), np.zeros((1, 1)))
-        models = [
-            _Noise.of(own + model.lost(basis[part.rows], spread, taken, len(own)), count)
-            for part, own, model, spread, count in zip(parts, shown, models, spreads, counts, strict=True)
+    bases, lost = [np.linalg.qr(slopes)[0][part.rows] for part in parts], [np.zeros(len(one)) for one in shown]
+    for _ in range(CORRECTIONS + 1):
+        models = [_Noise.of(own + less, len(basis)) for own, less, basis in zip(shown, lost, bases, strict=True)]
+        spreads = [model.times(basis) for model, basis in zip(models, bases, strict=True)]
+        taken = sum((basis.T @ one for basis, one in zip(bases, spreads, strict=True)), np.zeros((1, 1)))
+        lost = [
+            model.lost(basis, spread, taken, len(own))
+            for model, basis, spread, own in zip(models, bases, spreads, shown, strict=True)
         ]
     total = np.zeros((slopes.shape[1],) * 2)
     for part, model in zip(parts, models, strict=True):
@@ -274,9 +273,8 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, since recorded torques contain
     this noise.
     """
-    tracks = [problem.tracks[i] for i in problem.fitted]
-    if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
-        return
-    for draw in range(PLAYED):
-        playing = tuple(replace(one, draw=draw) for one in problem.playing)
-        yield residuals(replace(problem, playing=playing), x) - residuals(problem, x)
+    tracks, base = [problem.tracks[i] for i in problem.fitted], residuals(problem, x)
+    if not any(track.data.guides or not track.has_noisy_inputs for track in tracks):
+        for draw in range(PLAYED):
+            playing = tuple(replace(one, draw=draw) for one in problem.playing)
+            yield residuals(replace(problem, playing=playing), x) - base

@@ -352,7 +352,7 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     read = read_recording(
         tmp_path / "a.csv", mapping=[f"i_A=joint_1.reference_1{unit}", "theta=joint_1.motor_1_position"], joints=["joint_1"]
     )
-    assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, strict=True).modes == modes
+    assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, idle=()).modes == modes
 
 
 def test_the_best_so_far_survives_the_wish_to_stop(lab):
