@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -26,16 +27,25 @@ LONGEST = 600
 """Longest duration of a proposed experiment, s."""
 
 
-def _moved(result: Result) -> dict[str, dict[str, Any]]:
-    """Range of positions (rad, m), largest speed and bandwidth (Hz) of each joint over all recordings."""
-    found: dict[str, dict[str, Any]] = {}
+@dataclass(frozen=True)
+class _Motion:
+    """Recorded motion of a joint: range of positions (rad, m), largest speed, and bandwidth (Hz)."""
+
+    unit: str
+    low: float = np.inf
+    high: float = -np.inf
+    speed: float = 0.0
+    band: float = 0.0
+
+
+def _moved(result: Result) -> dict[str, _Motion]:
+    """Motion of each joint over all recordings."""
+    found: dict[str, _Motion] = {}
     for one in (one for one in result.channels if one.key.endswith("position")):
-        joint = found.setdefault(one.key.rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
-        time, values = one.lines["time"], one.lines.get("after", one.lines["recorded"])
-        speed, band = np.gradient(values, time), bandwidth(time, values)
-        joint["low"], joint["high"] = min(joint["low"], float(values.min())), max(joint["high"], float(values.max()))
-        joint["speed"], joint["band"] = max(joint["speed"], float(np.abs(speed).max())), max(joint["band"], band)
-        joint["unit"] = one.unit
+        joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])
+        was, speed = found.get(joint, _Motion(one.unit)), float(np.abs(np.gradient(values, time)).max())
+        low, high = min(was.low, float(values.min())), max(was.high, float(values.max()))
+        found[joint] = _Motion(one.unit, low, high, max(was.speed, speed), max(was.band, bandwidth(time, values)))
     return found
 
 
@@ -58,9 +68,9 @@ def advice(result: Result) -> Iterator[str]:
         yield f"{', '.join(near)}: {max(near.values()):.1f} times as long a recording of this motion brings the interval to 5 %"
 
 
-def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
+def _movement(name: str, joint: str, was: _Motion) -> str:
     """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
-    unit, speed, band = was["unit"], was["speed"], was["band"]
+    unit, speed, band = was.unit, was.speed, was.band
     if "friction" in name:
         return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
     if "damping" in name:
@@ -68,57 +78,45 @@ def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
     if "inertia" in name or name in ("mass", *INERTIAS):
         return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
     if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
-        size = 0.5 * (was["high"] - was["low"])
+        size = 0.5 * (was.high - was.low)
         return f"deflect {joint} more, by loads, presets or reversals (recorded: {size:.2g} {unit} at up to {band:.2g} Hz)"
     return ""
 
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """Text of a limits file, and the command that designs the next experiment within the recorded limits. Both texts are empty
+    """Path of a limits file, and the command that designs the next experiment within the recorded limits; both are empty
     if every parameter is identified.
     """
     import yaml
 
-    unknown = [one for one in result.estimates if one.verdict in (WEAK, RATIO, NO_EFFECT)]
-    moved = _moved(result)
-    if not unknown or not moved:
+    verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
+    if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved:
         return [], ""
-    noise = {one.key: float(f"{one.noise:.3g}") for one in result.channels}
-    choose: dict[str, Any] = {}
+    noise, choose = {one.key: _short(one.noise) for one in result.channels}, dict[str, Any]()
     for block in result.robot.actuators:
-        mode, name = MODES[block.mode], "controller_1_proportional"
-        if mode.controller and block.joint in moved:
-            gain = block.parameters[name].value
-            choose[f"{block.joint}.{name}"] = [float(f"{factor * gain:.4g}") for factor in (0.5, 1.0, 2.0)]
-    if any(one.verdict == RATIO for one in unknown) and not any("elastic_torque" in key for key in noise):
+        if MODES[block.mode].controller and block.joint in moved:
+            gain = block.parameters["controller_1_proportional"].value
+            choose[f"{block.joint}.controller_1_proportional"] = [_short(factor * gain) for factor in (0.5, 1.0, 2.0)]
+    if RATIO in verdicts and not any("elastic_torque" in key for key in noise):
         noise["elastic_torque"], choose["sensors"] = LOAD_CELL, ["elastic_torque"]
-    bounds = {
-        joint: {
-            "link_position": [float(f"{was['low']:.4g}"), float(f"{was['high']:.4g}")],
-            "link_velocity": float(f"{was['speed']:.4g}"),
-        }
+    limits = {
+        joint: {"link_position": [_short(was.low), _short(was.high)], "link_velocity": _short(was.speed)}
         for joint, was in moved.items()
     }
-    steps = [float(np.median(np.diff(one.lines["time"]))) for one in result.channels]
-    data = {"limits": bounds, "noise": noise, "rate": round(1.0 / min(steps)), **({"choose": choose} if choose else {})}
+    step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
+    data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
     path, task = folder / LIMITS, result.task
     with written(path, "limits") as stream:
         head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
         stream.write((head + yaml.safe_dump(data, sort_keys=False)).encode())
-    ends = [max(float(one.lines["time"][-1]) for one in result.channels if one.track == i) for i in range(len(result.ends))]
-    duration = sum(ends)
-    longer = max((min((one.margin / CLOSE) ** 2, 4.0) for one in unknown if one.verdict == WEAK), default=2.0)
+    duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
     words = ["asrsim", "design", str(task.file or task.scenario)]
     if task.file is None:
         words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
         words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
-    words += [
-        *plugin_options(task.plugins),
-        "--limits",
-        str(path),
-        "--seconds",
-        f"{min(max(duration * longer, 4.0), LONGEST):.0f}",
-        "--out",
-        "next.csv",
-    ]
-    return [path], join(words)
+    words += [*plugin_options(task.plugins), "--limits", str(path)]
+    return [path], join([*words, "--seconds", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")

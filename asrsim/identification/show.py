@@ -55,7 +55,7 @@ def remarks(result: Result) -> Iterator[tuple[str, str]]:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
     names = [one.name for one in result.estimates]
-    known = [i for i, one in enumerate(result.estimates) if not math.isnan(one.low)]
+    known = [i for i, one in enumerate(result.estimates) if one.has_interval]
     for i in known:
         for j in known:
             if i < j and abs(result.correlation[i, j]) > CORRELATED:
@@ -95,20 +95,17 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
 
 def _digits(one: Estimate, number: float, count: int) -> str:
     """Number as text; 0 if the number is negligible relative to the width of its interval."""
-    width = 0.0 if math.isnan(one.low) else one.high - one.low
-    return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
+    return "0" if one.has_interval and abs(number) < NOTHING * (one.high - one.low) else f"{number:.{count}g}"
 
 
 def _interval(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) else f"{_digits(one, one.low, 5)} .. {_digits(one, one.high, 5)}"
+    return f"{_digits(one, one.low, 5)} .. {_digits(one, one.high, 5)}" if one.has_interval else "-"
 
 
 def _margin(one: Estimate) -> str:
-    if math.isnan(one.low):
-        return "-"
-    if one.is_place:
+    if one.is_place and one.has_interval:
         return f"{0.5 * (one.high - one.low):.2g} {one.unit}".rstrip()
-    return percent(one.margin) if one.margin < HOPELESS else "-"
+    return percent(one.margin) if one.has_interval and one.margin < HOPELESS else "-"
 
 
 def _number(value: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -29,14 +28,6 @@ VANISHED = 0.01
 """A positive parameter without effect counts as vanished below this fraction of its start value."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
 """Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
-LACKING = (
-    ("motor", "motor", "motors have no dynamics"),
-    ("controller", "controller", "there is no controller"),
-    (("spring", "max_deflection", "hysteresis"), "spring", "there is no spring"),
-)
-"""First words of a parameter's name, part of the operation mode to which the parameter belongs, and message if the mode lacks
-this part.
-"""
 
 
 @dataclass(frozen=True)
@@ -63,13 +54,10 @@ class Estimate:
         """Half width of the interval relative to the value."""
         return 0.5 * (self.high - self.low) / abs(self.value) if self.value else math.inf
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        interval = None if math.isnan(self.low) else [self.low, self.high]
-        return {
-            "key": self.key, "unit": self.unit, "start": self.start, "estimate": self.value, "interval": interval,
-            "verdict": self.verdict, "reason": self.reason, "known": list(self.combinations), "recording": self.track,
-        }  # fmt: skip
+    @property
+    def has_interval(self) -> bool:
+        """Whether the value has an interval."""
+        return not math.isnan(self.low)
 
 
 def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Estimate]:
@@ -160,11 +148,6 @@ def _reason(entry: Entry, norm: float, track: Track) -> str:
     """Reason why a parameter has no effect on the compared channels."""
     if norm > 1e-9:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
-    joint, _, name = entry.parameter.key.rpartition(".")
-    drive = next((one for one in track.door.drives if one.name == joint), None)
-    mode = drive.mode if drive else None
-    if mode is not None:
-        for words, part, missing in LACKING:
-            if name.startswith(words) and not getattr(mode, part):
-                return f"{missing} in mode {mode.number} ({mode.name})"
-    return "no compared channel depends on it"
+    owner = entry.parameter.key.partition(".")[0]
+    modes = [f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.name == owner and one.mode]
+    return f"no compared channel depends on it{''.join(modes)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.result import Result
+from asrsim.identification.track import numbers_of
 from asrsim.identification.verdicts import AT_BOUND, IDENTIFIED, RATIO, WEAK
 from asrsim.outfile import written
+from asrsim.plain import finite_or_none, mapped
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
-from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
+from asrsim.robot.vary import physical
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
 
@@ -30,70 +31,56 @@ def as_dict(result: Result) -> dict[str, Any]:
     """
     from asrsim import __version__
 
-    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
-    logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
-    bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
-    slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
+    rows, parameters = result.estimates, [entry.parameter for entry in result.layout.entries]
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
-        i for i, one in enumerate(result.estimates)
-        if one.track is None
-        and (not math.isnan(one.low) or one.verdict == RATIO or (one.verdict == AT_BOUND and not logarithmic[i]))
-        and robot_changes(result, {one.key: one.value})
+        i for i, one in enumerate(rows)
+        if one.track is None and numbers_of({one.key: one.value})
+        and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not parameters[i].logarithmic))
     ]  # fmt: skip
+    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
+    logarithmic = [parameters[i].logarithmic for i in drawn]
+    means = np.array([rows[i].value for i in drawn])
     # Parameters without an interval are not varied.
-    spread = np.where([math.isnan(one.low) for one in result.estimates], 0.0, slopes)
-    covariance = np.nan_to_num(result.covariance) * np.outer(spread, spread)
-    return {
+    spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
+    data = {
         "generator": f"asrsim {__version__}",
         "format": 1,
         **{name: getattr(result, name) for name in ("status", "fits", "accepted", "misfit", "causes", "remarks")},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
-        "estimates": [_finite(one.as_dict()) for one in result.estimates],
-        "ties": [{"key": tie.key, "to": tie.to, "factor": tie.factor} for tie in result.layout.ties],
-        "combinations": [
-            {"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations
+        "estimates": [
+            {
+                "key": one.key, "unit": one.unit, "start": one.start, "estimate": one.value,
+                "interval": [one.low, one.high] if one.has_interval else None, "verdict": one.verdict, "reason": one.reason,
+                "known": one.combinations, "recording": one.track,
+            }
+            for one in rows
         ],
-        "names": [one.name for one in result.estimates],
+        "ties": [vars(tie) for tie in result.layout.ties],
+        "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
+        "names": [one.name for one in rows],
         "correlation": np.round(result.correlation, 4).tolist(),
-        "channels": [_finite({name: value for name, value in vars(one).items() if name != "lines"}) for one in result.channels],
-        "training_ends": list(result.ends),
+        "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
+        "training_ends": result.ends,
         "search": {
             "how": result.how, "attempts": result.attempts, "successes": result.successes, "evaluations": result.evaluations,
             "seconds": round(result.seconds, 3),
         },
-        "keys": [result.estimates[i].key for i in drawn],
-        "mean": [math.log(result.estimates[i].value) if logarithmic[i] else result.estimates[i].value for i in drawn],
-        "covariance": covariance[np.ix_(drawn, drawn)].tolist(),
-        "logarithmic": [logarithmic[i] for i in drawn],
-        "bounds": [[limit if math.isfinite(limit) else None for limit in bounds[i]] for i in drawn],
+        "keys": [rows[i].key for i in drawn],
+        "mean": np.where(logarithmic, np.log(np.where(logarithmic, means, 1.0)), means).tolist(),
+        "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
+        "logarithmic": logarithmic,
+        "bounds": [[parameters[i].low, parameters[i].high] for i in drawn],
     }  # fmt: skip
-
-
-def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in data.items()}
-
-
-def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Values of the robot's parameters, by joint or link and by name."""
-    joints = {joint.name for joint in result.robot.moving_joints}
-    links = {link.name for link in result.robot.links}
-    blocks = {block.joint: block.parameters for block in result.robot.actuators}
-    changes: dict[str, dict[str, float]] = {}
-    for key, value in values.items():
-        owner, _, name = key.rpartition(".")
-        if (owner in joints and (name in JOINT_NAMES or name in blocks.get(owner, {}))) or (
-            owner in links and name in LINK_NAMES
-        ):
-            changes.setdefault(owner, {})[name] = float(value)
-    return changes
+    plain: dict[str, Any] = mapped(data, lambda value: finite_or_none(value) if isinstance(value, float) else value)
+    return plain
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
-    kept = {
-        one.key for one in result.estimates
+    values = {
+        one.key: one.value for one in result.estimates
         # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
@@ -101,7 +88,6 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
             or (one.verdict == WEAK and (result.accepted or one.key.endswith("friction_stiffness")))
         )
     }  # fmt: skip
-    values = {one.key: one.value for one in result.estimates if one.key in kept}
     return result.layout.tied(values)
 
 
@@ -116,7 +102,7 @@ def write_fit(result: Result, folder: Path) -> Path:
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
     """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
     chosen = chosen_values(result, everything=everything)
-    changes = physical(result.robot, robot_changes(result, chosen))
+    changes = physical(result.robot, numbers_of(chosen))
     if not changes:
         return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path

@@ -99,7 +99,7 @@ def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
 def test_what_has_no_effect_is_told_with_its_reason(lab):
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
     one = result.find("joint_1.motor_1_inertia")
-    assert (one.verdict, one.reason) == ("no effect", "motors have no dynamics in mode 3 (SpringEqPres)")
+    assert (one.verdict, one.reason) == ("no effect", "no compared channel depends on it in mode 3 (SpringEqPres)")
 
 
 def test_an_inertia_that_the_recording_has_not_is_said_to_vanish(tmp_path):
