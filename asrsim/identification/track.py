@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import repeat
@@ -18,7 +19,9 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
-NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
+NOT_THE_ROBOTS = (
+    "offset", "gain", "delay", "initial_position", "initial_velocity", "initial_motor_1_position", "initial_motor_2_position",
+)  # fmt: skip
 """Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
@@ -48,7 +51,7 @@ class Playing:
 class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Collection[str] = ()) -> None:
+    def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Set[str] = frozenset()) -> None:
         """trusted: names `joint.quantity` of the channels whose zero is free; the joints of these channels start as in the
         scenario.
         """
@@ -60,10 +63,10 @@ class Track:
         ]
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
-        self.uncertain: tuple[str, ...] = ()
+        self.initial: dict[str, float] = {}
+        """Positions and velocities of links and motors at time 0, by key."""
+        self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario's."""
-        self.positions, self.velocities = tuple(self.door.positions), tuple(self.door.velocities)
-        self.motors: Mapping[str, Sequence[float]] = {}
         self._begin(trusted)
         self.onset = min(map(_onset, data.channels))
         """Time of the first motion, s."""
@@ -75,11 +78,11 @@ class Track:
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin(self, trusted: Collection[str]) -> None:
+    def _begin(self, trusted: Set[str]) -> None:
         """Set the initial state to the scenario's, unless the recording contradicts the scenario."""
-        home = self.positions, self.velocities
-        positions, velocities, motors, uncertain = [*home[0]], [*home[1]], dict[str, Sequence[float]](), list[str]()
-        for j, joint in enumerate(self.door.joints):
+        for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
+            keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
+            self.initial |= dict(zip(keys, (position, velocity), strict=True))
             channel = self._channel(joint, "link_position")
             found = None if channel is None else first_samples(channel, SOON)
             if channel is None or found is None:
@@ -89,28 +92,27 @@ class Track:
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             # An initial position that is not a round number was probably copied from a noisy recording.
-            measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
-            if abs(place - positions[j]) > STILL * place_error or moving or measured:
-                compared = channel not in self.data.guides
-                if channel.key not in trusted:
-                    positions[j] = place
-                    uncertain += [f"{joint}.initial_position"] * compared
-                if moving:
-                    velocities[j] = speed
-                    uncertain += [f"{joint}.initial_velocity"] * compared
-        for j, drive in enumerate(self.door.drives):
-            channels = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
-            known = [at_rest(channel) for channel in channels if channel is not None and channel.time[0] <= SOON]
-            if not known or len(known) < len(channels) or any(c is not None and c.key in trusted for c in channels):
+            measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            if abs(place - position) > STILL * place_error or moving or measured:
+                shown = {keys[0]: place} if channel.key not in trusted else {}
+                shown |= {keys[1]: speed} if moving else {}
+                self.initial |= shown
+                self.uncertain += shown if channel in self.channels else ()
+        for drive in self.door.drives:
+            numbers, link = range(1, drive.dynamic_motors + 1), f"{drive.name}.initial_position"
+            motors = [f"{drive.name}.initial_motor_{i}_position" for i in numbers]
+            rest = (drive.motor_positions or (self.initial[link],) * len(motors))[: len(motors)]
+            self.initial |= dict(zip(motors, rest, strict=True))
+            channels = [c for i in numbers if (c := self._channel(drive.name, f"motor_{i}_position")) and c.time[0] <= SOON]
+            if not channels or len(channels) < len(motors) or trusted & {channel.key for channel in channels}:
                 continue
-            rest = (drive.motor_positions or (positions[j],) * len(known))[: len(known)]
-            if any(abs(place - was) > STILL * error for (place, error), was in zip(known, rest, strict=True)):
-                motors[drive.name] = [place for place, _ in known]
+            places = [at_rest(channel) for channel in channels]
+            if any(abs(place - was) > STILL * error for (place, error), was in zip(places, rest, strict=True)):
+                self.initial |= dict(zip(motors, (place for place, _ in places), strict=True))
+                self.uncertain += motors
                 if self._channel(drive.name, "link_position") is None:
                     # A link at rest moves with the initial positions of its motors.
-                    positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
-        self.positions, self.velocities = tuple(positions), tuple(velocities)
-        self.motors, self.uncertain = motors, tuple(uncertain)
+                    self.initial[link] += float(np.mean([place for place, _ in places]) - np.mean(rest))
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         known = (*self.channels, *self.data.guides)
@@ -158,16 +160,21 @@ class Track:
         return predicted
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
+        initial = {**self.initial, **values}
         positions, velocities = (
-            {joint: values.get(f"{joint}.initial_{what}", own) for joint, own in zip(self.door.joints, start, strict=True)}
-            for what, start in (("position", self.positions), ("velocity", self.velocities))
+            {joint: initial[f"{joint}.initial_{what}"] for joint in self.door.joints} for what in ("position", "velocity")
         )
+        motors: dict[str, list[float]] = {}
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+            keys = [f"{drive.name}.initial_motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)]
+            # Motors at the scenario's positions follow the initial position of their link.
+            if {*keys} & {*values, *self.uncertain}:
+                motors[drive.name] = [initial[key] for key in keys]
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
-            velocities=velocities, motors=self.motors,
+            velocities=velocities, motors=motors,
         )  # fmt: skip
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
@@ -236,9 +243,7 @@ def interpolate(series: Array, place: Array) -> Array:
     if last < 3:
         return np.interp(place, np.arange(last + 1), series)
     base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
-    t = place - base
-    a, b, c, d = (series[base + i] for i in (-1, 0, 1, 2))
-    return np.asarray(
-        -t * (t - 1.0) * (t - 2.0) / 6.0 * a + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * b
-        - (t + 1.0) * t * (t - 2.0) / 2.0 * c + (t + 1.0) * t * (t - 1.0) / 6.0 * d
-    )  # fmt: skip
+    t, nodes = place - base, (-1, 0, 1, 2)
+    # Lagrange's polynomials.
+    shares = [math.prod([(t - other) / (node - other) for other in nodes if other != node]) for node in nodes]
+    return np.asarray(sum(series[base + node] * share for node, share in zip(nodes, shares, strict=True)))
