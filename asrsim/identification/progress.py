@@ -6,7 +6,6 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from asrsim.identification.search import Best, Stopped
 
@@ -40,14 +39,15 @@ class Watch:
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
     ) -> None:
         """seconds: time limit of the search."""
-        self._progress, self._stop, self._seconds = progress, stop, math.inf if seconds is None else seconds
+        self._progress, self.stop = progress, stop
+        """Functions of the user; `stop` is None if requests to stop are ignored."""
+        self._seconds = self.limit = math.inf if seconds is None else seconds
+        """Time after which the next evaluation ends the computation, s; infinity if the time limit is ignored."""
         self.ended = INTERRUPTED
         """Status of a search that was stopped."""
         self.began = self._reported = clock.perf_counter()
         self._stage, self._before = "start", 0
         self.best: Best | None = None
-        self.ignore_stop = self.ignore_time = False
-        """Whether requests to stop, or the time limit, are ignored."""
 
     def stage(self, name: str) -> None:
         """Begin a stage, or a start of the search."""
@@ -58,34 +58,33 @@ class Watch:
 
     def tick(self) -> None:
         """Report progress after an evaluation. Raises Stopped if the user stops the fit or its time is over."""
-        late = not self.ignore_time and clock.perf_counter() - self.began > self._seconds
-        if not self.ignore_stop and (late or (self._stop is not None and self._stop())):
+        late = clock.perf_counter() - self.began > self.limit
+        if late or (self.stop is not None and self.stop()):
             self.ended = UNFINISHED if late else INTERRUPTED
             raise Stopped
         if clock.perf_counter() - self._reported > OFTEN:
             self._report()
 
-    def in_time(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
+    def in_time(self, found: Callable[[], Iterable[str]]) -> list[str]:
         """Results of an optional computation; empty if the time limit is reached during the computation."""
-        self.ignore_time = False
+        self.limit = self._seconds
         try:
-            return tuple(found())
+            return list(found())
         except Stopped:
             if self.ended == INTERRUPTED:
                 raise
-            return ()
+            return []
         finally:
-            self.ignore_time = True
+            self.limit = math.inf
 
     def _report(self) -> None:
         self._reported = clock.perf_counter()
-        elapsed, left, cost, done = self._reported - self.began, math.nan, math.nan, 0
         if self._progress is None:
             return
+        elapsed, left, cost, done = self._reported - self.began, math.nan, math.nan, 0
         if self.best is not None:
             meter = self.best.problem.meter
             cost, done = min(self.best.cost, meter.cost), meter.evaluations
             wanted = self._before + (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
-            if done:
-                left = min(max(wanted - done, 0) * elapsed / done, max(self._seconds - elapsed, 0.0))
+            left = min(max(wanted - done, 0) * elapsed / max(done, 1), max(self._seconds - elapsed, 0.0))
         self._progress(Progress(self._stage, cost, done, elapsed, left))

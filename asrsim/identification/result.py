@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from asrsim.identification.combinations import Combination
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.layout import Layout
@@ -26,7 +28,6 @@ class Result:
     task: Task
     estimates: tuple[Estimate, ...]
     combinations: tuple[Combination, ...]
-    correlation: Array
     covariance: Array
     """Covariance of the parameter vector."""
     channels: tuple[ChannelFit, ...]
@@ -56,6 +57,13 @@ class Result:
     """
     played: Mapping[str, str] = field(default_factory=dict)
     """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix (n, n) of the estimates; 0 for entries without variance."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        deviation[deviation == 0.0] = np.inf
+        return np.asarray(self.covariance / np.outer(deviation, deviation))
 
     @property
     def fits(self) -> bool:

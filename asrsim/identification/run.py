@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -21,7 +22,7 @@ from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.uncertainty import Uncertainty, correlations, uncertainty, widened
+from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.identification.verdicts import bounds_met, doubted, estimates
 from asrsim.samples import Array
 from asrsim.workers import one_thread
@@ -75,12 +76,11 @@ def identify(
         problem.meter.tell = watch.tick
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
-        watch.ignore_time, watch.ignore_stop = True, status == INTERRUPTED
+        watch.limit = math.inf
         try:
             return _judged(setup, best, before, status, watch, accept=accept)
         except Stopped:
             # The user interrupts the judgement after the search is complete.
-            watch.ignore_stop = True
             return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
 
 
@@ -97,13 +97,13 @@ def _searched(best: Best, setup: Setup, watch: Watch) -> str:
 
 def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
+    watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == "complete"
     fits = channel_fits(problem, before, trained)
-    misfit = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else []
-    causes = []
+    misfit, causes = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else [], list[str]()
     if misfit:
         watch.stage("what may be missing")
-        causes = [*foreign(fits), *watch.in_time(lambda: _causes(problem, trained))]
+        causes = foreign(fits) + watch.in_time(lambda: _causes(problem, trained))
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -115,7 +115,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
         missed, channel = max((max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
         known = doubted(known, missed, channel)
     return Result(
-        task=setup.task, estimates=tuple(known), combinations=tuple(combined), correlation=correlations(found.covariance),
+        task=setup.task, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, best)), evaluations=problem.meter.evaluations,
         seconds=clock.perf_counter() - watch.began, how=best.how, attempts=best.attempts, successes=best.successes,
@@ -161,9 +161,8 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
         return problem, trained, found, met
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
-        there = refined(whole, x, 20)
-        least, x = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
-        if least > APART * max(mean_square(problem, trained), 1.0):
+        x = min((refined(whole, x, 20), x), key=lambda there: mean_square(whole, there))
+        if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
     met = bounds_met(whole.layout, x)
     return whole, x, widened(whole, x, uncertainty(whole, x, met)), met
@@ -171,8 +170,7 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
 
 def _remarks(setup: Setup, best: Best) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
-    tracks, keys = best.problem.tracks, {entry.parameter.key for entry in best.problem.layout.entries}
-    yield from (f"{track.data.name}: {text}" for track in tracks for text in track.data.remarks)
+    keys = {entry.parameter.key for entry in best.problem.layout.entries}
     for key in sorted(keys - setup.asked):
         if key.endswith("friction_stiffness"):
             yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
@@ -181,7 +179,8 @@ def _remarks(setup: Setup, best: Best) -> Iterator[str]:
             f"{', '.join(sorted(held))}: played as a staircase, since the recording shows that each sample was held until the "
             "next (`interpolation: hold` of the scenario's playback)"
         )
-    for track in tracks:
+    for track in best.problem.tracks:
+        yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
         for key in keys.intersection(track.uncertain):
             yield (
                 f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "

@@ -247,14 +247,6 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     return slopes
 
 
-def correlations(covariance: Array) -> Array:
-    """Correlation matrix (n, n) of a covariance; 0 for entries without variance."""
-    deviation = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        matrix = covariance / np.outer(deviation, deviation)
-    return np.where(np.isfinite(matrix), matrix, 0.0)
-
-
 def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
     """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
     noise of the commands, since it excites oscillations of the robot.
