@@ -161,8 +161,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
 
 def _wished(known: Parameter, wish: Wish) -> Parameter:
     start = known.start if wish.start is None else wish.start
-    moved = known.logarithmic and wish.start is not None and wish.start > 0.0
-    ratio = start / known.start if moved else 1.0
+    ratio = start / known.start if known.logarithmic and start > 0.0 else 1.0
     low = known.low * ratio if wish.low is None else wish.low
     high = known.high * ratio if wish.high is None else wish.high
     if wish.start is None and wish.low is not None and wish.high is not None and not low <= start <= high:

@@ -10,8 +10,7 @@ from itertools import islice
 
 import numpy as np
 
-from asrsim.identification.causes import presliding, stairs
-from asrsim.identification.extensions import Extended, extended
+from asrsim.identification.causes import Extended, extended, presliding, stairs
 from asrsim.identification.judge import fits_noise, is_explained, rms
 from asrsim.identification.problem import (
     ROUNDS,

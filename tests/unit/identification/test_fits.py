@@ -16,15 +16,13 @@ from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
-from asrsim.identification import door, progress, task_of
-from asrsim.identification.advice import advice, design_line
+from asrsim.identification import door, run, task_of
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.layout import Tie
-from asrsim.identification.pictures import figures
-from asrsim.identification.played import Played
 from asrsim.identification.setup import set_up
-from asrsim.identification.show import judgement
-from asrsim.identification.write import as_dict, write_robot
+from asrsim.identification.show import advice, design_line, judgement
+from asrsim.identification.track import Played
+from asrsim.identification.write import as_dict, figures, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.robot.edit import edited_urdf
@@ -398,7 +396,7 @@ def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
 
 
 def test_progress_tells_a_time_that_remains(lab, monkeypatch):
-    monkeypatch.setattr(progress, "OFTEN", 0.0)
+    monkeypatch.setattr(run, "OFTEN", 0.0)
     told = []
     identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, progress=told.append)
     late = [one for one in told if one.evaluations > 20]

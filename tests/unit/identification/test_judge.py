@@ -15,7 +15,7 @@ from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_noise, foreign, praise, verdict
-from asrsim.identification.verdicts import Estimate
+from asrsim.identification.result import Estimate
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 NAN = float("nan")

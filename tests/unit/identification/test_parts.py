@@ -11,8 +11,7 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.causes import presliding
-from asrsim.identification.extensions import extended
+from asrsim.identification.causes import extended, presliding
 from asrsim.identification.judge import fits_noise
 from asrsim.identification.problem import solve
 from asrsim.identification.setup import Setup, set_up
