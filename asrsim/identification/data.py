@@ -21,7 +21,7 @@ from asrsim.recordings.data import Column
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.starter_recording import RecordingPlan, make_plan
+from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.curve import Curve, curve_through
 
 PLAYED = 2

@@ -46,6 +46,8 @@ EVERY = 0.01
 """Interval between rows of the mismatch regression, s."""
 KNOWN = 0.04
 """Largest relative standard error of a stiffness that is reported."""
+LONGEST_GAP = 0.03
+"""Time without a measurement above which the twin is set to the next measured position, s."""
 MISSING = 0.1
 """Time without a measurement after which a note is given, s."""
 CHUNK = 32
@@ -156,7 +158,8 @@ class Twin:
             values = given if isinstance(given, Mapping) else {self._first_reference(joint): given}
             for reference, value in values.items():
                 self._command(joint, reference, value, notes)
-        if self._steps == 0:
+        lost = self._missing * self._step > LONGEST_GAP
+        if self._steps == 0 or (lost & np.isfinite(positions)).any():
             self._place(positions)
         self._state = self.simulation.observe()
         error = self._difference(positions, notes)
@@ -185,6 +188,8 @@ class Twin:
         return np.array([measured.get(name, math.nan) for name in self.joints], dtype=float)
 
     def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
+        if not isinstance(value, int | float | np.number) or isinstance(value, bool):
+            raise InputError("must be a number", key=f"commands.{joint}.{reference}", value=value, code="twin-command")
         if self._commands.get((joint, reference)) == value:
             return
         if math.isfinite(value):

@@ -205,13 +205,9 @@ def test_a_run_that_cannot_be_built_leaves_the_earlier_results(tiny, asrsim_comm
     assert log_of(tiny).read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "changes", [("stepping=toolbox", "parameters={elbow: {spring_k: 1e5}}"), ("stepping=toolbox", LOAD), (LOAD,)]
-)
-def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes: tuple[str, ...]) -> None:
+def test_divergence_ends_with_joint_and_time(tiny, asrsim_command) -> None:
     tiny.robot.write_text(tiny.robot.read_text().replace('effort="50"', 'effort="1e9"').replace("revolute", "continuous"))
-    settings = [part for change in changes for part in ("--set", change)]
-    outcome = asrsim_command("run", tiny.scenario, "--no-plot", *settings)
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
     assert outcome.code == 1
     assert "joint 'elbow' diverged at t = " in outcome.err
     log = read_log(log_of(tiny))

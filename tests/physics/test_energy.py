@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.signals import PulseTrain, Sinusoid
+from asrsim.signals import PulseTrain, Sinusoid, Step
 from asrsim.simulation.run import Run
 from validation.conservation import motors
 from validation.models import INSTALLED, Body, chain, column, run
@@ -61,6 +61,21 @@ def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
     )  # fmt: skip
     assert coarse < 1e-2
     assert fine < 0.6 * coarse
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("friction", [0.0, 0.01])
+def test_the_balance_of_a_light_motor_closes_after_a_jump(engine: str, compiled: bool, friction: float) -> None:
+    """The motor oscillates several times in each step, which motor substeps resolve."""
+    light = {"motor_1_inertia": 1e-5, "motor_1_damping": 0.0, "motor_1_friction_torque": friction, "motor_1_max_velocity": 1e9}
+    result = run(
+        chain(replace(BODY, actuator="sea")), mode=5, duration=0.2, engine=engine, compiled=compiled,
+        references={"reference_1": Step(at=0.05037, after=0.3)},
+        parameters={"spring_stiffness": 20.0, "controller_1_proportional": 20.0, "controller_1_derivative": 0.0, **light},
+    )  # fmt: skip
+    assert result.resolution.motor_substeps > 5
+    assert np.abs(column(result, "energy_residual")).max() < 0.03 * np.abs(column(result, "motor_work")).max()
 
 
 def test_energy_balance_includes_the_effort_limit() -> None:

@@ -55,7 +55,7 @@ def toolbox_rows(robot: Robot, time: Array, motion: Array, first_step: float | N
         s[POSITION], s[ENGINE_VELOCITY] = q, v
         before = [s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
         z = (step, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
-        advance(s, p, k, z, [0.0, *goal], step, DRIVE_TORQUE, False)
+        advance(s, p, k, z, [0.0, *goal], step, True, False)
         rows.append((s[TORQUE], *_outputs(drive, q, before, s)))
     return dict(zip(OUTPUTS, np.array(rows).T, strict=True))
 

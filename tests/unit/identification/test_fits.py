@@ -27,7 +27,7 @@ from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
-from asrsim.scenario.starter_recording import make_plan
+from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.run import run_again
 from support.identify_files import CHIRP, SEA, record, write
 

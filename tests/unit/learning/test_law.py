@@ -10,7 +10,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, zero_phase
 from asrsim.learning import learn as learn_by
-from asrsim.scenario.goal_keys import Filter, Learning
+from asrsim.scenario.blocks import Filter, Learning
 from asrsim.signals.pieces import Constant
 
 STEP = 1e-3

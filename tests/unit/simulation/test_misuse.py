@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,8 +10,8 @@ import pytest
 
 import asrsim
 from asrsim.engines import ENGINES
-from asrsim.errors import AsrsimError, InputError, SimulationError
-from asrsim.signals import Constant
+from asrsim.errors import AsrsimError, InputError, ScenarioError, SimulationError
+from asrsim.signals import Constant, Step, Sum
 
 INSTALLED = [name for name in ("bullet", "mujoco") if ENGINES.get(name).available]
 
@@ -55,6 +56,44 @@ def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
         np.testing.assert_array_equal(values, vars(before)[name], err_msg=name)
     simulation.advance(5)
     assert simulation.time == pytest.approx(before.time + 5 * simulation.scenario.step)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"step": math.nan}, "step: must be a finite number"),
+        ({"substeps": 0}, "substeps: must be a whole number >= 1"),
+        ({"log_every": 0}, "log_rate: must be a whole number >= 1"),
+        ({"seed": -1}, "seed: must be a whole number >= 0"),
+        ({"gravity": (1, 2)}, r"gravity: must be a list \[x, y, z\]"),
+        ({"duration": 0.10005}, "duration: must be a whole number of steps of 0.001 s"),
+        ({"motion": {"elbow": Constant(value=1.0)}}, "motion: prescribed motion needs 'engine: bench'"),
+        ({"initial_positions": {"elbw": 1.0}}, "initial.elbw: .* Did you mean 'elbow'"),
+        ({"parameters": {"elbow": {"spring_k": "x"}}}, "parameters.elbow.spring_k: must be a number"),
+        ({"external_torques": {"elbow": Step(at=math.nan, after=1.0)}}, "external_torques.elbow: 'at' of the signal"),
+        ({"external_torques": {"elbow": Sum(terms=(Step(at=math.nan, after=1.0),))}}, "elbow: 'at' of the signal"),
+    ],
+)
+def test_a_replaced_scenario_is_checked_like_one_that_is_read(tiny, fields, said) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        asrsim.prepare(dataclasses.replace(asrsim.make_scenario(tiny.robot, duration=0.1), **fields))
+
+
+def test_quantities_that_no_joint_can_record_are_refused(tiny) -> None:
+    for make in (asrsim.Simulation, lambda scenario, **keys: asrsim.Worlds(scenario, 2, **keys)):
+        with pytest.raises(InputError, match=r"no joint records 'link_positon'.*Did you mean 'link_position'"):
+            make(tiny.scenario, names=["link_positon"])
+
+
+@pytest.mark.parametrize(("substeps", "warned"), [(1, True), (2, False)])
+def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned) -> None:
+    scenario = asrsim.make_scenario(
+        tiny.robot,
+        duration=0.1,
+        substeps=substeps,
+        external_torques={"elbow": {"sinusoid": {"amplitude": 0.1, "frequency": 700}}},
+    )
+    assert [found.code for found in asrsim.prepare(scenario).warnings].count("undersampled-sine") == warned
 
 
 def test_a_snapshot_is_of_one_simulation_and_its_parameters(simulation, tiny) -> None:

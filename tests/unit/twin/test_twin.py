@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -179,6 +180,8 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with asrsim.Twin(five) as twin:
         with pytest.raises(InputError, match="joint_9"):
             twin.step({"joint_9": 0.0}, {})
+        with pytest.raises(InputError, match=r"commands.*must be a number"):
+            twin.step([0.0] * 5, {"joint_1": "fast"})
         with pytest.raises(InputError, match="5 positions"):
             twin.step([0.0], {})
         with pytest.raises(InputError, match="elbow"):
@@ -189,22 +192,21 @@ def test_wrong_names_and_bandwidths_are_errors(five):
 
 
 class Robot:
-    """A transport beside a softer arm, which is simulated a step a poll, commanded by topics, and pushed after 0.6 s."""
+    """A transport beside a softer arm, which is simulated a step a poll, commanded by topics, and pushed after 0.9 s."""
 
-    where, lost = "in this process", 0
-
-    def __init__(self, burst):
-        """burst: number of steps whose positions arrive together."""
-        self.burst, self.waiting = burst, []
+    def __init__(self, burst, late, *, applies):
+        """burst: number of steps whose positions arrive together; late: number of steps by which the twin's commands are late;
+        applies: whether the arm publishes the commands that it applied."""
+        self.burst, self.late, self.applies, self.states, self.commands = burst, late, applies, [], []
         scenario = asrsim.make_scenario(
             EXAMPLES / "urdf" / "two_elastic_joints.urdf",
             engine="mujoco",
             duration=2.0,
             parameters={"joint_2": {"spring_stiffness": 5.4}},
         )
-        self.simulation, self.heard, self.notices, self.polls = asrsim.Simulation(scenario), [], [], 0
+        self.simulation, self.heard, self.polls, self.began = asrsim.Simulation(scenario), [], 0, time.time()
 
-    def make(self, interface, access):
+    def make(self, interface, access, tell):
         self.numbers = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
         self.outlets = [outlet.name for outlet in interface.outlets]
         self.wanted = [True] * len(self.outlets)
@@ -212,17 +214,23 @@ class Robot:
 
     def poll(self):
         self.polls += 1
-        goal = 0.2 * np.sin(2.0 * np.pi * 1e-3 * self.polls)
-        yield Received(self.numbers["/joint_1/equilibrium_position"], [goal])
+        sent = self.began + 1e-3 * self.polls
+        goal = 0.3 * np.sign(np.sin(0.02 * self.polls))
+        self.commands.append(Received(self.numbers["/joint_1/equilibrium_position"], [goal], sent=sent))
         self.simulation.set_reference("joint_1", "equilibrium_position", goal)
         self.simulation.set_reference("joint_2", "external_torque", 1.5 if self.polls > 900 else 0.0)
         self.simulation.advance()
-        state = self.simulation.observe()
-        joints, positions = ["joint_1", "joint_2"], state.link_position.tolist()
-        self.waiting.append(Received(self.numbers["/joint_states"], positions, joints, stamp=1e9 + state.time))
-        if len(self.waiting) >= self.burst:
-            yield from self.waiting
-            self.waiting.clear()
+        state, joints = self.simulation.observe(), ["joint_1", "joint_2"]
+        about = {"stamp": 1e9 + state.time, "sent": sent + 5e-4}
+        if self.applies:
+            names = ["joint_1.equilibrium_position", "joint_2.external_torque"]
+            self.states.append(Received(self.numbers["/applied_commands"], [goal, 1.5], names, **about))
+        self.states.append(Received(self.numbers["/joint_states"], state.link_position.tolist(), joints, **about))
+        if self.polls % self.burst == 0:
+            yield from self.states
+            self.states.clear()
+        if len(self.commands) > self.late:
+            yield self.commands.pop(0)
 
     def publish(self, time, messages):
         values = [struct.unpack("<4xd", message)[0] for message in messages]
@@ -232,9 +240,10 @@ class Robot:
         self.simulation.close()
 
 
-@pytest.mark.parametrize("burst", [1, 20])
-def test_a_live_twin_follows_topics_and_tells_a_push(monkeypatch, burst):
-    robot, told = Robot(burst), []
+@pytest.mark.parametrize(("burst", "late", "applies"), [(20, 0, False), (1, 15, False), (20, 200, True)])
+def test_a_live_twin_finds_a_push_whatever_the_delays(monkeypatch, burst, late, applies):
+    """Commands jump by 0.6 rad: a command that counted a few steps late would be an alarm."""
+    robot, told = Robot(burst, late, applies=applies), []
     monkeypatch.setattr(TRANSPORTS, "_entries", dict(TRANSPORTS._entries))
     TRANSPORTS.add("robot", TransportEntry(make=robot.make, doc="", module="json"))
     scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "two_elastic_joints.urdf", engine="mujoco", duration=2.0)
