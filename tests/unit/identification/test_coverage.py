@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim import identify
-from asrsim.identification.verdicts import doubted
+from asrsim.identification.result import doubted
 from support.soft_arm import FINE, QBMOVE, SEA, SoftArm, command, record
 
 RECORDINGS = {
