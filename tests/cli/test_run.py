@@ -331,18 +331,3 @@ def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkey
     assert outcome.code == 1
     assert "ZeroDivisionError" in outcome.err
     assert "Traceback" not in outcome.err
-
-
-def test_start_imports_nothing_heavy(tiny):
-    code = (
-        "import sys; sys.argv = ['asrsim', 'run', 'step.yaml', '--no-plot', '--set', 'duration=1e-3']\n"
-        "from asrsim.cli.app import main\n"
-        "try: main()\nexcept SystemExit: pass\n"
-        "heavy = {'matplotlib', 'scipy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
-        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    assert done.stderr.splitlines()[-1] == "[]"
