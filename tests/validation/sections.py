@@ -91,10 +91,9 @@ SECTIONS: tuple[Section, ...] = (
         title="Independent dynamics",
         text=(
             "Mass matrix, gravity torques and velocity torques of the engines are compared with Pinocchio at 20 random "
-            "states for each robot. A simulated swing in space is compared with Pinocchio's forward dynamics integrated "
-            "by DOP853."
+            "states for each robot."
         ),
-        measures=(dynamics.rigid_body, dynamics.spatial_swing),
+        measures=(dynamics.rigid_body,),
         needs="pinocchio",
     ),
     Section(
