@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 from math import cos, inf, sin, sqrt
 from operator import is_
 from typing import Any, NamedTuple
@@ -79,7 +79,6 @@ class Room(NamedTuple):
 
 def make_room(
     robot: Robot,
-    scheme: Numbers,
     *,
     qpos: Array,
     qvel: Array,
@@ -96,7 +95,7 @@ def make_room(
     arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
-        scheme=scheme, free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
+        scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
         slowest=np.full(size, -inf), fastest=np.full(size, inf),
         joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
         **arrays,
@@ -228,11 +227,6 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         exchange[last, j, VELOCITY] = speed
 
 
-def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Begin a step: the function `aim` for these arguments."""
-    aim(room, state)
-
-
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
     m."""
@@ -281,7 +275,6 @@ class Calculation:
 
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
         self._function, self._room = function, room
-        self._plain, self._packed = plain(room), pack(room)
         self._call: Any = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -290,7 +283,7 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to numbers, exchange, forces and lengths."""
         if self._call is None:
-            self._call = self._function
+            self._call, self._plain, self._packed = self._function, plain(self._room), pack(self._room)
             if "numba" in sys.modules:
                 self._call = _compiled(self._function, compiling.type_of(self._room))
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
@@ -313,7 +306,11 @@ class RigidEngine:
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
         self._forces = np.zeros((1, len(room.force), 1))
-        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
+        self._advance = Calculation(advance, room)
+
+    @cached_property
+    def _plain_room(self) -> Any:
+        return plain(self._room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
@@ -338,10 +335,9 @@ class RigidEngine:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
             self._forces = np.zeros((len(lengths), len(self._room.force), 1))
-        arrays = self._state, exchange, self._forces, lengths
-        self._aim(*arrays)
+        aim(self._plain_room, self._numbers)
         self.look(wrenches, self._forces)
-        self._advance(*arrays)
+        self._advance(self._state, exchange, self._forces, lengths)
 
     @property
     def state(self) -> Array:
