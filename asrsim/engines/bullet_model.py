@@ -53,6 +53,7 @@ class BulletModel(RigidModel):
         self.free = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
         self._to_bullet = np.argsort(self.indices).tolist()
+        self._ours = self._to_bullet == list(range(len(self.indices))) and not self.free
         joints = [self.free + self._to_bullet.index(j) for j in range(len(self.indices))]
         # The base: translation before rotation.
         self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
@@ -63,7 +64,7 @@ class BulletModel(RigidModel):
         self.centre, self.axes = np.array(dynamics[3]), matrix_of(p, dynamics[4])
         self._home, standing = p.getBasePositionAndOrientation(self._body, client)
         self._standing = matrix_of(p, standing)
-        self._parts = [(1.0, self._body)]
+        self._parts: list[tuple[float, int]] = []
         self._set_gravity(self._standing)
         self._set_up()
 
@@ -71,7 +72,8 @@ class BulletModel(RigidModel):
         """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
 
         Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
-        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
+        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s). The first of them becomes the
+        robot.
         """
         if not self.joints:
             return
@@ -82,7 +84,8 @@ class BulletModel(RigidModel):
             except SystemError:
                 moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
                 lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
-                self._parts = [(2.0, self._load(lift)[0]), (-1.0, self._load(2.0 * lift)[0])]
+                self._body = self._load(lift)[0]
+                self._parts = [(1.0, self._body), (-1.0, self._load(2.0 * lift)[0])]
             try:
                 self.full_matrix(self._zero)
             except SystemError as error:
@@ -91,7 +94,8 @@ class BulletModel(RigidModel):
 
     def _ordered(self, values: Sequence[float] | Array) -> list[float]:
         """`values` of the moving joints in Bullet's order."""
-        return [float(values[j]) for j in self._to_bullet]
+        plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]
+        return [plain[j] for j in self._to_bullet]
 
     # -- for stepping ------------------------------------------------------------------------------------------------
 
@@ -137,10 +141,12 @@ class BulletModel(RigidModel):
         return total
 
     def _sum(self, routine: Any, *arguments: list[float]) -> Array:
-        """Result of one of Bullet's routines for the robot, as a weighted sum over the loaded bodies (see `_set_up`)."""
+        """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
         client = self._client
-        results = [part * np.array(routine(body, *arguments, physicsClientId=client)) for part, body in self._parts]
-        return results[0] if len(results) == 1 else results[0] + results[1]
+        total = np.array(routine(self._body, *arguments, physicsClientId=client))
+        for part, body in self._parts:
+            total += part * np.array(routine(body, *arguments, physicsClientId=client))
+        return total
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
         """Generalised forces (v,) in N m that give the accelerations, along Bullet's axes, in asrsim's order of degrees of
@@ -152,7 +158,8 @@ class BulletModel(RigidModel):
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
             # Bullet ignores the orientation of the base: gravity is turned instead.
             self._set_gravity(turned)
-        return self._sum(self._p.calculateInverseDynamics, *states)[self._forces]
+        total = self._sum(self._p.calculateInverseDynamics, *states)
+        return total if self._ours else total[self._forces]
 
     def _set_gravity(self, turned: Array) -> None:
         gravity = (turned.T @ self._scenario.gravity).tolist()
@@ -162,7 +169,8 @@ class BulletModel(RigidModel):
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
         """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
-        return self._sum(self._p.calculateMassMatrix, self._ordered(positions))[self._block]
+        matrix = self._sum(self._p.calculateMassMatrix, self._ordered(positions))
+        return matrix if self._ours else matrix[self._block]
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array

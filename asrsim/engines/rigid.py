@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from functools import cache
 from math import cos, inf, sin, sqrt
 from operator import is_
 from typing import Any, NamedTuple
@@ -227,6 +227,11 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         exchange[last, j, VELOCITY] = speed
 
 
+def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Begin a step: the function `aim` for these arguments."""
+    aim(room, state)
+
+
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
     m."""
@@ -306,11 +311,7 @@ class RigidEngine:
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
         self._forces = np.zeros((1, len(room.force), 1))
-        self._advance = Calculation(advance, room)
-
-    @cached_property
-    def _plain_room(self) -> Any:
-        return plain(self._room)
+        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
@@ -335,9 +336,10 @@ class RigidEngine:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
             self._forces = np.zeros((len(lengths), len(self._room.force), 1))
-        aim(self._plain_room, self._numbers)
+        arrays = self._state, exchange, self._forces, lengths
+        self._aim(*arrays)
         self.look(wrenches, self._forces)
-        self._advance(self._state, exchange, self._forces, lengths)
+        self._advance(*arrays)
 
     @property
     def state(self) -> Array:
