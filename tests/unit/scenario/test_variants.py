@@ -136,7 +136,7 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
     """Two recordings of one name in two folders are told apart, and found again from a folder of attachments."""
     for name, value in (("one", 1), ("two", 2)):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "ref.csv").write_text(f"time,q\n0,{value}\n")
+        (tmp_path / name / "ref.csv").write_text(f"time,q\n0,{value}\n1,{value}\n")
     plays = "".join(
         f"  {j}: {{reference_1: {{playback: {{file: {f}/ref.csv, column: q}}}}}}\n" for j, f in (("a", "one"), ("b", "two"))
     )
@@ -152,7 +152,7 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
     for name, file in scenario.attachments.items():
         (folder / name).write_bytes(file.read_bytes())
     moved = scenario_from_data(data, base_dir=folder, robot=tmp_path / "arm.urdf")
-    assert moved.references["b"]["reference_1"].samples[1].tolist() == [2.0]
+    assert moved.references["b"]["reference_1"].samples[1].tolist() == [2.0, 2.0]
 
 
 def test_a_folder_bag_is_attached_file_by_file(tmp_path):
@@ -175,7 +175,7 @@ def test_a_relocated_scenario_finds_every_file(tmp_path):
     for folder in (lab / "data", lab / "ros", other):
         folder.mkdir(parents=True)
     (lab / "arm.urdf").write_text("<robot name='arm'/>")
-    (lab / "data" / "ref.csv").write_text("time,q\n0,1\n")
+    (lab / "data" / "ref.csv").write_text("time,q\n0,1\n1,1\n")
     (lab / "data" / "hand.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0))
     write_bag(lab / "data" / "run", ros1=False)
     files = {"reference_1": {"file": "data/run", "column": "/q"}, "reference_2": {"file": "data/ref.csv", "column": "q"}}
