@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.base import cosh, sinh
 from asrsim.actuators.checker import parameter_sets
 from asrsim.actuators.motor import motor_kick, motor_numbers
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
@@ -222,3 +223,10 @@ def test_integral_action_takes_the_mean_of_the_step() -> None:
     _, middle, _, integral, torque, _ = kick(0.0, 0.0, reference=0.01, controlled=True, controller_1_integral=200.0)
     assert integral == pytest.approx(200.0 * 0.01 * 1e-3)
     assert torque == pytest.approx(125.0 * 0.01 + 0.5 * integral - 4.5 * middle, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 0.1, 0.2499, 0.25, 1.0, 8.0, 700.0])
+def test_hyperbolic_functions_keep_every_digit(size: float) -> None:
+    assert sinh(size) == pytest.approx(math.sinh(size), rel=1e-15)
+    assert sinh(-size) == -sinh(size)
+    assert cosh(size) == pytest.approx(math.cosh(size), rel=1e-15)
