@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, styled
-from asrsim.cli.options import into_folder
+from asrsim.cli.options import Texts, argument, into_folder, option
 
 if TYPE_CHECKING:
     from asrsim.reproduce import Reproduction
@@ -18,11 +16,9 @@ if TYPE_CHECKING:
 
 @command("Print only claims that do not hold.", plugins=False)
 def reproduce(
-    figures: Annotated[
-        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Figures 8, 11, 12, 13, 14, 15; all by default.")
-    ] = None,
+    figures: Annotated[Texts, argument("[FIGURE]...", "Figures 8, 11, 12, 13, 14, 15; all by default.")] = None,
     out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
-    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Number of figures computed in parallel.")] = 2,
+    workers: Annotated[int, option("Number of figures computed in parallel.", "--workers", "-j", min=1)] = 2,
     *,
     quiet: bool,
     json: bool,

@@ -17,6 +17,12 @@ MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges"
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
 """Keys whose joints are checked when the scenario is applied to the robot."""
+TABLES = {
+    "initial_positions": "initial", "initial_velocities": "initial", "initial_motor_positions": "initial",
+    "initial_motor_velocities": "initial", "external_torques": "external_torques", "desired": "desired", "motion": "motion",
+    "references": "references", "reference_ranges": "reference_ranges", "link_damping": "link_damping",
+}  # fmt: skip
+"""Fields of the scenario that code may set, with their keys in a file; their names are checked also without a file."""
 BY_NAME = ("references", "parameters")
 """Tables in which the entry for all joints completes the entry of a joint."""
 
@@ -30,6 +36,8 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         *_names(scenario),
         *((("manager",), name, "joint") for name in scenario.joint_order),
     ]
+    for field, key in TABLES.items():
+        found += [entry for name in getattr(scenario, field) if (entry := ((key, name), name, "joint")) not in found]
     for path, name, noun in found:
         all_moving = path[0] in (*MOVING, "manager")
         known = links if noun == "link" else moving if all_moving else actuated

@@ -75,11 +75,12 @@ class RecordingPlan:
         )
 
 
-def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> RecordingPlan:
+def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence[str] | None = None) -> RecordingPlan:
     """Columns of the recording that are played into the robot, and columns that are compared.
 
-    strict: play only columns that are commands, and accept a recording without commands. Raises RecordingError, with the
-    columns of the recording, where it has no joint of the robot or no command.
+    idle: play only commands, or the recorded motor positions of these joints, and accept a recording without commands. None:
+    replace a missing command by any recorded quantity. Raises RecordingError, with the columns of the recording,
+    where it has no joint of the robot or no command.
     """
     pairing, found = match_joints([joint.name for joint in robot.moving_joints], recording)
     remarks = [problem.message for problem in found]
@@ -92,7 +93,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
     for block in robot.actuators:
-        command = _command(columns, block, remarks, strict=strict)
+        command = _command(columns, block, remarks, idle)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
             if command.quantity == "motor_1_position":
@@ -109,7 +110,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
                 played.append(_played(block.joint, 1, second))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque))
-    if not strict and not any(one.slot == 0 for one in played):
+    if idle is None and not any(one.slot == 0 for one in played):
         if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
             raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
         remarks.append(
@@ -143,11 +144,13 @@ def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[st
 
 
 def _command(
-    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], *, strict: bool
+    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], idle: Sequence[str] | None
 ) -> Column | None:
+    """Column that is the command of a joint, or that replaces a missing command; None if there is no such column."""
+    fallbacks = FALLBACKS if idle is None else _motors(columns, block) if block.joint in idle else ()
     mode, own = MODES[block.mode], [TORQUES[block.mode]] if block.mode in TORQUES else []
     reference = columns.get((block.joint, "reference_1"))
-    order = ["reference_1", *own, *(() if strict else FALLBACKS)]
+    order = ["reference_1", *own, *fallbacks]
     if mode.direct and reference is not None and reference.unit not in (*mode.units, "N"):
         # A torque-controlled motor takes its recorded torque rather than a position.
         order = [*own, *order]
@@ -155,15 +158,23 @@ def _command(
         column = columns.get((block.joint, quantity))
         if column is None or not np.isfinite(column.values).any():
             continue
-        if strict and column.unit in ("V", "A") and column.unit != mode.units[0]:
+        if idle is not None and column.unit in ("V", "A") and column.unit != mode.units[0]:
             remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
             continue
         if quantity != "reference_1":
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
         return column
-    if not strict and any(joint == block.joint for joint, _ in columns):
+    if idle is None and any(joint == block.joint for joint, _ in columns):
         remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
     return None
+
+
+def _motors(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock) -> Sequence[str]:
+    """Quantity that replaces the command of springs, if the positions of all their motors were recorded."""
+    actuator = ACTUATORS.get(block.actuator)
+    motors = range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)
+    known = MODES[block.mode].spring and all((block.joint, f"motor_{i}_position") in columns for i in motors)
+    return ("motor_1_position",) if known else ()
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:

@@ -188,6 +188,8 @@ class Twin:
         return np.array([measured.get(name, math.nan) for name in self.joints], dtype=float)
 
     def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
+        if not isinstance(value, int | float | np.number) or isinstance(value, bool):
+            raise InputError("must be a number", key=f"commands.{joint}.{reference}", value=value, code="twin-command")
         if self._commands.get((joint, reference)) == value:
             return
         if math.isfinite(value):

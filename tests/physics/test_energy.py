@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -12,8 +11,6 @@ import pytest
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.signals import PulseTrain, Sinusoid, Step
-from asrsim.simulation.run import Run
-from validation.conservation import motors
 from validation.models import INSTALLED, Body, chain, column, run
 
 BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
@@ -169,18 +166,6 @@ def test_work_of_a_jumping_controller_is_kinetic_energy(share: float, effort: fl
         left.append(np.abs(energy - column(result, "link_work"))[between].max())
     assert left[0] < 1e-4
     assert np.log2(left[0] / left[1]) / 2.0 > 1.9
-
-
-def test_energy_and_momentum_are_constant_after_a_push() -> None:
-    still = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
-    result: Run = run(
-        chain(replace(BODY, actuator="qbmove", damping=0.0)), mode=4, duration=1.0, substeps=1, motor_substeps=1, gravity=0.0,
-        parameters=motors("qbmove", still), references={"motor_1_torque": PulseTrain(high=0.6, width=0.05, period=1e3)},
-    )  # fmt: skip
-    mass = BODY.inertia + BODY.mass * BODY.reach**2
-    momentum = mass * column(result, "link_velocity")
-    momentum = momentum + 0.0233 * (column(result, "motor_1_velocity") + column(result, "motor_2_velocity"))
-    np.testing.assert_allclose(momentum[60:], 0.6 * 0.05, rtol=1e-12)
 
 
 def test_energy_of_a_push_within_a_substep_is_logged() -> None:

@@ -388,6 +388,12 @@ def test_sobol_indices_of_a_function_with_interactions(tmp_path):
         assert found[key] == pytest.approx(both, abs=0.02)
 
 
+def test_an_influence_compares_the_lowest_fifth_of_a_key_with_the_highest(tmp_path):
+    first = influences(designed(tmp_path, 256, lambda x, y, z: {"it": x}), "it")[0]
+    assert first.key == "a.x"
+    assert (first.low, first.high) == pytest.approx((-0.8 * np.pi, 0.8 * np.pi), abs=0.02)
+
+
 def designed(folder, samples, results_of, missing=()):
     """A finished study of a Saltelli design over three keys; missing: runs without a row."""
     over = dict.fromkeys(["a.x", "a.y", "a.z"], "uniform(-3.141592653589793, 3.141592653589793)")

@@ -17,20 +17,17 @@ from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
 from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import ObserverResponse
-from support.independent_joint import FINE, QBMOVE, SEA, Joint, record
 from support.paths import EXAMPLES
+from support.soft_arm import QBMOVE, SEA, SoftArm, record
 
 NOISE = 1e-3
 """rad, of the positions."""
 
 
-def wrong(joint: Joint) -> dict[str, float]:
+def wrong(joint: SoftArm) -> SoftArm:
     """Springs 10 % off, friction 50 %, damping 20 %."""
     factors = {"spring_k": 1.1, "spring_stiffness": 1.1, "friction": 0.5, "damping": 0.8}
-    return {
-        name: value * next((factor for part, factor in factors.items() if part in name), 1.0)
-        for name, value in joint.numbers.items()
-    }
+    return joint.scaled(lambda name: next((factor for part, factor in factors.items() if part in name), 1.0))
 
 
 def motion(time, seed, *, rests):
@@ -44,15 +41,15 @@ def motion(time, seed, *, rests):
 
 def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
     """Each step of a wrong twin of an independent robot, which is hit with 1 N m for 0.15 s; and the robot's positions."""
-    half = np.arange(round(2 * seconds / FINE) + 1) * 0.5 * FINE
-    goals, outer = motion(half, seed, rests=rests), np.zeros(len(half) // 2)
+    time, step = 1e-3 * np.arange(round(1e3 * seconds) + 1), 1e-4
+    outer = np.zeros((round(seconds / step), 1))
     for number, at in enumerate(hits):
-        outer[round(at / FINE) : round((at + 0.15) / FINE)] = (-1.0) ** number
-    robot = joint.move(goals, round(1e-3 / FINE), outer=outer)
+        outer[round(at / step) : round((at + 0.15) / step)] = (-1.0) ** number
+    robot = joint.move(time, lambda at: motion(at, seed, rests=rests)[:, None], outer=outer, step=step)[:, 0]
     measured = robot[:, 0] + NOISE * np.random.default_rng(seed).normal(size=len(robot))
     preset = {"stiffness_preset": 0.3} if joint.motors == 2 else {}
-    goals = goals[:: 2 * round(1e-3 / FINE)]
-    with asrsim.Twin(joint.write(folder, wrong(joint)), bandwidth=8) as twin:
+    goals = motion(time, seed, rests=rests)
+    with asrsim.Twin(wrong(joint).write(folder), bandwidth=8) as twin:
         steps = [
             twin.step(measured[k : k + 1], {"joint_1": {"equilibrium_position": goals[k], **preset}})
             for k in range(len(measured))
@@ -63,10 +60,11 @@ def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
 def spring_of(joint, robot):
     """Torque of the robot's springs in N m, and their stiffness in N m/rad."""
     deflections = robot[:, 1:] - robot[:, :1]
+    (numbers,) = joint.joints
     if joint.motors == 1:
-        k = joint.numbers["spring_stiffness"]
+        k = numbers["spring_stiffness"]
         return k * deflections[:, 0], np.full(len(robot), k)
-    a, k = joint.numbers["spring_a_1"], joint.numbers["spring_k_1"]
+    a, k = numbers["spring_a_1"], numbers["spring_k_1"]
     return k * np.sinh(a * deflections).sum(axis=1), a * k * np.cosh(a * deflections).sum(axis=1)
 
 
@@ -113,7 +111,7 @@ def test_a_wrong_spring_is_found_through_the_motors_response():
 
 def test_a_robot_at_rest_shows_no_stiffness(tmp_path):
     generator = np.random.default_rng(0)
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
         steps = [twin.step({"joint_1": NOISE * generator.normal()}, {"joint_1": 0.0}) for _ in range(4000)]
     assert np.isnan([step.stiffness[0] for step in steps]).all()
     assert not any(step.alarm[0] for step in steps)
@@ -150,7 +148,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
 
 
 def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
         before = [twin.step({"joint_1": 0.0}, {"joint_1": 0.0}) for _ in range(600)][-1]
         jump = twin.step({"joint_1": 0.6}, {})
         after = [twin.step({"joint_1": 0.6}, {"joint_1": 0.6}) for _ in range(100)][-1]
@@ -160,7 +158,7 @@ def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
 
 
 def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
         twin.step({"joint_1": 0.1}, {"joint_1": 0.1})
 
         def fails(self, steps=1):
@@ -180,6 +178,8 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with asrsim.Twin(five) as twin:
         with pytest.raises(InputError, match="joint_9"):
             twin.step({"joint_9": 0.0}, {})
+        with pytest.raises(InputError, match=r"commands.*must be a number"):
+            twin.step([0.0] * 5, {"joint_1": "fast"})
         with pytest.raises(InputError, match="5 positions"):
             twin.step([0.0], {})
         with pytest.raises(InputError, match="elbow"):
@@ -266,7 +266,7 @@ def recorded(folder, *, late=0.0):
 
 
 def test_a_recording_is_followed(tmp_path):
-    scenario = SEA.write(tmp_path, wrong(SEA))
+    scenario = wrong(SEA).write(tmp_path)
     found = follow(scenario, recorded(tmp_path))
     assert found.notes == ()
     assert found.rows()[0]["alarms"] == []
@@ -277,7 +277,7 @@ def test_a_recording_is_followed(tmp_path):
 
 
 def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
-    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path, late=0.06)
+    scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.06)
     notes = follow(scenario, path).notes
     assert "clocks apart" in notes[0]
     assert "--lag 0.06" in notes[0]
@@ -287,7 +287,7 @@ def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
 def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
-    notes = follow(SEA.write(tmp_path, SEA.numbers), path).notes
+    notes = follow(SEA.write(tmp_path), path).notes
     assert notes[0] == "joint_1: no command equilibrium_position is recorded: it follows the scenario"
 
 
@@ -295,11 +295,11 @@ def test_a_recording_without_positions_is_an_error(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("link_position", "motor_1_velocity"))
     with pytest.raises(RecordingError, match="needs link_position"):
-        follow(SEA.write(tmp_path, SEA.numbers), path)
+        follow(SEA.write(tmp_path), path)
 
 
 def test_command_prints_a_table_or_json(tmp_path, asrsim_command):
-    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path)
+    scenario, path = SEA.write(tmp_path), recorded(tmp_path)
     done = asrsim_command("twin", str(scenario), "-e", str(path), "--out", str(tmp_path / "out"), "--json")
     assert done.code == 0
     assert json.loads(done.out)["joints"][0]["joint"] == "joint_1"
