@@ -75,7 +75,7 @@ class LiveTwin:
                     continue
                 commands: dict[str, dict[str, float]] = {}
                 received = self._without_positions(transports)
-                values = self._commands.listen(received, self._twin.simulation, self.time, self._step)
+                values = self._commands.listen(received, self._twin.worlds, self.time, self._step)
                 for (joint, reference), value in values.items():
                     commands.setdefault(joint, {})[reference] = value
                 for positions in self._due():
