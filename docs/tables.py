@@ -10,8 +10,8 @@ from typing import Any
 
 import asrsim
 from asrsim.actuators import MODES
-from asrsim.document.block import Block, Key
-from asrsim.document.kinds import Kind
+from asrsim.document.block import Block
+from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf, Optional
 from asrsim.metrics.measures import MEASURES
 from asrsim.recordings.reading import READING, TIME
 from asrsim.scenario.data import KEYS, VARIANTS
@@ -39,8 +39,12 @@ def _blocks() -> dict[str, Block[Any]]:
     def walk(kind: Kind[Any], place: str) -> None:
         if isinstance(kind, Block):
             places.setdefault(id(kind), ([], kind))[0].append(place)
-        for added, inner in kind.parts:
-            walk(inner, place + added)
+            for key in kind.keys:
+                walk(key.kind, f"{place}.{key.name}")
+        for inner in (kind.kind,) if isinstance(kind, Optional) else kind.options if isinstance(kind, Either) else ():
+            walk(inner, place)
+        if isinstance(kind, ListOf | MapOf):
+            walk(kind.of, place + ("[]" if isinstance(kind, ListOf) else f".<{kind.noun}>"))
 
     for key in KEYS:
         walk(key.kind, key.name)

@@ -54,25 +54,16 @@ def _as_dict(actuator: type[Actuator]) -> dict[str, Any]:
     from asrsim.robot.tags import parameter_tags
 
     tags = parameter_tags(actuator)
+    about = ("name", "title", "source", "law", "motors", "adjuster", "reference_2_unit")
+    described = ("name", "unit", "doc", "source", "unused", "optional")
     return {
-        "name": actuator.name,
-        "title": actuator.title,
+        **{key: getattr(actuator, key) for key in about},
         "plugin": f"lib{actuator.name}_plugin.so",
-        "source": actuator.source,
-        "law": actuator.law,
-        "motors": actuator.motors,
-        "adjuster": actuator.adjuster,
-        "reference_2_unit": actuator.reference_2_unit,
         "parameters": [
             {
-                "name": parameter.name,
+                **{key: getattr(parameter, key) for key in described},
                 "tag": tags[parameter.name],
                 "default": number(float(parameter.default)),
-                "unit": parameter.unit,
-                "doc": parameter.doc,
-                "source": parameter.source,
-                "unused": parameter.unused,
-                "optional": parameter.optional,
             }
             for parameter in actuator.all_parameters()
         ],

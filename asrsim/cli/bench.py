@@ -86,7 +86,7 @@ def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[li
     modes = {one.joint: MODES[one.mode].references_of(ACTUATORS.get(one.actuator).motors) for one in load_robot(file).actuators}
     if not modes:
         raise RecordingError("the robot has no actuator", file=file, code="no-actuator")
-    valid = ["time", *(f"{joint}.{name}" for joint in modes for name in INPUTS)]
+    valid = [f"{joint}.{name}" for joint in modes for name in INPUTS]
     joints = {joint: ([name for name in INPUTS if f"{joint}.{name}" in header], modes[joint]) for joint in modes}
     joints = {joint: found for joint, found in joints.items() if found[0]}
     problems = [
@@ -96,7 +96,7 @@ def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[li
     ]  # fmt: skip
     problems += [
         Problem("column of numbers is missing", file=path, line=1, key=name, code="missing-column")
-        for name in ("time", *(f"{joint}.position" for joint in joints or [*modes][:1]))
+        for name in (f"{joint}.position" for joint in joints or [*modes][:1])
         if name not in header
     ]
     if problems:

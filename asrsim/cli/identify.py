@@ -154,8 +154,8 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
-    from asrsim.identification.advice import design_line
     from asrsim.identification.result import ACCEPTABLE
+    from asrsim.identification.show import design_line
     from asrsim.identification.write import write_fit, write_robot
     from asrsim.runs.lock import owned
 
@@ -173,15 +173,14 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
             files += found
             said += [f"next experiment: {line}"] if line else []
         if plot and result.status == "complete":
-            from asrsim.identification.pictures import draw
+            from asrsim.identification.write import draw
 
             files += draw(result, folder)
     return files, said
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.identification.advice import advice
-    from asrsim.identification.show import columns, errors, judgement, remarks
+    from asrsim.identification.show import advice, columns, errors, judgement, remarks
 
     say_table(columns(result))
     say()

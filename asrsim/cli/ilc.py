@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_problems
+from asrsim.cli.console import complain, say, say_columns, say_problems
 from asrsim.cli.interrupt import INTERRUPTED
 from asrsim.cli.options import (
     Align,
@@ -23,7 +23,6 @@ from asrsim.cli.options import (
     into_folder,
     lag_of,
 )
-from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import say, say_problems
+from asrsim.cli.console import say, say_columns, say_problems
 from asrsim.cli.options import Arguments, ColumnMap, Packages, Rate, folders, into_file, pairs
-from asrsim.cli.recording_table import say_columns
 from asrsim.errors import Problem
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ def live(
         list[str] | None,
         typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
     ] = None,
-    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the service 'pause' resumes the run.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the topic 'pause' resumes the run.")] = False,
     twin: Annotated[
         bool, typer.Option("--twin", help="Follow a robot: read its topics, publish external torques and alarms.")
     ] = False,
@@ -63,14 +63,17 @@ def live(
     pace = _speed(speed)
     from asrsim.cli.live_status import StatusLine, print_live
     from asrsim.extras import install
+    from asrsim.live import TRANSPORTS, Access
     from asrsim.live.origin import origin_of
     from asrsim.live.session import Session, Settings
-    from asrsim.live.transport import TRANSPORTS, Access, available
     from asrsim.runs.execute import with_plugins
     from asrsim.scenario import load_scenario, only_variant
 
     names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
-    names = [] if names == ["none"] else list(available(names))
+    known = (*TRANSPORTS.names(), "none")
+    if wrong := [name for name in names if name not in known]:
+        raise typer.BadParameter(f"there is no transport '{wrong[0]}'; choose from: {', '.join(known)}", param_hint="--on")
+    names = [name for name in names if name != "none"]
     one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin)
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:

@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.completion import variants
-
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
 Scenario = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)]
-Variant = Annotated[
-    str | None, typer.Option(help="Variant of the scenario.", show_default="the only one", autocompletion=variants)
-]
+Variant = Annotated[str | None, typer.Option(help="Variant of the scenario.", show_default="the only one")]
 Variants = Annotated[
     list[str] | None,
-    typer.Option("--variant", help="This variant only; may be repeated.", show_default="all", autocompletion=variants),
+    typer.Option("--variant", help="This variant only; may be repeated.", show_default="all"),
 ]
 Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
 Packages = Annotated[

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
+from asrsim.cli.console import complain, say, say_columns, say_problems, say_table, say_written, styled
 from asrsim.cli.options import Align, ColumnMap, End, Rate, Start, check_window, into_folder, lag_of
-from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult

@@ -7,9 +7,9 @@ from collections.abc import Container, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
-from asrsim.cli.console import SHOWN, counted, line_width, problem_lines, say, say_rows, styled
+from asrsim.cli.console import SHOWN, line_width, problem_lines, say, say_rows, styled
 from asrsim.cli.findings import FileReport
-from asrsim.errors import listed
+from asrsim.errors import counted, listed
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags

@@ -19,7 +19,7 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, S
 from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
 from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
-from asrsim.engines.rigid import IMPLICITNESS, Calculation, kick, make_room
+from asrsim.engines.rigid import IMPLICITNESS, Calculation, find_change, make_room
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
@@ -48,10 +48,12 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
     for i in range(len(room.regime)):
         room.regime[i] = 0
         room.force[i] = push[i] = forces[0, i, 0]
-    kick(room, exchange, 0, lengths[0])
+    for j in range(len(room.joint_v)):
+        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
+    find_change(room, exchange, 0, lengths[0])
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]
-        mean = room.velocity[i] - (1.0 - room.scheme[IMPLICITNESS]) * room.change[i]
+        mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
         push[i] += exchange[0, j, TORQUE] - exchange[0, j, DAMPING] * mean
 
 
@@ -177,7 +179,6 @@ class BulletContacts:
         if settled:
             room.matrix[:] = model.matrix_at(room.qpos, rotation)
             self._torques(push, loads[None], push[None, :, None].copy(), np.array([fraction]))
-            room.velocity[:] = now
         else:
             room.change[:] = 0.0
             push[self._base :] += loads[:, TORQUE]

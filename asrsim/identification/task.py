@@ -11,10 +11,8 @@ from typing import Any
 
 from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.file import read_document
-from asrsim.document.kinds import NUMBER, Boolean, File, Integer, Number, Optional, Text
-from asrsim.document.mistaken import kind_of
+from asrsim.document.file import kind_of, read_document
+from asrsim.document.kinds import NUMBER, Boolean, Either, File, Integer, ListOf, MapOf, Number, Optional, Text
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
@@ -62,7 +60,7 @@ class Tie:
 
 
 _EXPERIMENT: Block[Experiment] = block_of(Experiment, "recording", main="file")
-_WISH = Either(((is_mapping, block_of(Wish, "free parameter")), (lambda _: True, Optional(NUMBER))))
+_WISH = Either((block_of(Wish, "free parameter"), Optional(NUMBER)))
 _FREE = MapOf(of=_WISH, noun="key", star=False)
 
 

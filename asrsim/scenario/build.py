@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,18 +39,20 @@ def build_scenario(
             check(root, keys, reading)
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
     name, variant = keys["name"] or name, keys["variant"] or variant
+    lines = dict(_lines(root, path))
     changes = {
         "name": name,
         "variant": variant,
         "expect": tuple(
-            claim for claim in keys["expect"] if claim.variant in (None, variant) and claim.engine in (None, keys["engine"])
+            replace(claim, line=lines.get(f"expect.{index}"))
+            for index, claim in enumerate(keys["expect"])
+            if claim.variant in (None, variant) and claim.engine in (None, keys["engine"])
         ),
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
-    attachments = dict(reading.attachments)
     return Scenario(
-        **{**keys, **changes}, path=path, text=text, attachments=attachments, unread=tuple(reading.unread),
-        lines=dict(_lines(root, path)),
+        **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
+        lines=lines,
     )  # fmt: skip
 
 
@@ -62,15 +65,11 @@ def _plain(data: Any) -> Any:
 
 def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
     """Pairs (dotted key, line) for all values in the file."""
-    items: list[tuple[str, Node, int | None]] = []
-    if isinstance(node.value, dict):
-        items = [(f"{key}{name}", item, node.key_line(name)) for name, item in node.value.items()]
-    elif isinstance(node.value, list):
-        items = [(f"{key}{index}", item, item.line) for index, item in enumerate(node.value)]
-    for name, item, line in items:
+    for name, item in node.items():
+        line = node.key_line(name) if isinstance(node.value, dict) else item.line
         if item.file == path and line is not None:
-            yield name, line
-        yield from _lines(item, path, f"{name}.")
+            yield f"{key}{name}", line
+        yield from _lines(item, path, f"{key}{name}.")
 
 
 def _fault(root: Node, reading: DocumentReading, key: str, message: str, *, code: str, show: bool = False) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import NUMBER, File, Text
+from asrsim.document.kinds import NUMBER, File, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.document.yaml_reader import read_yaml

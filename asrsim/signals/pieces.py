@@ -10,8 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.composite import ListOf
-from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, Optional
+from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, ListOf, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require, rounded, since, start_time

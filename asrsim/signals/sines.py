@@ -9,8 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.composite import Either, ListOf, is_list, is_scalar
-from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, Optional
+from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Either, Integer, ListOf, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import VALUE, driven, require, since, start_time
@@ -83,8 +82,8 @@ class Chirp(Signal):
         return self.offset + self.amplitude * np.sin(2.0 * math.pi * cycles + self.phase)
 
 
-_AMPLITUDES = Either(((is_scalar, NUMBER), (is_list, ListOf(of=NUMBER, minimum=1))))
-_PHASES = Either(((is_scalar, Choice(("schroeder", "random", "zero"))), (is_list, ListOf(of=NUMBER, minimum=1))))
+_AMPLITUDES = Either((NUMBER, ListOf(of=NUMBER, minimum=1)))
+_PHASES = Either((Choice(("schroeder", "random", "zero")), ListOf(of=NUMBER, minimum=1)))
 
 
 @dataclass(frozen=True, kw_only=True)

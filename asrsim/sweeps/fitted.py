@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
 from asrsim.plain import misfit

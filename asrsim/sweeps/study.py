@@ -14,16 +14,14 @@ import numpy as np
 
 from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
-from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.file import read_document, read_file
-from asrsim.document.kinds import Choice, File, Integer, Optional, Text
-from asrsim.document.mistaken import kind_of
+from asrsim.document.file import kind_of, read_document, read_file
+from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Optional, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.samples import Array
-from asrsim.scenario.goal_keys import AnyData
+from asrsim.scenario.blocks import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of

@@ -17,7 +17,7 @@ from asrsim.plots.output import save_pairs
 from asrsim.recordings import read_recording, resample
 from asrsim.samples import Array
 from asrsim.scenario.overrides import override_texts
-from asrsim.scenario.starter_recording import RecordingPlan, make_plan
+from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from asrsim.simulation.drives import references_of
@@ -103,7 +103,7 @@ def follow(
     ready = prepare(scenario, variant=variant, overrides=texts)
     names = [drive.name for drive in ready.drives]
     read = read_recording(recording, mapping=mapping, joints=names, rate=rate)
-    plan = make_plan(ready.robot, read, step=ready.scenario.step, strict=True)
+    plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
     positions = {joint: column for joint, column in plan.compared if column.quantity == "link_position"}
     if not positions:
         message, hint = "has no position of any link: a twin needs link_position", ", ".join(list(read.channels)[:30])

@@ -139,6 +139,10 @@ class Twin:
         notes: list[str] = []
         positions = self._positions(measured)
         for joint, given in commands.items():
+            values = list(given.values()) if isinstance(given, Mapping) else [None]
+            if not all(isinstance(value, int | float | np.number) for value in values):
+                message = "must be numbers by name of the reference"
+                raise InputError(message, key=f"commands.{joint}", value=given, code="twin-command")
             for reference, value in given.items():
                 self._command(joint, reference, value, notes)
         lost = self._missing * self._step > LONGEST_GAP

@@ -77,6 +77,7 @@ FAULTS = {
     "unknown kind of signal": ("s.yaml", "motor_1_voltage: 0.4", "motor_1_voltage: {sinn: {}}", "sinn"),
     "signal that is not finite": ("s.yaml", "knee: 0.5}", "knee: {sum: [1.0e+308, 1.0e+308]}}", "not finite"),
     "external torque on no joint": ("s.yaml", "external_torques: {", "external_torques: {kne: 1, ", "external_torques.kne"),
+    "list in the place of a table": ("s.yaml", "external_torques: {knee: 0.5}", "external_torques: [1, 2]", "external_torques"),
     "claim about no joint": ("s.yaml", "{joint: hip, quantity", "{joint: hop, quantity", "'hop'"),
 }  # fmt: skip
 DRAWN = [random.Random(seed).sample(sorted(FAULTS), 3 + seed) for seed in range(8)]

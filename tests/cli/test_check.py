@@ -110,23 +110,6 @@ def test_xacro_arguments_and_packages(runner: CliRunner, tmp_path: Path) -> None
     assert runner.invoke(app, ["check", str(path)]).exit_code == 1
 
 
-def test_scenario_with_its_robot(runner: CliRunner, good: Path, tmp_path: Path) -> None:
-    scenario = tmp_path / "s.yaml"
-    scenario.write_text(
-        "robot: good.urdf\nduration: 1\nstep: 0.01\nparameters:\n  elbow: {spring_k: 300}\n"
-        "references:\n  elbow: {equilibrium_position: 0.1}\n"
-    )
-    result = runner.invoke(app, ["check", str(scenario)])
-    assert result.exit_code == 0, result.stdout
-    row = next(line for line in result.stdout.splitlines() if line.lstrip().startswith("spring_stiffness"))
-    assert "300" in row
-    assert "scenario" in row
-    scenario.write_text(scenario.read_text().replace("elbow: {spring_k", "elbwo: {spring_k"))
-    result = runner.invoke(app, ["check", str(scenario)])
-    assert result.exit_code == 1
-    assert "elbwo" in result.stdout
-
-
 def test_check_of_a_law(runner: CliRunner) -> None:
     plugin = str(EXAMPLES / "plugins/my_vsa.py")
     result = runner.invoke(app, ["check", "--actuator", "my_vsa", "--plugin", plugin])
@@ -146,6 +129,24 @@ def test_list_of_actuators(runner: CliRunner) -> None:
     shown = runner.invoke(app, ["actuators", "awas_ii"]).stdout
     assert "<spring_r_t>" in shown
     assert "Jafari" in shown
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        "expect: [{joint: elbow, quantity: link_position, measure: maximun, value: 1}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: maximum, value: 1, options: {stat: 1}}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, tolerance: 0.1}]",
+        "expect: [{joint: elbow, quantity: link_position, measure: rmse, value: 1, against: pendulum.urdf}]",
+        "task: {link: arm, poses: [{time: 1, position: [9, 9, 9]}]}",
+    ],
+)
+def test_check_names_the_line_of_what_run_would_refuse(tiny, asrsim_command, keys: str) -> None:
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1\n{keys}\n")
+    outcome = asrsim_command("check", "-q", tiny.scenario)
+    assert outcome.code == 1
+    assert "step.yaml:3: " in outcome.out or "pendulum.urdf:3: " in outcome.out
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 1
 
 
 @pytest.mark.parametrize("name", ["scenario.JSON", "scenario"])

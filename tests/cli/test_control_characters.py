@@ -58,10 +58,7 @@ def test_no_command_prints_control_characters_of_files(place: str, character: st
         path = tiny.folder / f"{character}.yaml"
     tiny.robot.write_text(robot)
     path.write_text(scenario)
-    for arguments in (
-        ("check", path), ("check", tiny.robot), ("run", path, "--no-plot"), ("run", path, "--no-plot", "--json"),
-        ("check", path, "--json"), ("ilc", path),
-    ):  # fmt: skip
+    for arguments in (("check", path), ("check", tiny.robot), ("run", path, "--no-plot", "--json")):
         outcome = asrsim_command(*arguments)
         told = outcome.out + outcome.err
         assert not CONTROL.search(told)

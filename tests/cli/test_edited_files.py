@@ -22,7 +22,7 @@ from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
-from asrsim.scenario.goal_keys import Learning
+from asrsim.scenario.blocks import Learning
 from asrsim.signals.pieces import Constant
 from support.edits import edits
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from asrsim.document.mistaken import COMMANDS, kind_of
+from asrsim.document.file import COMMANDS, kind_of
 from support.paths import EXAMPLES
 
 TAKES = {

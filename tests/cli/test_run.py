@@ -205,13 +205,9 @@ def test_a_run_that_cannot_be_built_leaves_the_earlier_results(tiny, asrsim_comm
     assert log_of(tiny).read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "changes", [("stepping=toolbox", "parameters={elbow: {spring_k: 1e5}}"), ("stepping=toolbox", LOAD), (LOAD,)]
-)
-def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes: tuple[str, ...]) -> None:
+def test_divergence_ends_with_joint_and_time(tiny, asrsim_command) -> None:
     tiny.robot.write_text(tiny.robot.read_text().replace('effort="50"', 'effort="1e9"').replace("revolute", "continuous"))
-    settings = [part for change in changes for part in ("--set", change)]
-    outcome = asrsim_command("run", tiny.scenario, "--no-plot", *settings)
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
     assert outcome.code == 1
     assert "joint 'elbow' diverged at t = " in outcome.err
     log = read_log(log_of(tiny))
@@ -349,18 +345,3 @@ def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkey
     assert outcome.code == 1
     assert "ZeroDivisionError" in outcome.err
     assert "Traceback" not in outcome.err
-
-
-def test_start_imports_nothing_heavy(tiny) -> None:
-    code = (
-        "import sys; sys.argv = ['asrsim', 'run', 'step.yaml', '--no-plot', '--set', 'duration=1e-3']\n"
-        "from asrsim.cli.app import main\n"
-        "try: main()\nexcept SystemExit: pass\n"
-        "heavy = {'matplotlib', 'scipy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
-        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    assert done.stderr.splitlines()[-1] == "[]"

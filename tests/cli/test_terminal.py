@@ -46,7 +46,7 @@ class Scripts(HTMLParser):
             self.found[-1] += data
 
 
-@pytest.mark.parametrize("name", ["<!--<script>", "</script><script>alert(1)</script>", "a&amp;<b>", "]]>-->"])
+@pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", "<!--<script>a&amp;<b>]]>-->"])
 def test_names_cannot_break_the_scripts_of_a_report(tiny, name: str) -> None:
     from xml.sax.saxutils import quoteattr
 

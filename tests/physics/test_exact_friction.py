@@ -12,7 +12,7 @@ from asrsim.engines.base import FRICTION, TORQUE, VELOCITY, Engine
 from asrsim.robot import load_robot
 from asrsim.scenario.data import Scenario
 
-STEP = 1e-3
+STEP = 1e-5
 JOINTS = 7
 
 
@@ -61,8 +61,10 @@ def test_every_joint_sticks_or_slides(tmp_path: Path, name: str, seed: int, rest
             held = model.mass_matrix(place) @ (after - before) / STEP + model.bias(place, before) - torque
             assert np.all(np.abs(held) <= friction + 1e-6)
             sticks = np.abs(after) < 1e-9
-            assert np.abs(held + np.sign(after) * friction)[~sticks] == pytest.approx(0.0, abs=1e-6)
-            kinds |= {int(sticks.sum())}
+            if np.all((before == 0.0) | (before * after > 0.0)):
+                # No joint stops or reverses within the step.
+                assert np.abs(held + np.sign(after) * friction)[~sticks] == pytest.approx(0.0, abs=1e-6)
+                kinds |= {int(sticks.sum())}
         assert len(kinds) > 1 or resting == 0
     finally:
         engine.close()

@@ -1,4 +1,4 @@
-"""Joint stops are inelastic for every step size and phase, alone or together, with friction, in both engines."""
+"""Joint stops are inelastic and friction is exact for every step size and phase, alone or together, in both engines."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from asrsim.scenario.data import World, Wrench
-from asrsim.signals import Sinusoid, Step
+from asrsim.signals import Constant, Sinusoid, Step
 from support.stopped_arm import StoppedArm
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEPS = (1e-3, 2.5e-4)
+Pair = tuple[float, float]
 
 
 def limit(lower: float, upper: float) -> str:
@@ -60,23 +61,52 @@ def test_link_leaves_its_stop_when_the_torque_jumps(
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_joints_released_by_a_jump_move_at_second_order(engine: str) -> None:
-    """One joint sticks, the other rests on its stop."""
-    truth = StoppedArm(
-        mass=0.5, reach=0.15, inertia=2e-3, length=0.3, gravity=0.0, friction=(0.2, 0.02), lower=(-2.0, 0.0), upper=(2.0, 2.0)
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
+def test_a_sliding_link_reverses_within_a_step(engine: str, compiled: bool, late: float) -> None:
+    """A torque of -1 N m works against 0.3 N m of friction before the reversal, and 0.7 N m accelerate the link after it."""
+    step, reversal = 1e-3, 0.03 + late * 1e-3
+    speed = 1.3 / 0.02 * reversal
+    result = run(
+        chain(STICKING), engine=engine, gravity=0.0, duration=0.1, step=step, compiled=compiled,
+        external={"joint_1": Constant(value=-1.0)}, initial_velocities={"joint_1": speed},
     )  # fmt: skip
-    jump, end, before, after = 0.05037, 0.2, np.array([0.1, -0.1]), np.array([1.5, 0.45])
-    there, speed, _ = truth.move(np.zeros(2), np.zeros(2), lambda _: before, jump)
-    there, speed, _ = truth.move(there, speed, lambda _: after, end - jump)
-    assert there.min() > 0.05
+    off = min(late, 1.0 - late) * step
+    there = 0.5 * (speed * reversal - 0.7 / 0.02 * (0.1 - reversal) ** 2 - 0.6 / 0.02 * off**2)
+    assert column(result, "link_position")[-1] == pytest.approx(there, abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize(
+    ("friction", "lower", "speed", "before", "after", "reversals"),
+    [
+        pytest.param((0.2, 0.02), 0.0, (0.0, 0.0), (0.1, -0.1), (1.5, 0.45), 0, id="one sticks, the other rests on its stop"),
+        pytest.param((0.2, 0.05), -2.0, (4.0, -6.0), (0.0, 0.0), (-1.0, 0.3), 2, id="both reverse after the jump"),
+    ],
+)
+def test_joints_with_friction_move_at_second_order_after_a_jump(
+    engine: str, friction: Pair, lower: float, speed: Pair, before: Pair, after: Pair, reversals: int
+) -> None:
+    truth = StoppedArm(
+        mass=0.5, reach=0.15, inertia=2e-3, length=0.3, gravity=0.0, friction=friction, lower=(-2.0, lower), upper=(2.0, 2.0)
+    )  # fmt: skip
+    jump, end = 0.05037, 0.2
+    there, speeds, _ = truth.move(np.zeros(2), np.array(speed), lambda _: np.array(before), jump)
+    there, speeds, events = truth.move(there, speeds, lambda _: np.array(after), end - jump)
+    assert events == reversals
+    assert abs(speeds).min() > 1.0
     link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
-    bodies = [replace(link, friction=0.2, limits=limit(-2.0, 2.0)), replace(link, friction=0.02, limits=limit(0.0, 2.0))]
+    stops = limit(-2.0, 2.0), limit(lower, 2.0)
+    bodies = [replace(link, friction=level, limits=limits) for level, limits in zip(friction, stops, strict=True)]
     errors = []
     for step in STEPS:
-        loads = {f"joint_{j + 1}": Step(at=jump, before=float(before[j]), after=float(after[j])) for j in (0, 1)}
-        result = run(chain(*bodies), engine=engine, gravity=0.0, duration=end, step=step, external=loads)
+        loads = {f"joint_{j + 1}": Step(at=jump, before=before[j], after=after[j]) for j in (0, 1)}
+        result = run(
+            chain(*bodies), engine=engine, gravity=0.0, duration=end, step=step, external=loads,
+            initial_velocities={"joint_1": speed[0], "joint_2": speed[1]},
+        )  # fmt: skip
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
-    assert errors[1] < 2e-6
+    assert errors[1] < 3e-6
     assert errors[1] < 0.15 * errors[0]
 
 
@@ -129,6 +159,6 @@ def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed:
             external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
         )  # fmt: skip
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
-    # Between events the order is two. The time of an event is accurate to a step, and the error may grow afterwards.
-    assert errors[1] < 5e-4
+    # Between impacts the order is two. The time of an impact is accurate to a step, and the error may grow afterwards.
+    assert errors[1] < 1.5e-3
     assert errors[1] < 0.4 * errors[0]

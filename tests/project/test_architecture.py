@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from support.paths import ROOT
 
 PACKAGE = ROOT / "asrsim"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
-HEAVY = ("matplotlib", "scipy", "numba", "pybullet", "trimesh", "rosbags", "xacro", "lxml")
+HEAVY = ("matplotlib", "scipy", "numba", "trimesh", "rosbags", "xacro", "rich", "pandas", "mcap_ros2")
 
 
 def module_name(path: Path) -> str:
@@ -147,15 +148,19 @@ def test_actuators_see_numbers_only():
         assert not strange, f"{path.name} imports {strange}"
 
 
-def test_start_imports_nothing_heavy():
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "step.yaml", "--no-plot", "--set", "duration=1e-3"]], ids=" ".join)
+def test_a_short_command_imports_nothing_heavy(arguments, tiny):
     code = f"""
 import atexit, sys
 atexit.register(lambda: print("heavy:", sorted(set({HEAVY!r}) & set(sys.modules)), file=sys.stderr))
-sys.argv = ["asrsim", "--help"]
+sys.argv = ["asrsim", *{arguments!r}]
 from asrsim.cli.app import main
 main()
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=60, check=True)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tiny.folder, timeout=60, check=True, env=environment
+    )
     assert done.stderr.splitlines()[-1] == "heavy: []"
 
 

@@ -142,7 +142,7 @@ def energy_gain(
     if mode == 6:
         values["controller_1_derivative"] = derivative
     result = run(
-        chain(replace(BODY, actuator=actuator, damping=damping)), mode=mode, duration=3.0, substeps=1, motor_substeps=1,
+        chain(replace(BODY, actuator=actuator, damping=damping)), mode=mode, duration=1.5, substeps=1, motor_substeps=1,
         gravity=0.0, initial=[0.2], parameters=motors(actuator, values) if mode > 3 else {}, references=_still(actuator, mode),
         stepping=stepping,
     )  # fmt: skip

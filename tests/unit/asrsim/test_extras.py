@@ -13,7 +13,8 @@ import pytest
 import asrsim
 from asrsim.errors import InputError
 from asrsim.extras import install, library
-from asrsim.live.transport import available
+from asrsim.live import Access, Interface
+from asrsim.live.transport import opened
 from asrsim.notebook import as_pandas
 from asrsim.recordings.arrays import read_matlab
 from asrsim.recordings.reading import Reading
@@ -35,8 +36,8 @@ USES: dict[str, tuple[str, Callable[[], object]]] = {
     "video": ("imageio_ffmpeg", lambda: write_mp4(None, Path("film.mp4"))),
     "sweep": ("pyarrow", lambda: asrsim.sweep(SCENARIO, {"parameters.joint_1.spring_k_1": [0.02]}, variants=["soft"])),
     "cluster": ("distributed", lambda: Cluster("tcp://127.0.0.1:1")),
-    "ros": ("rclpy", lambda: available(["ros"])),
-    "foxglove": ("foxglove", lambda: available(["foxglove"])),
+    "ros": ("rclpy", lambda: opened(["ros"], Interface("/asrsim", (), ()), Access(), print).__enter__()),
+    "foxglove": ("foxglove", lambda: opened(["foxglove"], Interface("/asrsim", (), ()), Access(), print).__enter__()),
     "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
     "hdf5": ("h5py", read_hdf5),
     "notebook": ("pandas", lambda: as_pandas(None)),

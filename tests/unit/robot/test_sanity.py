@@ -256,8 +256,6 @@ SCENARIOS = {
     "reference-limits desired": "desired: {elbow: {sinusoid: {amplitude: 3.1, frequency: 1}}}",
     "reference-limits desired of all": "desired: {'*': 4}",
     "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
-    "unused-tolerance": "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, "
-    "tolerance: 0.1}]",
     "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
     "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
     "odd-step": "step: 0.06",

@@ -241,10 +241,6 @@ def test_half_a_character_is_no_text(text: str) -> None:
         parse_yaml(text)
 
 
-def test_aliases_work():
-    assert parse_yaml("a: &a {x: 1, y: 2}\nc: *a\n").plain() == {"a": {"x": 1, "y": 2}, "c": {"x": 1, "y": 2}}
-
-
 @pytest.mark.parametrize(
     ("text", "value"),
     [

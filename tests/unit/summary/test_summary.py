@@ -38,7 +38,7 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert measures.peak_deflection == np.abs(0.5 * (time >= 0.1) - q).max()
     outside = np.flatnonzero(np.abs(q - measures.steady_state) > 0.02 * measures.steady_state)
     assert measures.settling == pytest.approx(time[outside[-1]] - 0.1, abs=0.002)
-    cells = {column.heading: column.cells for column in measure_columns(result.summary)}
+    cells = {heading: texts for heading, texts, _ in measure_columns(result.summary)}
     assert float(cells["over-\nshoot %"][0]) == pytest.approx(100.0 * (q.max() / measures.steady_state - 1.0), abs=0.1)
     assert float(cells["settling\ns"][0]) == pytest.approx(measures.settling, abs=1e-3)
     assert float(cells["steady\nrad"][0]) == pytest.approx(measures.steady_state, abs=1e-5)
@@ -96,7 +96,7 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert joint.effort == np.count_nonzero(np.abs(torque) >= 2.0) > 0
     assert joint.velocity == np.count_nonzero(np.abs(velocity) > 1.0) > 0
     assert joint.saturation == 0
-    headings = [column.heading for column in limit_columns(result.summary)]
+    headings = [heading for heading, _, _ in limit_columns(result.summary)]
     assert "effort\nlimit" in headings
     assert "motor\nlimit" not in headings
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
@@ -125,7 +125,7 @@ def test_undefined_numbers_are_null_in_json(tiny) -> None:
     assert joint["steady_state_error"] is None
     assert joint["overshoot"] is None
     json.dumps(result.summary.as_dict(), allow_nan=False)
-    cells = {column.heading: column.cells for column in measure_columns(result.summary)}
+    cells = {heading: texts for heading, texts, _ in measure_columns(result.summary)}
     assert cells["error\nrad"] == ("-",)
 
 
