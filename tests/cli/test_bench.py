@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import pytest
 
 from validation.released import URDF
 
 
-def test_bench_draws_its_picture_next_to_the_table(tmp_path: Path, asrsim_command) -> None:
+def test_bench_draws_its_picture_next_to_the_table(tmp_path, asrsim_command):
     """The motion turns a link away from its motor, which stands at zero; the spring has 10 N m/rad."""
     (tmp_path / "robot.urdf").write_text(URDF.format(plugin="libsea_plugin.so", mode=5, tags="<spring_k>10</spring_k>"))
     (tmp_path / "motion.csv").write_text("time,joint.position\n0,0\n0.001,0.001\n0.002,0.002\n")
@@ -34,7 +33,7 @@ def test_bench_draws_its_picture_next_to_the_table(tmp_path: Path, asrsim_comman
         ("time,joint.reference_1", "joint.position: column of numbers is missing"),
     ],
 )
-def test_a_wrong_column_of_the_motion_is_named(tmp_path: Path, asrsim_command, header: str, said: str) -> None:
+def test_a_wrong_column_of_the_motion_is_named(tmp_path, asrsim_command, header, said):
     (tmp_path / "robot.urdf").write_text(URDF.format(plugin="libsea_plugin.so", mode=5, tags=""))
     (tmp_path / "motion.csv").write_text(f"{header}\n0,0\n0.001,0.1\n")
     outcome = asrsim_command("bench", tmp_path / "robot.urdf", tmp_path / "motion.csv", "-o", tmp_path / "out.csv")

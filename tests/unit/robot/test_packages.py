@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
@@ -30,7 +30,7 @@ SHIPPED = {
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
+def test_a_shipped_robot_is_driven_and_drawn(name, tmp_path):
     data = Path(pytest.importorskip("pybullet_data").getDataPath())
     shutil.copytree((data / name).parent, tmp_path / "robot")
     path = tmp_path / "robot" / Path(name).name
@@ -49,7 +49,7 @@ def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
 # -- engines -----------------------------------------------------------------------------------------------------------
 
 
-def same_bodies(name: str, robot: Robot, text: str) -> None:
+def same_bodies(name, robot, text):
     """Mass matrix and bias torques of the engine's robot are those of the URDF text."""
     joints = [joint.name for joint in robot.moving_joints]
     q, v = np.random.default_rng(0).uniform(-2.0, 2.0, (2, len(joints)))
@@ -62,7 +62,7 @@ def same_bodies(name: str, robot: Robot, text: str) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_the_file(engine: str, seed: int, tmp_path: Path) -> None:
+def test_engines_have_the_bodies_of_the_file(engine, seed, tmp_path):
     (tmp_path / "r.urdf").write_text(random_urdf(seed, moving=1 + seed % 7, fixed=seed, massless_root=seed % 2 == 0))
     robot = load_robot(tmp_path / "r.urdf")
     same_bodies(engine, robot, robot.text)
@@ -70,14 +70,14 @@ def test_engines_have_the_bodies_of_the_file(engine: str, seed: int, tmp_path: P
 
 @pytest.mark.parametrize("version", ["v2", "v3"])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_alterego(engine: str, version: str, shared: Path) -> None:
+def test_engines_have_the_bodies_of_alterego(engine, version, shared):
     robot = load_robot(shared / f"robots/alterego/alterego_{version}_fixedbase-true_fixedhands-true.urdf")
     same_bodies(engine, robot, robot.text)
 
 
 @pytest.mark.parametrize("inertia", [(0.0, 0, 0, 1e-2, 0, 1e-2), (1e-3, 0, 0, 1e-3, 0, 1.0), (0.0, 0, 0, 0.0, 0, 0.0)])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_bodies_that_are_none_are_simulated_as_they_are(engine: str, inertia: tuple, tmp_path: Path) -> None:
+def test_bodies_that_are_none_are_simulated_as_they_are(engine, inertia, tmp_path):
     """A rod, a body against the triangle inequality, a point: warnings to us, which some engines refuse to build."""
     (tmp_path / "r.urdf").write_text(random_urdf(1, moving=2, fixed=0))
     robot = load_robot(tmp_path / "r.urdf")
