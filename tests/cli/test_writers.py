@@ -196,10 +196,9 @@ def test_a_killed_run_leaves_no_lock_the_earlier_result_and_a_log_to_repeat(plac
 def test_workers_end_with_their_parent(tmp_path):
     code = (
         "import sys, time\nsys.path.insert(0, '.')\nfrom asrsim.workers.local import Processes\n"
-        "from asrsim.workers import in_order\n"
         "with Processes(1) as workers:\n"
-        "    print(in_order(workers, eval, ['__import__(\\'os\\').getpid()'])[0], flush=True)\n"
-        "    in_order(workers, time.sleep, [600])\n"
+        "    ((_, pid),) = next(workers.results(eval, ['__import__(\\'os\\').getpid()']))\n    print(pid, flush=True)\n"
+        "    next(workers.results(time.sleep, [600]))\n"
     )
     (tmp_path / "parent.py").write_text(code)
     parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True)

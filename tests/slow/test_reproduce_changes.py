@@ -11,13 +11,14 @@ import pytest
 
 from asrsim import run
 from asrsim.errors import ScenarioError
-from asrsim.reproduce import Lab, figures
+from asrsim.reproduce import figures
 from asrsim.robot import load_robot
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario
 from paper import chain, motors, newton
 from paper.chain import five_links
+from paper.lab import Lab
 from paper.motors import departure
 from paper.newton import ALTEREGO, hanging, level, read_motion
 from support.paths import ROOT
@@ -62,7 +63,7 @@ def failing(
     monkeypatch.setattr(Lab, "run", run)
     monkeypatch.setattr(f"paper.figure_{figure}.picture", lambda *_, **__: None)
     monkeypatch.setattr("paper.figure_14.films", lambda *_, **__: ())
-    parts = figures()[figure].parts(Lab(folder=folder))
+    parts = figures()[figure].parts(folder)
     return [claim.text for part in parts for claim in part.claims if not claim.holds]
 
 
