@@ -62,12 +62,11 @@ class StatusLine:
 
 
 def commands(figures: Mapping[str, Any]) -> str:
-    """Numbers of received, clamped, dropped and lost commands as text."""
+    """Numbers of received, clamped and dropped commands as text."""
     parts = [f"{figures['commands']} commands"]
     for name in ("clamped", "dropped"):
         count = sum(figures[name].values())
         parts += [f"{count} {name}"] if count else []
-    parts += [f"{figures['lost']} lost"] if figures["lost"] else []
     return ", ".join(parts)
 
 

@@ -38,12 +38,12 @@ def settle(room: Any) -> None:
         if room.bound[i] == 0.0 and abs(room.regime[i]) != AT_UPPER:
             room.regime[i] = POSITIVE
     for attempt in range(3 * size + 4 * SINGLE_AFTER):
-        _try(room)
+        solve_states(room)
         if not _swap(room, attempt >= SINGLE_AFTER):
             break
 
 
-def _try(room: Any) -> None:
+def solve_states(room: Any) -> None:
     """Compute the change of velocity for the states in `regime`, and the impulses that stop the other, non-sliding degrees of
     freedom, which are stored in `push`."""
     matrix, change, regime, square, push = room.matrix, room.change, room.regime, room.square, room.push

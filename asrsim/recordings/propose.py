@@ -8,7 +8,7 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.recordings.data import Recording
-from asrsim.recordings.read import read_series
+from asrsim.recordings.read import read_tables
 from asrsim.recordings.reading import ENDING, Reading, resolve_reading
 
 
@@ -35,7 +35,7 @@ def propose(
     if place.exists() and not force:
         raise OutputError(f"{place} exists already; replace it with --overwrite")
     reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
-    content, series, recording = read_series(path, reading, joints)
+    content, recording = read_tables(path, reading, joints)
     lines = [
         f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
         "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
@@ -45,7 +45,7 @@ def propose(
     ]
     if rate is not None:
         lines.append(_line(f"time: {{rate: {rate:g}}}", "Hz, as stated"))
-    elif clock := series[0].clock:
+    elif clock := content.tables[0].clock:
         doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
         lines.append(_line(f"time: {clock}", f"? {doubt}" if doubt else "its name and unit"))
     lines += _map(recording, reading)

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.errors import AsrsimError, InputError, LogError, OutputError, Problem, listed
 from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.actuators.base import MOST_MOTORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
@@ -61,6 +62,12 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
+def unknown_quantity(name: str, choices: Sequence[str]) -> Problem:
+    """Problem for the name of a quantity that no joint records."""
+    hint = did_you_mean(name, choices)
+    return Problem(f"no joint records '{name}'", choices=tuple(choices), hint=hint, code="unknown-quantity")
+
+
 class QuantitySelection:
     """Quantities of several joints, taken from rows of the state and from inputs."""
 
@@ -69,6 +76,10 @@ class QuantitySelection:
         recorded = [recorded_quantities(drive) for drive in drives]
         places, given = columns_of(motors), inputs_of(motors)
         known = dict.fromkeys(name for own in recorded for name in own)
+        possible = columns_of(MOST_MOTORS) | inputs_of(MOST_MOTORS)
+        problems = [unknown_quantity(name, tuple(known)) for name in names or () if name not in possible]
+        if problems:
+            raise InputError(problems)
         self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
         stated = [name for name in self.names if name in places]
         self.columns: NDArray[np.int64] = np.array([places[name] for name in stated], dtype=np.int64)
@@ -93,13 +104,7 @@ class QuantitySelection:
 
     def check(self, names: Sequence[str]) -> None:
         """Raise InputError for names that are not selected."""
-        problems = [
-            Problem(
-                f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity"
-            )
-            for name in names
-            if name not in self.names
-        ]
+        problems = [unknown_quantity(name, self.names) for name in names if name not in self.names]
         if problems:
             raise InputError(problems)
 

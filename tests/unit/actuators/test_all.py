@@ -65,6 +65,16 @@ def test_its_energy_has_the_torques_as_slopes(law: type[Actuator]) -> None:
             assert slope == pytest.approx(torques[1], abs=2e-4 * scale)
 
 
+def test_energies_without_a_law_are_integrated(law: type[Actuator]) -> None:
+    bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
+    values = tuple(parameter.default for parameter in law.parameters)
+    q = np.array([-0.1, 0.0, 0.05])
+    second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
+    positions = (q, np.array([0.1, 0.05, -0.1]), second)
+    found, expected = (over_arrays(energy_law(kind))(*positions, values) for kind in (bare, law))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
 def test_its_energy_is_counted_from_the_undeflected_spring(law: type[Actuator]) -> None:
     energy = over_arrays(energy_law(law))
     for q, x, y, parameters in points(law):

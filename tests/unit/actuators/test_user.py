@@ -23,6 +23,7 @@ from asrsim.robot import load_robot
 from asrsim.robot.values import has_spring
 from asrsim.scenario.data import Scenario
 from support.paths import ROOT
+from validation.models import Body, chain, column, run
 
 EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
 DOCS = ROOT / "docs/actuators.md"
@@ -47,12 +48,6 @@ class Mine(Actuator):
     motors = 1
     parameters = (Parameter(name="k", default=3.0, unit="N m/rad", doc="stiffness"),)
 """
-
-
-@pytest.fixture(autouse=True)
-def registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every test leaves the registry as it was."""
-    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
 
 
 def write(tmp_path: Path, text: str, name: str = "mine.py") -> Path:
@@ -384,6 +379,27 @@ def test_laws_of_three_motors_pass_every_check(tmp_path: Path) -> None:
 def test_a_law_with_too_few_positions_is_named(tmp_path: Path) -> None:
     missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
     assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
+
+
+@pytest.mark.parametrize("mode", [3, 6])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_three_motors_swing_a_link_by_their_springs(tmp_path: Path, mode: int, compiled: bool) -> None:
+    """I q'' = 3 k (mean - q): from rest at 0, the link swings about the mean of the standing motors, 0.3 rad."""
+    load_plugin_file(write(tmp_path, THREE))
+    inertia, k, goals = 0.02, 5.0, (0.4, 0.3, 0.2)
+    result = run(
+        chain(Body(actuator="three", mass=1e-9, reach=0.0, inertia=inertia)), mode=mode, gravity=0.0, duration=0.5,
+        references={"equilibrium_position": 0.3, "stiffness_preset": 0.1}, compiled=compiled,
+        parameters={f"motor_{i}_inertia": 1e6 for i in (1, 2, 3)},
+        **({} if mode == 3 else {"initial_motor_positions": {"joint_1": goals}}),
+    )  # fmt: skip
+    position = column(result, "link_position")
+    expected = 0.3 * (1.0 - np.cos(np.sqrt(3.0 * k / inertia) * result.samples.time))
+    np.testing.assert_allclose(position, expected, atol=1e-3)
+    for i, theta in enumerate(goals, start=1):
+        np.testing.assert_allclose(column(result, f"motor_{i}_position"), theta, atol=1e-6)
+        np.testing.assert_allclose(column(result, f"elastic_torque_{i}"), k * (theta - position), atol=1e-6)
+    assert np.abs(column(result, "energy_residual")).max() < 1e-3
 
 
 @pytest.mark.parametrize("mode", [2, 5])

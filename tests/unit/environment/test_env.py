@@ -177,6 +177,7 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"tip": ("link_2",)}, "tip: must be a link's name and a point"),
         ({"observes": "link_position"}, "observes: is not an option.*Did you mean 'observe'"),
         ({"observe": {"link_position", "link_velocity"}}, "observe: must be a name"),
+        ({"act": []}, "act: must be a name"),
     ],
 )
 def test_wrong_arguments_are_refused(scenario, options, message):

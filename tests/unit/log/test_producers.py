@@ -41,7 +41,7 @@ def as_changed(folder: Path) -> list[Path]:
     name = next(iter(scenario.references_of("joint_1")))
     signal = Sampled(times=np.linspace(0.0, 0.3, 7), samples=np.array([0.0, -0.0, 0.1, 0.2, 0.1, 0.3, 0.25]))
     changed = replace(
-        scenario, robot=scenario.robot, gravity=(0.0, 1.0, -3.0), initial_positions={"joint_1": 0.2}, seed=5, log_every=2,
+        scenario, robot=scenario.robot, gravity=(0.0, 1.0, -3.0), seed=5,
         references={**scenario.references, "joint_1": {**scenario.references_of("joint_1"), name: signal}},
         command_effects={"*": Effects(delay=0.003, noise=0.001)}, substeps=3, expect=(),
     )  # fmt: skip
@@ -82,8 +82,13 @@ def test_changes_that_no_document_can_express_are_named_in_the_log(tmp_path: Pat
     references = {**scenario.references, "joint_1": {"equilibrium_position": Odd()}}
     robot = load_robot(scenario.robot)
     heavier = replace(robot, links=tuple(replace(link, mass=1.1) if link.mass else link for link in robot.links))
-    for what, changed, own in (("references", references, robot), ("joints and links", scenario.references, heavier)):
-        given = replace(scenario, references=changed, expect=())
+    start = {"initial_positions": {"joint_1": 0.2}}
+    for what, changes, own in (
+        ("references", {"references": references}, robot),
+        ("initial_positions", start, robot),
+        ("joints and links", {}, heavier),
+    ):
+        given = replace(scenario, expect=(), **changes)
         log = asrsim.run(given, robot=own, out=tmp_path, overwrite=True).log
         with pytest.raises(LogError, match=rf"cannot be repeated: .*{what}"):
             repeat(log)

@@ -57,14 +57,16 @@ WRITERS = {
     "ascii.mat": lambda path: np.savetxt(path, ROWS, header="time q1 q2_deg"),
     "lab73.mat": hdf5,
     "lab.npz": lambda path: np.savez(path, time=TIME, q1=Q1, q2_deg=np.degrees(Q2)),
-    "table.npy": lambda path: np.save(path, np.array([*map(tuple, ROWS)], dtype=[(name, float) for name in HEADER])),
     "lab.jsonl": lambda path: path.write_text("\n".join(json.dumps(dict(zip(HEADER, row, strict=True))) for row in ROWS)),
     "cut.jsonl": lambda path: path.write_text(
         "\n".join(json.dumps(dict(zip(HEADER, row, strict=True))) for row in ROWS) + '\n{"t'
     ),
     "records.json": lambda path: path.write_text(json.dumps([dict(zip(HEADER, row, strict=True)) for row in ROWS])),
+    "nested.json": lambda path: path.write_text(
+        json.dumps({"run": 3, "rows": [dict(zip(HEADER, row, strict=True)) for row in ROWS]})
+    ),
     "lists.json": lambda path: path.write_text(
-        json.dumps({"run": 3, "units": {"q1": "rad"}, **dict(zip(HEADER, zip(*ROWS, strict=True), strict=True))})
+        json.dumps({"run": 3, **dict(zip(HEADER, zip(*ROWS, strict=True), strict=True))})
     ),
 }
 
@@ -130,7 +132,6 @@ def test_a_sheet_is_named_by_the_document_and_dates_in_cells_are_its_time(tmp_pa
     recording = read_recording(path)
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-12)
     np.testing.assert_allclose(recording.time, 0.25 * np.arange(50), atol=2e-3)
-    assert recording.epoch == pytest.approx(1714989600.0, abs=1e-2)
     (tmp_path / "lab.xlsx.yaml").write_text("sheet: third\n")
     with pytest.raises(RecordingError, match="no such sheet"):
         read_recording(path)
@@ -143,6 +144,8 @@ def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path)
     first, second = (recording.column(f"joint_{i}", "link_position").time for i in (1, 2))
     np.testing.assert_allclose(first, TIME, atol=3e-7)
     np.testing.assert_allclose(second, TIME + 0.5, atol=3e-7)
+    played = [Playback(file=tmp_path / "lab.mat", column=column).samples[0] for column in ("a.q1", "b.q2")]
+    np.testing.assert_array_equal(played, [first, second])
 
 
 def test_the_time_of_a_matrix_is_stated(tmp_path: Path) -> None:
@@ -243,15 +246,6 @@ def test_an_archive_that_unpacks_to_more_than_the_memory_is_refused(tmp_path: Pa
         read_recording(tmp_path / "lab.npz")
 
 
-def test_an_archive_without_a_readable_directory_is_damage(tmp_path: Path) -> None:
-    path = tmp_path / "lab.npz"
-    np.savez(path, time=TIME, q1=Q1)
-    path.write_bytes(path.read_bytes().replace(b"PK\x01\x02", b"PK\0\0"))
-    with pytest.raises(RecordingError, match=r"lab\.npz: cannot be read as an archive") as error:
-        read_recording(path)
-    assert error.value.problems[0].code == "damaged"
-
-
 def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path: Path) -> None:
     from mcap.writer import CompressionType, Writer
 
@@ -269,12 +263,3 @@ def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path: Path) -> None:
         path.write_bytes(data[:place] + number.to_bytes(8, "little") + data[place + 8 :])
         with pytest.raises(RecordingError, match=r"lab\.mcap"):
             read_recording(path)
-
-
-@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
-def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)
-    with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as target:
-        target.writestr("t.npy", bytes(10**7))
-    with pytest.raises(RecordingError, match=rf"{name}: would unpack to 10 MiB"):
-        read_recording(tmp_path / name)

@@ -171,10 +171,10 @@ def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same
 
 def test_a_signal_is_played_as_the_document_says(tmp_path: Path) -> None:
     path = lab(tmp_path)
-    (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    (tmp_path / "lab.csv.yaml").write_text(WHOLE + "window: [0.1, 0.4]\n", encoding="utf-8")
     times, values = Playback(file=path, column="\u89d2\u5ea6").samples
-    np.testing.assert_allclose(times, TIME, atol=1e-12)
-    np.testing.assert_allclose(values, np.radians(ALPHA), atol=1e-9)
+    np.testing.assert_allclose(times, TIME[10:41], atol=1e-12)
+    np.testing.assert_allclose(values, np.radians(ALPHA[10:41]), atol=1e-9)
 
 
 def test_a_scenario_keeps_the_document_of_what_it_plays(tiny) -> None:
