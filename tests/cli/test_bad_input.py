@@ -305,6 +305,17 @@ def test_inverse_dynamics_under_references_names_its_new_key(asrsim_command, tmp
     assert "s.yaml: references.joint_1: needs the desired motion" in asrsim_command("run", "s.yaml").err
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "twin step.yaml -e step.yaml --lag nan", "plot out --start=-inf", "plot out --bode --band 1 inf",
+        "check step.yaml --arg side=left", "check step.yaml --package arm=folder",
+    ],
+)  # fmt: skip
+def test_options_that_could_not_be_used_are_wrong_usage(tiny, asrsim_command, arguments):
+    assert asrsim_command(*arguments.split()).code == 2
+
+
 def test_an_interrupted_command_still_prints_one_json_document(capsys):
     with pytest.raises(KeyboardInterrupt), json_errors(True):
         raise KeyboardInterrupt
