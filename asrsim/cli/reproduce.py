@@ -35,10 +35,9 @@ def reproduce(
     from asrsim.reproduce import reproduce as run
 
     outcome = run(figures or (), out, workers=workers, on_figure=None if json else lambda one: _report(one, quiet=quiet))
-    simulated = sum(one.simulated for one in outcome.figures)
     return Done(
         data=outcome.as_dict(),
-        text=lambda: say(f"{simulated:.0f} s simulated in {outcome.seconds:.1f} s; wrote {outcome.page}"),
+        text=lambda: say(f"wrote {outcome.page} in {outcome.seconds:.1f} s"),
         code=int(not outcome.holds),
     )
 
@@ -47,15 +46,10 @@ def _report(one: Reproduction, *, quiet: bool) -> None:
     good = sum(claim.holds for claim in one.claims)
     if not quiet:
         verdict = styled("holds", "green") if one.holds else styled("does not hold", "red")
-        say(
-            f"figure {one.number}, {one.title}: {verdict}, {good} of {len(one.claims)} claims "
-            f"({one.simulated:.0f} s simulated, {one.seconds:.1f} s)"
-        )
+        say(f"figure {one.name}, {one.figure.title}: {verdict}, {good} of {len(one.claims)} claims ({one.seconds:.1f} s)")
         sys.stdout.flush()
     if one.error:
-        complain(f"asrsim: figure {one.number} could not be run: {one.error}", "red")
+        complain(f"asrsim: figure {one.name} could not be run: {one.error}", "red")
     for claim in one.claims:
         if not claim.holds:
-            complain(
-                f"FAIL figure {one.number}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.bound}", "red"
-            )
+            complain(f"FAIL figure {one.name}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.bound}", "red")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_written
+from asrsim.cli.console import complain, say, say_rows, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Overrides, Plot, Texts, Variants, argument, into_folder, option
 
@@ -82,11 +82,14 @@ def sweep(
         from asrsim.sweeps.pictures import draw_sweep
 
         files += draw_sweep(table, results=result or [])
-    from asrsim.sweeps.show import as_dict, say_summary
+    from asrsim.sweeps.show import HEADS, as_dict, headline, remarks, result_rows
 
     def text() -> None:
-        for line in say_summary(table):
-            say(line)
+        say(headline(table))
+        if rows := result_rows(table):
+            say_rows(HEADS, rows, right=range(1, len(HEADS)))
+        for line in remarks(table):
+            say(f"  {line}")
         say_written([*table.files[:1], *files])
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")

@@ -41,11 +41,6 @@ class Axis:
     """Dotted keys. Several keys get the same value; if the value is a list with one entry per key, each key gets its entry."""
     law: Values | Distribution
 
-    @property
-    def name(self) -> str:
-        """Name of the axis in tables and pictures."""
-        return " & ".join(self.keys)
-
     def assign(self, value: Any) -> dict[str, Any]:
         """Value of each key of this axis, from an entry of the axis."""
         if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):

@@ -32,7 +32,7 @@ ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.3}}}, tolerance: 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Folder with a run in `made`, a motion for the bench, and a scenario for learning."""
+    """Folder with a run in `made`, a recorded motion, and a scenario for learning."""
     folder = tmp_path_factory.mktemp("writers")
     files = {"pendulum.urdf": PENDULUM, "step.yaml": SCENARIO, "lift.yaml": LIFT, "motion.csv": MOTION}
     for name, text in files.items():
@@ -53,7 +53,6 @@ WRITERS = {
     "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
     "report": ("report made --out out/page.html --no-film", ["page.html"]),
-    "bench": ("bench pendulum.urdf motion.csv --out out/bench.csv", ["bench.csv"]),
     "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png"]),
     "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
 }
@@ -100,7 +99,6 @@ def test_commands_may_overwrite_their_own_files(place, asrsim_command, name):
 @pytest.mark.parametrize(
     "arguments",
     [
-        "bench pendulum.urdf motion.csv --out pendulum.urdf", "bench pendulum.urdf motion.csv --out motion.csv",
         "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
     ],
@@ -198,10 +196,9 @@ def test_a_killed_run_leaves_no_lock_the_earlier_result_and_a_log_to_repeat(plac
 def test_workers_end_with_their_parent(tmp_path):
     code = (
         "import sys, time\nsys.path.insert(0, '.')\nfrom asrsim.workers.local import Processes\n"
-        "from asrsim.workers import in_order\n"
         "with Processes(1) as workers:\n"
-        "    print(in_order(workers, eval, ['__import__(\\'os\\').getpid()'])[0], flush=True)\n"
-        "    in_order(workers, time.sleep, [600])\n"
+        "    ((_, pid),) = next(workers.results(eval, ['__import__(\\'os\\').getpid()']))\n    print(pid, flush=True)\n"
+        "    next(workers.results(time.sleep, [600]))\n"
     )
     (tmp_path / "parent.py").write_text(code)
     parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True)

@@ -30,6 +30,16 @@ class PinocchioModel:
             values[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (math.cos(angle), math.sin(angle))
         return values
 
+    def velocity(self, v: Array) -> Array:
+        """Velocities in Pinocchio's order."""
+        values = np.zeros(self.model.nv)
+        values[self.order] = v
+        return values
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Kinetic and potential energy, J."""
+        return float(self.library.computeMechanicalEnergy(self.model, self.data, self.configuration(q), self.velocity(v)))
+
     def mass_matrix(self, q: Array) -> Array:
         """Mass matrix (n, n)."""
         upper = np.triu(self.library.crba(self.model, self.data, self.configuration(q)))
@@ -37,9 +47,8 @@ class PinocchioModel:
 
     def bias(self, q: Array, v: Array) -> Array:
         """Velocity and gravity torques (n,), N m."""
-        velocities = np.zeros(self.model.nv)
-        velocities[self.order] = v
-        return np.asarray(self.library.nonLinearEffects(self.model, self.data, self.configuration(q), velocities)[self.order])
+        found = self.library.nonLinearEffects(self.model, self.data, self.configuration(q), self.velocity(v))
+        return np.asarray(found[self.order])
 
 
 def differences(engine: Any, truth: PinocchioModel, q: Array, v: Array) -> Array:

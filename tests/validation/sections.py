@@ -44,7 +44,7 @@ SECTIONS: tuple[Section, ...] = (
         ),
     ),
     Section(
-        title="Contacts and wrenches",
+        title="Contacts",
         text=(
             "By default, PyBullet ends its contact solver after 50 iterations or at a residual of 1e-7; boxes and joints "
             "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim allows 500 iterations or "
@@ -59,7 +59,6 @@ SECTIONS: tuple[Section, ...] = (
             contacts.stopping,
             contacts.resting,
             contacts.landing,
-            contacts.link_wrench,
         ),
         slow=frozenset({"stopping"}),
     ),

@@ -103,6 +103,11 @@ def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
+def test_changes_of_the_input_last_until_the_end_of_the_tail():
+    knots = InputSplines.over(1.0, 0.3).knots
+    assert (knots[0], knots[-1]) == pytest.approx((0.0, 1.3))
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""

@@ -199,6 +199,7 @@ def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
     found = frequency_response(TIME, rng.standard_normal(len(TIME)), rng.standard_normal(len(TIME)))
     assert np.median(found.coherence) < 0.1
     assert np.median(found.gain_low) == 0.0
+    assert set(found.phase_margin[found.gain_low == 0.0]) == {180.0}
     assert "low-coherence" in [finding.code for finding in found.findings]
 
 

@@ -32,6 +32,12 @@ def test_measures_scale_with_the_unit(name: str, unit: float) -> None:
     assert measure(name, TIME, unit * values) == pytest.approx(times * measure(name, TIME, values), rel=1e-9, nan_ok=True)
 
 
+@pytest.mark.parametrize("name", [name for name in MEASURES.names() if MEASURES.get(name).needs == "series" and name != "at"])
+def test_measures_do_not_depend_on_the_zero_of_time(name: str) -> None:
+    values = second_order(0.1)
+    assert measure(name, TIME + 5.0, values) == pytest.approx(measure(name, TIME, values), rel=1e-9, nan_ok=True)
+
+
 @pytest.mark.parametrize("damping", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize(("height", "start"), [(1.0, 0.0), (-0.4, 0.2)])
 def test_overshoot_and_peak_time_of_a_second_order_system(damping: float, height: float, start: float) -> None:

@@ -13,6 +13,7 @@ from asrsim.plots import read_curves, style
 from asrsim.plots.bode import bode_figure
 from asrsim.plots.curves import RunCurves
 from asrsim.plots.figures import objects_figure, run_pages
+from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
@@ -110,3 +111,30 @@ def test_a_bode_plot_fades_points_of_low_coherence() -> None:
         (band,) = axes.collections
         assert (band.get_datalim(axes.transData).y0, band.get_datalim(axes.transData).y1) == pytest.approx(limits)
     assert any("95%" in text.get_text() for text in phase.texts)
+
+
+URDF = (
+    '<robot name="made_up">'
+    '<joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
+    '<joint name="joint_2" type="continuous"><limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>'
+)
+
+
+def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
+    time = np.arange(1001) * 0.001
+    apart = {"motor_1_position": 0.3 + 0.1 * time, "motor_2_position": -0.1 - 0.1 * time}
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=2, values=apart))
+    given = {"motor_1_max_torque": 2.0, "motor_2_max_torque": 3.0, "max_deflection": 0.7}
+    info = replace(run.info, urdf=URDF, resolved={**run.info.resolved, "parameters": {"joint_1": given}})
+    run = replace(run, info=info)
+    found = lambda joint, panel: [curve.values.tolist() for curve in panel_limits(run, joint, panel)]  # noqa: E731
+    assert found("joint_1", "position") == found("joint_1", "quantity:link_position") == [[-0.3] * 2, [0.5] * 2]
+    assert found("joint_1", "torque") == found("joint_1", "link_torque") == [[-4.0] * 2, [4.0] * 2]
+    assert found("joint_1", "motor_torque") == [[-2.0] * 2, [2.0] * 2, [-3.0] * 2, [3.0] * 2]
+    assert found("joint_1", "quantity:motor_2_torque") == [[-3.0] * 2, [3.0] * 2]
+    assert found("joint_1", "velocity") == []
+    assert [found("joint_2", panel) for panel in ("position", "torque", "motor_torque", "deflection")] == [[]] * 4
+    upper, lower = panel_limits(run, "joint_1", "deflection")
+    np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
+    np.testing.assert_allclose(lower.values, -upper.values)
+    assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2

@@ -12,62 +12,39 @@ import pytest
 
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
-
-rosbags = pytest.importorskip("rosbags")
-from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin  # noqa: E402
-from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
+from support.bags import NUMBER, START, STATE, header, joint_state, write_bag
 
 N = 40
-ZERO = 1_700_000_000_000_000_000
-STAMPS = ZERO + 10_000_000 * np.arange(N)
+STAMPS = START + 10_000_000 * np.arange(N)
 TIME = 0.01 * np.arange(N)
 Q = np.array([np.sin(TIME), np.cos(TIME)])
+ANGLE, COMMAND, TEXT = "lab_msgs/msg/Angle", "/arm/elbow/equilibrium_position", "std_msgs/msg/String"
+JOINTS = np.array(["shoulder", "elbow"])
 
 
-def joint_state(store: Any, i: int, stamp: int, names: list[str], ros1: bool) -> Any:
-    types = store.types
-    time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
-    header = {"seq": i, "stamp": time, "frame_id": ""} if ros1 else {"stamp": time, "frame_id": ""}
-    return types["sensor_msgs/msg/JointState"](
-        header=types["std_msgs/msg/Header"](**header), name=names, position=Q[: len(names), i].copy(),
-        velocity=np.array([]), effort=2 * Q[: len(names), i],
-    )  # fmt: skip
+def states(types: Any, i: int, stamp: int) -> Any:
+    """Positions, and twice as large efforts; each second message lists the joints in the other order, as two publishers do."""
+    order = [1, 0] if i % 2 else [0, 1]
+    return joint_state(types, stamp, JOINTS[order].tolist(), Q[order, i], 2 * Q[order, i])
 
 
 def write_ros1(path: Path, *, offset: int = 0, bad: int = 0) -> Path:
     """offset: ns by which the headers' stamps are late; bad: ns by which that of message 17 is off."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(path) as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        command = writer.add_connection("/arm/elbow/equilibrium_position", "std_msgs/msg/Float64", typestore=store)
-        text = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp + offset + bad * (i == 17), ["shoulder", "elbow"], ros1=True)
-            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
-            value = store.types["std_msgs/msg/Float64"](data=0.5 * i)
-            writer.write(command, stamp, store.serialize_ros1(value, "std_msgs/msg/Float64"))
-            word = store.types["std_msgs/msg/String"](data="hello")
-            writer.write(text, stamp, store.serialize_ros1(word, "std_msgs/msg/String"))
-    return path
+    topics = {
+        "/joint_states": (STATE, lambda types, i, time: states(types, i, time + offset + bad * (i == 17))),
+        COMMAND: (NUMBER, lambda types, i, time: types[NUMBER](0.5 * i)),
+        "/chatter": (TEXT, lambda types, i, time: types[TEXT]("hello")),
+    }
+    return write_bag(path, "ros1", topics, STAMPS)
 
 
-def write_ros2(path: Path, storage: StoragePlugin, version: int = 9) -> Path:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    definition = "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"
-    store.register(get_types_from_msg(definition, "lab_msgs/msg/Angle"))
-    with Writer2(path, version=version, storage_plugin=storage) as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        own = writer.add_connection("/lab/angle", "lab_msgs/msg/Angle", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=False)
-            writer.write(states, stamp, store.serialize_cdr(message, "sensor_msgs/msg/JointState"))
-            angle = store.types["lab_msgs/msg/Angle"](
-                angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=message.header
-            )
-            writer.write(own, stamp, store.serialize_cdr(angle, "lab_msgs/msg/Angle"))
-    return path
+def write_ros2(path: Path, kind: str, version: int = 9) -> Path:
+    def angle(types: Any, i: int, time: int) -> Any:
+        return types[ANGLE](angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=header(types, time))
+
+    definitions = {ANGLE: "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"}
+    topics = {"/joint_states": (STATE, states), "/lab/angle": (ANGLE, angle)}
+    return write_bag(path, kind, topics, STAMPS, definitions=definitions, version=version)
 
 
 def check(path: Path) -> None:
@@ -76,20 +53,6 @@ def check(path: Path) -> None:
     assert recording.joints == ("shoulder", "elbow")
     np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q[0])
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
-
-
-def test_joints_in_any_order(tmp_path: Path) -> None:
-    """Two publishers, each with its own order of the joints."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(tmp_path / "lab.bag") as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=True)
-            if i % 2:
-                message.name.reverse()
-                message.position[:], message.effort[:] = message.position[::-1].copy(), message.effort[::-1].copy()
-            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
-    check(tmp_path / "lab.bag")
 
 
 def test_ros1_bag(tmp_path: Path) -> None:
@@ -101,8 +64,8 @@ def test_ros1_bag(tmp_path: Path) -> None:
     assert any(f.key == "/chatter" for f in recording.findings)
 
 
-@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
-def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path, storage: StoragePlugin) -> None:
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path, storage: str) -> None:
     path = write_ros2(tmp_path / "bag", storage)
     check(path)
     check(next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3")))
@@ -115,7 +78,7 @@ def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
     """Bags before ROS 2 Iron hold no definitions; types outside of the standard ones cannot be read."""
     import sqlite3
 
-    path = write_ros2(tmp_path / "bag", StoragePlugin.SQLITE3, version=8)
+    path = write_ros2(tmp_path / "bag", "sqlite3", version=8)
     database = sqlite3.connect(next(path.glob("*.db3")))
     tables = [row[0] for row in database.execute("select name from sqlite_master where type = 'table'")]
     if "message_definitions" in tables:
@@ -161,7 +124,9 @@ def test_one_bad_stamp_leaves_out_one_message(tmp_path: Path, off: int) -> None:
     np.testing.assert_allclose(column.values, np.delete(Q[1], 17))
 
 
-@pytest.mark.parametrize(("late", "used"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False), (5.0 - ZERO * 1e-9, False)])
+@pytest.mark.parametrize(
+    ("late", "used"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False), (5.0 - START * 1e-9, False)]
+)
 def test_stamps_near_the_time_of_recording_are_used(tmp_path: Path, late: float, used: bool) -> None:
     """Within a second it is the way of the messages; beyond, another clock, which is said."""
     path = write_ros1(tmp_path / "lab.bag", offset=round(late * 1e9))
@@ -183,7 +148,7 @@ def mcap(
         schema = writer.register_schema("lab/State", "jsonschema", b"{}")
         channels = {topic: writer.register_channel(topic, encoding, schema) for topic in messages}
         for i in range(N):
-            got, sent = ZERO + 15_000_000 * i, ZERO + 10_000_000 * i
+            got, sent = START + 15_000_000 * i, START + 10_000_000 * i
             for topic, message in messages.items():
                 writer.add_message(channels[topic], log_time=got, publish_time=got, data=json.dumps(message(i, sent)).encode())
         writer.finish()
@@ -220,7 +185,7 @@ def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path:
 def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
     messages = {
         "/state": lambda i, t: {"q": Q[0, i]},
-        "/bad": lambda i, t: {"stamp": parts(ZERO + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
+        "/bad": lambda i, t: {"stamp": parts(START + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
     }
     path = mcap(tmp_path / "a.mcap", messages)
     recording = read_recording(path)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from asrsim.plots import read_curves, style
-from asrsim.plots.limits import panel_limits
 from asrsim.recordings.names import find_joint
 from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
@@ -73,33 +71,6 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) 
         # Every sample stands within half an interval of its time.
         np.testing.assert_allclose(series[there], 0.4 * np.sin(2 * np.pi * (grid.time[there] - 0.05)), atol=2.6 * width)
         assert grid.time[there].max() == pytest.approx(end, abs=width)
-
-
-URDF = (
-    '<robot name="made_up">'
-    '<joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
-    '<joint name="joint_2" type="continuous"><limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>'
-)
-
-
-def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
-    time = np.arange(1001) * 0.001
-    apart = {"motor_1_position": 0.3 + 0.1 * time, "motor_2_position": -0.1 - 0.1 * time}
-    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=2, values=apart))
-    given = {"motor_1_max_torque": 2.0, "motor_2_max_torque": 3.0, "max_deflection": 0.7}
-    info = replace(run.info, urdf=URDF, resolved={**run.info.resolved, "parameters": {"joint_1": given}})
-    run = replace(run, info=info)
-    found = lambda joint, panel: [curve.values.tolist() for curve in panel_limits(run, joint, panel)]  # noqa: E731
-    assert found("joint_1", "position") == found("joint_1", "quantity:link_position") == [[-0.3] * 2, [0.5] * 2]
-    assert found("joint_1", "torque") == found("joint_1", "link_torque") == [[-4.0] * 2, [4.0] * 2]
-    assert found("joint_1", "motor_torque") == [[-2.0] * 2, [2.0] * 2, [-3.0] * 2, [3.0] * 2]
-    assert found("joint_1", "quantity:motor_2_torque") == [[-3.0] * 2, [3.0] * 2]
-    assert found("joint_1", "velocity") == []
-    assert [found("joint_2", panel) for panel in ("position", "torque", "motor_torque", "deflection")] == [[]] * 4
-    upper, lower = panel_limits(run, "joint_1", "deflection")
-    np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
-    np.testing.assert_allclose(lower.values, -upper.values)
-    assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2
 
 
 @pytest.mark.parametrize(

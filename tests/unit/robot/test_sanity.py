@@ -11,6 +11,7 @@ import pytest
 from asrsim.errors import RobotError, ScenarioError
 from asrsim.robot import engine_urdf, load_robot, merge_fixed, with_overrides
 from asrsim.robot.values import law_fault
+from asrsim.robot.vary import physical
 from asrsim.scenario import check_against_robot, load_scenario
 
 MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
@@ -103,6 +104,18 @@ def test_values_that_are_probably_mistakes_get_warnings(case, tiny):
     tiny.robot.write_text(text)
     (found,) = [problem for problem in changed(tiny, (sound, doubted)).warnings if problem.code == code]
     assert found.line is not None
+
+
+def test_an_unusual_parameter_is_named_by_its_plugin_and_tag(tiny):
+    warnings = changed(tiny, (SPRING_K, "<spring_k>1.1e5<")).warnings
+    assert [problem.key for problem in warnings if problem.code == "unusual-value"] == ["elbow_drive.spring_k"]
+
+
+@pytest.mark.parametrize("moment", ["ixx", "iyy", "izz"])
+def test_a_raised_moment_of_inertia_raises_the_others(moment, tiny):
+    """No principal moment exceeds the sum of the others. Those of the arm are 1e-3 kg m^2."""
+    found = physical(load_robot(tiny.robot), {"arm": {moment: 0.05}})["arm"]
+    assert found == {name: pytest.approx(0.05 if name == moment else 0.025) for name in ("ixx", "iyy", "izz")}
 
 
 def test_a_slider_has_no_usual_stiffness(tiny):
