@@ -121,7 +121,7 @@ class QuantitySelection:
     def _values_of(self, name: str, out: Array, references: Array) -> Array:
         if name in self._stated:
             return out[:, :, self._stated[name]]
-        given = references[self._given[name]].T
+        given: Array = references[self._given[name]].T
         if self.lacking[name]:
             given = given.copy()
             given[:, self.lacking[name]] = np.nan
