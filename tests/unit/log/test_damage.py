@@ -150,19 +150,6 @@ def test_files_that_are_no_logs(tmp_path, content, code):
     assert caught.value.problems[0].file == path
 
 
-def test_an_mcap_of_somebody_else(tmp_path):
-    from mcap.writer import Writer
-
-    path = tmp_path / "other.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.add_attachment(0, 0, "notes.txt", "text/plain", b"hello")
-        writer.finish()
-    with pytest.raises(LogError, match="not written by asrsim"):
-        read_log(path)
-
-
 def test_places_that_cannot_be_read_or_written_are_named(tmp_path):
     with pytest.raises(LogError, match="cannot read"):
         read_log(tmp_path / "none.mcap")

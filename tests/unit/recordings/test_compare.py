@@ -262,9 +262,6 @@ def test_claims_against_a_recording_align_it_as_a_comparison_does(tmp_path):
     [
         ({"map": ["pos=elbow.stiffness"]}, "no such column"),
         ({"map": ["elbow_pos=ignore"]}, "no column for elbow.link_position"),
-        ({"lag": "soon"}, "auto, off, start"),
-        ({"rate": -1}, "positive"),
-        ({"band": 0.1}, "not an option"),
     ],
 )
 def test_claims_whose_recording_cannot_serve_are_errors_before_the_run(tmp_path, options, words):

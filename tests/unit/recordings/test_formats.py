@@ -177,13 +177,10 @@ def test_objects_of_python_are_never_run(tmp_path):
     assert not marker.exists()
 
 
-@pytest.mark.parametrize("name", ["lab.npz", "lab.npy"])
-def test_a_numpy_file_of_garbage_is_called_no_numpy_file(tmp_path, name):
-    (tmp_path / name).write_bytes(bytes(range(256)))
-    with pytest.raises(
-        RecordingError, match=rf"{name}: is no NumPy file, or contains Python objects, which are not read\. Exp"
-    ):
-        read_recording(tmp_path / name)
+def test_a_numpy_file_of_garbage_is_called_no_numpy_file(tmp_path):
+    (tmp_path / "lab.npz").write_bytes(bytes(range(256)))
+    with pytest.raises(RecordingError, match=r"lab\.npz: is no NumPy file, or contains Python objects"):
+        read_recording(tmp_path / "lab.npz")
 
 
 @pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x80\x04"])

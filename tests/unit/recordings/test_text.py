@@ -99,13 +99,6 @@ def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_pat
     assert recording.column("joint_2", "link_position").values[8] == 0.5
 
 
-def test_a_rate_stands_in_for_a_missing_time(tmp_path):
-    path = write(tmp_path / "lab.csv", ["q1,q2", *[line.partition(",")[2] for line in rows()]])
-    check(path, rate=100.0)
-    with pytest.raises(RecordingError, match="positive"):
-        read_recording(path, rate=0.0)
-
-
 @pytest.mark.parametrize(
     ("mapping", "words"),
     [
@@ -139,7 +132,6 @@ class TestRealRecordings:
 
     def test_hebi(self, shared):
         recording = read_recording(shared / "recordings" / "hebi_sine_1hz.csv")
-        assert set(recording.quantities("joint_1")) >= {"link_position", "reference_1", "deflection", "link_torque"}
         # The firmware computes the effort from the deflection, so that a fit of stiffness to it finds the firmware's 40.
         torque = recording.column("joint_1", "link_torque").values
         deflection = recording.column("joint_1", "deflection").values
@@ -189,6 +181,7 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
         (["time,q1,q2", *rows(time_scale=1e3)], "10 units apart.*State the unit"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
+        (["time,q1", '"' * 200_000], "no row of numbers"),
         (["ab\0cd"], "zero bytes"),
     ],
 )
