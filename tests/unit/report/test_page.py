@@ -23,7 +23,6 @@ from asrsim.report import write_report
 from asrsim.report.content import read_parameters
 from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, unpack
-from asrsim.runs.folder import find_logs
 from support.browser import CHROMIUM, Browser
 from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
@@ -226,14 +225,6 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     assert data["runs"][recorded["run"]]["label"] == "soft"
     assert recorded["high"] == pytest.approx(0.3, abs=1e-3)
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
-
-
-def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
-    for variant in ("stiff", "nominal_soft", "soft"):
-        simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
-    (tmp_path / "zero").mkdir()
-    made_up_log(tmp_path / "zero" / "log.mcap", count=20)
-    assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
 @pytest.mark.parametrize("command", ["plot", "report"])
