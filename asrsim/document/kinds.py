@@ -61,9 +61,10 @@ REQUIRED: Any = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """Declaration of a key in a mapping."""
+    """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
 
     name: str
+    """Name of the key; "": the declaration of an entry."""
     kind: Kind[Any]
     default: Any = REQUIRED
     doc: str = ""
