@@ -53,7 +53,7 @@ def twin(
         }  # fmt: skip
         say_table([
             ("joint", [row["joint"] for row in rows], False),
-            *((head, ["-" if row[key] is None else f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
+            *((head, [f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
             ("alarms", [str(len(row["alarms"])) for row in rows], True),
             ("stiffness\nN m/rad", [_range(row["stiffness"]) for row in rows], True),
         ])  # fmt: skip

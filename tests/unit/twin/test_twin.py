@@ -10,18 +10,21 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import DivergenceError, InputError, RecordingError
+from asrsim.errors import InputError, RecordingError
 from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
 from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
-from asrsim.twin.mismatch import Mismatch
-from asrsim.twin.observer import ObserverResponse
 from support.paths import EXAMPLES
 from support.soft_arm import QBMOVE, SEA, SoftArm, record
 
 NOISE = 1e-3
 """rad, of the positions."""
+
+
+def goal(value):
+    """Commands of one joint."""
+    return {"joint_1": {"equilibrium_position": value}}
 
 
 def wrong(joint: SoftArm) -> SoftArm:
@@ -70,14 +73,14 @@ def spring_of(joint, robot):
 
 @pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
 def test_a_wrong_twin_finds_hits_and_nothing_else(joint, tmp_path):
-    hits = (15.2, 16.1, 17.3, 18.2, 19.4)
-    steps, robot = followed(joint, tmp_path, seconds=20.0, hits=hits, seed=7)
+    hits = (10.2, 11.1, 12.3, 13.2)
+    steps, robot = followed(joint, tmp_path, seconds=14.0, hits=hits, seed=7)
     torque, stiffness = spring_of(joint, robot)
-    free = slice(5000, 15000)
+    free = slice(5000, 10000)
     external = np.array([step.external_torque[0] for step in steps])
-    assert np.sqrt(np.mean(external[free] ** 2)) < 0.03 * np.abs(torque[:15000]).max()
+    assert np.sqrt(np.mean(external[free] ** 2)) < 0.03 * np.abs(torque[:10000]).max()
     alarm = np.array([step.alarm[0] for step in steps])
-    assert not alarm[:15200].any()
+    assert not alarm[:10200].any()
     delays = [int(np.argmax(alarm[round(1e3 * at) :])) for at in hits]
     assert min(delays) > 0
     assert max(delays) <= 15
@@ -93,26 +96,10 @@ def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
     assert not any(step.alarm[0] for step in followed(joint, tmp_path, seconds=600.0, seed=12, rests=True)[0])
 
 
-def test_a_wrong_spring_is_found_through_the_motors_response():
-    inertia, damping, gain, stiffness, rate = 0.02, 0.5, 8.0, 4.0, 12.0
-    mismatch = Mismatch(np.array([inertia, damping, gain])[:, None, None], step=1e-3, bandwidth=8.0, interval=0.01)
-    observer = ObserverResponse(1, step=1e-3, bandwidth=8.0)
-    share = stiffness / (gain + stiffness - inertia * rate**2 + 1j * damping * rate)
-    for k in range(10_000):
-        spring = np.exp(1j * rate * 1e-3 * k)
-        torque, link = 0.1 * ((1.0 - share) * spring).real, np.cos(7.3e-3 * k)
-        torque = observer.update(np.array([torque]))[0]
-        mismatch.take(*(np.array(value) for value in ([torque], [[spring.real]], [[stiffness]], [link], [[0.0]])))
-        if k % 10 == 0:
-            mismatch.learn(np.array([True]))
-    assert mismatch.spring == pytest.approx(0.1, rel=0.02)
-    assert np.abs(mismatch.external()).max() < 3e-3
-
-
 def test_a_robot_at_rest_shows_no_stiffness(tmp_path):
     generator = np.random.default_rng(0)
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
-        steps = [twin.step({"joint_1": NOISE * generator.normal()}, {"joint_1": 0.0}) for _ in range(4000)]
+        steps = [twin.step({"joint_1": NOISE * generator.normal()}, goal(0.0)) for _ in range(2000)]
     assert np.isnan([step.stiffness[0] for step in steps]).all()
     assert not any(step.alarm[0] for step in steps)
 
@@ -128,7 +115,7 @@ def test_a_torque_on_one_joint_is_seen_at_that_joint_alone(five):
         for _ in range(1500):
             found = twin.step(robot.observe().link_position, {})
             robot.advance()
-    np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.05)
+    np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.06)
     assert found.time == pytest.approx(1.499)
 
 
@@ -138,7 +125,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
         for _ in range(300):
             positions = dict(zip(twin.joints, robot.observe().link_position, strict=True))
             del positions["joint_2"]
-            found = twin.step(positions, {"joint_1": np.nan})
+            found = twin.step(positions, goal(np.nan))
             notes += found.notes
             robot.advance()
     assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
@@ -149,9 +136,9 @@ def test_a_joint_that_is_not_measured_runs_free(five):
 
 def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
-        before = [twin.step({"joint_1": 0.0}, {"joint_1": 0.0}) for _ in range(600)][-1]
+        before = [twin.step({"joint_1": 0.0}, goal(0.0)) for _ in range(600)][-1]
         jump = twin.step({"joint_1": 0.6}, {})
-        after = [twin.step({"joint_1": 0.6}, {"joint_1": 0.6}) for _ in range(100)][-1]
+        after = [twin.step({"joint_1": 0.6}, goal(0.6)) for _ in range(100)][-1]
     assert not before.notes
     assert "+0.6 from its twin" in jump.notes[0]
     assert abs(after.residual[0]) < 0.02
@@ -159,14 +146,10 @@ def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
 
 def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
-        twin.step({"joint_1": 0.1}, {"joint_1": 0.1})
-
-        def fails(self, steps=1):
-            monkeypatch.undo()
-            raise DivergenceError("joint_1 ran away", joint="joint_1", time=0.0)
-
-        monkeypatch.setattr(asrsim.Simulation, "advance", fails)
-        assert "joint_1 ran away" in twin.step({"joint_1": 0.1}, {}).notes[0]
+        twin.step({"joint_1": 0.1}, goal(0.1))
+        with monkeypatch.context() as patch:
+            patch.setattr(asrsim.Worlds, "healthy", np.zeros(6, dtype=bool))
+            assert "the twin diverged" in twin.step({"joint_1": 0.1}, {}).notes[0]
         assert not twin.step({"joint_1": 0.1}, {}).notes
 
 
@@ -176,14 +159,14 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with pytest.raises(InputError, match="no dynamics"):
         asrsim.Twin(asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="bench", duration=1.0))
     with asrsim.Twin(five) as twin:
-        with pytest.raises(InputError, match="joint_9"):
-            twin.step({"joint_9": 0.0}, {})
-        with pytest.raises(InputError, match=r"commands.*must be a number"):
-            twin.step([0.0] * 5, {"joint_1": "fast"})
-        with pytest.raises(InputError, match="5 positions"):
-            twin.step([0.0], {})
+        for positions in ({"joint_9": 0.0}, [0.0]):
+            with pytest.raises(InputError, match="5 positions, of joint_1, joint_2"):
+                twin.step(positions, {})
+        for commands in ({"joint_1": 0.3}, goal("fast")):
+            with pytest.raises(InputError, match="numbers by name of the reference"):
+                twin.step([0.0] * 5, commands)
         with pytest.raises(InputError, match="elbow"):
-            twin.step([0.0] * 5, {"elbow": 0.0})
+            twin.step([0.0] * 5, {"elbow": {"equilibrium_position": 0.0}})
 
 
 # -- live ------------------------------------------------------------------------------------------------------------
