@@ -187,6 +187,11 @@ def listed(words: Iterable[object], most: int, between: str = ", ") -> str:
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
+def counted(number: int, noun: str) -> str:
+    """Number followed by the noun; the noun is in the plural unless the number is 1."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def similar_file(path: Path) -> str | None:
     """Hint with the name of a similar file for a path that does not exist; None without a similar file."""
     try:

@@ -68,11 +68,11 @@ def as_html(result: Result) -> str:
 
     columns = (*measure_columns(result.summary), *limit_columns(result.summary))
     # Headings are hyphenated for narrow terminals; a notebook has wide lines.
-    headings = [column.heading.replace("-\n", "") for column in columns]
+    headings = [heading.replace("-\n", "") for heading, _, _ in columns]
     head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
     rows = "".join(
         f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>"
-        for cells in zip(*(column.cells for column in columns), strict=True)
+        for cells in zip(*(cells for _, cells, _ in columns), strict=True)
     )
     claims = "".join(
         f"<li>{'pass' if claim.holds else '<b>FAIL</b>'} {html.escape(claim.text)}</li>" for claim in result.summary.claims

@@ -10,8 +10,8 @@ from typing import Any
 
 import asrsim
 from asrsim.actuators import MODES
-from asrsim.document.block import Block, Key
-from asrsim.document.kinds import Kind
+from asrsim.document.block import Block
+from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf, Optional
 from asrsim.metrics.measures import MEASURES
 from asrsim.recordings.reading import READING, TIME
 from asrsim.scenario.data import KEYS, VARIANTS
@@ -28,8 +28,24 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def key_table(keys: Iterable[Key]) -> str:
     """Key, value, unit, default and meaning, a row a key."""
-    rows = [(f"`{key.name}`", key.kind.text, key.unit, key.default_text.strip(), key.doc) for key in keys]
+    rows = [(f"`{key.name}`", key.kind.text, key.unit, default_text(key).strip(), key.doc) for key in keys]
     return markdown_table(("key", "value", "unit", "default", "meaning"), rows)
+
+
+def default_text(key: Key) -> str:
+    """Text of a key's default."""
+    if key.required:
+        return "required"
+    if key.shown:
+        return key.shown
+    value = key.default
+    if value is None or value in ({}, ()):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{item:g}' for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _blocks() -> dict[str, Block[Any]]:
@@ -39,8 +55,12 @@ def _blocks() -> dict[str, Block[Any]]:
     def walk(kind: Kind[Any], place: str) -> None:
         if isinstance(kind, Block):
             places.setdefault(id(kind), ([], kind))[0].append(place)
-        for added, inner in kind.parts:
-            walk(inner, place + added)
+            for key in kind.keys:
+                walk(key.kind, f"{place}.{key.name}")
+        for inner in (kind.kind,) if isinstance(kind, Optional) else kind.options if isinstance(kind, Either) else ():
+            walk(inner, place)
+        if isinstance(kind, ListOf | MapOf):
+            walk(kind.of, place + ("[]" if isinstance(kind, ListOf) else f".<{kind.noun}>"))
 
     for key in KEYS:
         walk(key.kind, key.name)

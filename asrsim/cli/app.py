@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 GROUPS = {
-    "Simulate": {"run": "run", "live": "live", "bench": "bench", "rerun": "rerun"},
+    "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
     "Look": {"plot": "plot", "render": "render", "report": "report_page"},
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
     "Use elsewhere": {"export": "export", "twin": "twin"},
@@ -34,12 +34,8 @@ class PlainCommand(TyperCommand):
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        for title, kind in (("Arguments", "argument"), ("Options", "option")):
-            parameters = [one for one in self.get_params(ctx) if one.param_type_name == kind]
-            if rows := list(filter(None, (one.get_help_record(ctx) for one in parameters))):
-                with formatter.section(title):
-                    formatter.write_dl([(name, re.sub(r"\[default: \((.*?)\)", r"[default: \1", what)) for name, what in rows])
+    def get_help(self, ctx: Any) -> str:
+        return re.sub(r"(\[default:\s+)\(([^]]*)\)\]", r"\1\2]", super().get_help(ctx))
 
 
 class LazyGroup(TyperGroup):
@@ -168,21 +164,16 @@ def _report_error(error: BaseException) -> int:
         what = f"{error.filename}: " if error.filename else ""
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
     else:
-        complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
+        import traceback
+
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        complain(f"asrsim: unexpected error: {type(error).__name__}: {error} ({place.filename}:{place.lineno})")
         complain("asrsim: the environment variable ASRSIM_DEBUG=1 shows the whole traceback")
     return 1
 
 
 def _debugging() -> bool:
     return os.environ.get("ASRSIM_DEBUG", "") not in ("", "0")
-
-
-def _place(error: BaseException) -> str:
-    trace, place = error.__traceback__, ""
-    while trace is not None:
-        place = f" ({trace.tb_frame.f_code.co_filename}:{trace.tb_lineno})"
-        trace = trace.tb_next
-    return place
 
 
 if __name__ == "__main__":

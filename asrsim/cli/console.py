@@ -13,9 +13,12 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, TYPE_CHECKING, Any, cast
 
 from asrsim.errors import AsrsimError, InputError, Problem, listed, printable
+
+if TYPE_CHECKING:
+    from asrsim.recordings import Recording
 
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
@@ -23,6 +26,8 @@ STYLES = {
 """ANSI escape code of each text style."""
 MOST = 40
 """Largest number of lines printed for an error."""
+COLUMNS = 40
+"""Largest number of columns that are listed; a file may have thousands."""
 NARROWEST = 20
 """Smallest width of a table's last column, characters."""
 SHOWN = 6
@@ -87,8 +92,13 @@ def complain(text: str, style: str = "") -> None:
 
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Print a JSON document on stdout. The data must not contain NaN or infinity."""
-    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)))
+    """Print a JSON document on stdout. The data may contain paths and objects with `as_dict`, but no NaN and no infinity."""
+    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False, default=_encoded)))
+
+
+def _encoded(value: Any) -> Any:
+    """Path, or object with the method `as_dict`, as data for JSON."""
+    return value.as_dict() if hasattr(value, "as_dict") else os.fspath(value)
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
@@ -119,14 +129,23 @@ def say_rows(
     say_table([(head, [row[i] for row in rows], i in right) for i, head in enumerate(headings)], styles)
 
 
+def say_columns(recording: Recording) -> None:
+    """Print the columns that are mapped to quantities as a table, and the names of the other columns."""
+    used = [column for column in recording.channels.values() if column.quantity]
+    if used:
+        headings = ("column", "read as", "unit", "conversion", "why")
+        cells = [[r.source, r.meaning, r.unit, r.conversion, r.origin] for r in used[:COLUMNS]]
+        say_rows(headings, cells)
+        if len(used) > COLUMNS:
+            say(f"  and {len(used) - COLUMNS} more", "dim")
+    others = [column.source for column in recording.channels.values() if not column.quantity]
+    if others:
+        say(f"  not used: {listed(others, COLUMNS)}", "dim")
+
+
 def line_width() -> int:
     """Width of a terminal line in characters; unlimited if the output is not a terminal."""
     return shutil.get_terminal_size().columns if is_terminal() else sys.maxsize
-
-
-def counted(number: int, noun: str) -> str:
-    """Number followed by the noun; the noun is in the plural unless the number is 1."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def say_written(paths: Sequence[Path], remark: str = "") -> None:
@@ -175,7 +194,7 @@ def error_as_dict(error: AsrsimError) -> dict[str, Any]:
     """Error as data for `--json`."""
     items: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, InputError):
-        items["problems"] = [problem.as_dict() for problem in error.problems]
+        items["problems"] = error.problems
     return items
 
 

@@ -59,8 +59,8 @@ class FileReport:
             }
         if self.substeps is not None:
             data["substeps"] = self.substeps
-        data["errors"] = [problem.as_dict() for problem in self.errors]
-        data["warnings"] = [problem.as_dict() for problem in self.warnings]
+        data["errors"] = self.errors
+        data["warnings"] = self.warnings
         return mapped(data, number)  # type: ignore[no-any-return]
 
 
@@ -131,13 +131,15 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
 
 def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
     """Substeps of the run, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
-    the engine rejects.
+    the engine rejects, claims that cannot be evaluated.
     """
     from asrsim.simulation.prepare import prepare
+    from asrsim.summary.claims import check_claims
 
     try:
         prepared = prepare(scenario, robot)
         prepared.make_engine().close()
+        check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
     except AsrsimError as error:
         return None, problems_of(error, path)
     return vars(prepared.resolution), ()
@@ -156,15 +158,11 @@ def number(value: object) -> object:
 
 
 def _block(block: ActuatorBlock) -> dict[str, Any]:
+    about = ("actuator", "joint", "mode", "namespace", "sample_time", "line")
     return {
-        "actuator": block.actuator,
+        **{key: getattr(block, key) for key in about},
         "title": ACTUATORS.get(block.actuator).title,
-        "joint": block.joint,
-        "mode": block.mode,
         "mode_name": MODES[block.mode].name,
-        "namespace": block.namespace,
-        "sample_time": block.sample_time,
-        "line": block.line,
         "parameters": [
             {key: entry for key, entry in vars(value).items() if entry not in ("", None)} for value in block.parameters.values()
         ],

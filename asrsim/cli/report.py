@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.cli.console import complain, counted, say, say_problems, say_table, say_written, styled
+from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
+from asrsim.errors import counted
 from asrsim.summary.data import RunSummary
-from asrsim.summary.table import TableColumn, headline, limit_columns, limit_note, measure_columns
+from asrsim.summary.table import headline, limit_columns, limit_note, measure_columns
 
 DIFFERENCES = (
     ("position\nmax", "position_max"),
@@ -29,13 +30,13 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
     if not quiet:
         say(f"{styled(title, 'bold cyan')}  {headline(summary)}")
         columns = measure_columns(summary)
-        _say_columns(columns)
+        say_table(columns)
         if summary.tip:
             words = {"last": "at the end", "largest": "at most", "rms": "RMS"}
             say(f"  tip off its path by {', '.join(f'{1e3 * summary.tip[key]:.3g} mm {word}' for key, word in words.items())}")
         say(f"  {limit_note(summary)}", "dim")
         if limits := limit_columns(summary):
-            _say_columns([columns[0], *limits])
+            say_table([columns[0], *limits])
     if summary.status == "diverged":
         complain(f"asrsim: {title}: {summary.message}", "bold red")
     for claim in summary.claims:
@@ -53,10 +54,6 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
         say(f"replaced {counted(len(summary.replaced), 'file')} of an earlier run")
     _print_files(summary)
     say()
-
-
-def _say_columns(columns: Sequence[TableColumn]) -> None:
-    say_table([(column.heading, column.cells, column.right) for column in columns])
 
 
 def _differences_table(joints: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> None:

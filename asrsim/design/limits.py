@@ -9,20 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.document.block import Block, block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
-from asrsim.document.kinds import NUMBER, POSITIVE, Text
+from asrsim.document.kinds import NUMBER, POSITIVE, Either, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 
 SENSORS = "sensors"
 """Key of `choose` that lists sensors; all other keys are gains."""
-_RANGE = Either(((is_list, ListOf(of=NUMBER, length=2, names=("low", "high"))), (lambda _: True, POSITIVE)))
-
-
-def _has_names(node: Node) -> bool:
-    return isinstance(node.value, list) and any(isinstance(item.value, str) for item in node.value)
+_RANGE = Either((ListOf(of=NUMBER, length=2, names=("low", "high")), POSITIVE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +29,7 @@ class Limits:
         doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for the torque of each motor",
     )
     choose: Mapping[str, Any] = declare(
-        MapOf(
-            of=Either(((_has_names, ListOf(of=Text())), (lambda _: True, ListOf(of=NUMBER, minimum=1)))), noun="key", star=False
-        ),
+        MapOf(of=ListOf(of=Either((NUMBER, Text())), minimum=1), noun="key", star=False),
         default={},
         doc="`joint.parameter` -> values to choose from; `sensors` -> list of additional quantities that could be recorded",
     )

@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.design.limits import Limits, located, read_limits
 from asrsim.design.plant import DesignPlant, Reference
 from asrsim.design.search import DESIGN, SMALL, Found, Search
-from asrsim.document.mistaken import kind_of
+from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
 from asrsim.identification.layout import Layout, make_layout

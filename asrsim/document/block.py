@@ -7,66 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
-from asrsim.document.composite import merge_items
-from asrsim.document.kinds import Kind, Schema, attempt
+from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt, merge_items
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import InputError, nearest
 
 T = TypeVar("T")
-
-REQUIRED: Any = object()
-"""Default of a required key."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Key:
-    """Declaration of a key in a mapping."""
-
-    name: str
-    kind: Kind[Any]
-    default: Any = REQUIRED
-    doc: str = ""
-    unit: str = ""
-    attribute: str = ""
-    """Name of the constructor's argument; "": the name of the key."""
-    shown: str = ""
-    """Description of the default in tables; "": the value itself."""
-    spread: bool = False
-    """True: the value is a mapping of several constructor arguments; without the key, all of them are omitted."""
-
-    @property
-    def required(self) -> bool:
-        """Whether the key is required."""
-        return self.default is REQUIRED
-
-    @property
-    def argument(self) -> str:
-        """Name of the constructor's argument."""
-        return self.attribute or self.name
-
-    @property
-    def default_text(self) -> str:
-        """Text of the default for tables."""
-        if self.required:
-            return "required"
-        if self.shown:
-            return self.shown
-        value = self.default
-        if value is None or value in ({}, ()):
-            return ""
-        if isinstance(value, bool):
-            return "true" if value else "false"
-        if isinstance(value, tuple):
-            return f"[{', '.join(f'{item:g}' for item in value)}]"
-        return f"{value:g}" if isinstance(value, float) else str(value)
-
-    def schema(self) -> Schema:
-        """JSON Schema of the value, with its description."""
-        doc = self.doc + (f" Unit: {self.unit}." if self.unit else "")
-        if self.default_text and not self.required:
-            doc += f" Default: {self.default_text}."
-        return {**self.kind.schema(), "description": doc.strip()}
 
 
 def declare(
@@ -92,24 +38,6 @@ def declare(
     if isinstance(value, dict) or callable(value):
         return dataclasses.field(default_factory=value.copy if isinstance(value, dict) else value, metadata=metadata)
     return dataclasses.field(default=value, metadata=metadata)
-
-
-def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key | None:
-    """Key that declares the value at a path inside a kind; None if no key declares it.
-
-    For an entry of a list, or of a mapping with free names, the key of the list or mapping is returned. key: key of `kind`.
-    """
-    if not path:
-        return key
-    if isinstance(kind, Block):
-        inner = next((each for each in kind.keys if each.name == path[0]), None)
-        return inner and key_at(inner.kind, path[1:], inner)
-    for place, part in kind.parts:
-        rest = path[1:] if place else path
-        found = None if place == "[]" and not path[0].isdecimal() else key_at(part, rest, key)
-        if found is not None:
-            return found
-    return None
 
 
 def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
@@ -145,10 +73,6 @@ class Block(Kind[T], Generic[T]):
     may_be_empty: bool = True
     main: str = ""
     """Main key: a value that is no mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
-    line_argument: str = ""
-    """Argument of `build` that receives the line of the block; "": `build` needs no line."""
-    partial: bool = False
-    """True: the object is built without the faulty keys. False: a faulty key rejects the block."""
     read_before: tuple[str, ...] = ()
     """Further valid keys, which other code reads; messages list them too."""
 
@@ -158,31 +82,33 @@ class Block(Kind[T], Generic[T]):
         node = self.opened(node)
         if not isinstance(node.value, dict):
             raise reading.fault(node, path, f"must be a mapping ({', '.join(self.names)})", code="type")
-        good = self._unknown(node, path, reading)
-        arguments: dict[str, Any] = {}
+        good, arguments = True, {}
+        known = (*self.names, *self.read_before)
+        for name, item in node.value.items():
+            if name not in self.names:
+                reading.fault(
+                    item, (*path, name), "unknown key", line=node.key_line(name), choices=known, meant=name, code="unknown-key",
+                    show=False,
+                )  # fmt: skip
+                reading.unread.append((*path, nearest(name, known) or name))
+                good = False
         for key in self.keys:
-            item = node.value.get(key.name)
-            if item is None or (item.value is None and not key.required):
-                if key.required:
-                    reading.fault(
-                        node, path, f"the key '{key.name}' is missing", hint=key.doc or None, code="missing-key", show=False
-                    )
-                    reading.unread.append((*path, key.name))
-                    good = False
-                elif not key.spread:
-                    arguments[key.argument] = key.default
-                continue
-            found = attempt(key.kind, item, (*path, key.name), reading)
-            if found is not None:
-                arguments.update(found[0] if key.spread else {key.argument: found[0]})
-                continue
-            good = False
             if not (key.required or key.spread):
                 arguments[key.argument] = key.default
-        if not (good or self.partial):
+            given = node.value.get(key.name)
+            if given is None and key.required:
+                message, hint = f"the key '{key.name}' is missing", key.doc or None
+                reading.fault(node, path, message, hint=hint, code="missing-key", show=False)
+                reading.unread.append((*path, key.name))
+                good = False
+            elif given is not None and (given.value is not None or key.required):
+                found = attempt(key.kind, given, (*path, key.name), reading)
+                good = good and found is not None
+                if found is not None:
+                    arguments.update(found[0] if key.spread else {key.argument: found[0]})
+        # A plain mapping keeps its valid keys.
+        if not good and self.build is not dict:
             raise Rejected
-        if self.line_argument:
-            arguments[self.line_argument] = node.line
         return self._built(arguments, node, path, reading)
 
     def opened(self, node: Node) -> Node:
@@ -191,44 +117,18 @@ class Block(Kind[T], Generic[T]):
             return node
         return Node({self.main: node}, node.line, {self.main: node.line}, node.file)
 
-    def _unknown(self, node: Node, path: KeyPath, reading: DocumentReading) -> bool:
-        good = True
-        for name, item in node.value.items() if isinstance(node.value, dict) else ():
-            if name not in self.names:
-                known = (*self.names, *self.read_before)
-                reading.fault(
-                    item,
-                    (*path, name),
-                    "unknown key",
-                    line=node.key_line(name),
-                    choices=known,
-                    meant=name,
-                    code="unknown-key",
-                    show=False,
-                )
-                reading.unread.append((*path, nearest(name, known) or name))
-                good = False
-        return good
-
     def _built(self, arguments: dict[str, Any], node: Node, path: KeyPath, reading: DocumentReading) -> T:
         try:
             return self.build(**arguments)
         except InputError as error:
-            items = node.value if isinstance(node.value, dict) else {}
             for problem in error.problems:
-                place = next((key.name for key in self.keys if problem.key in (key.argument, key.name)), None)
-                item = items.get(place or "", node)
-                inner = problem.file is not None
-                text = str(dataclasses.replace(problem, key=problem.key if inner else None, choices=(), hint=None, value=None))
-                reading.problems.append(
-                    dataclasses.replace(
-                        problem,
-                        message=text,
-                        file=item.file,
-                        line=item.line,
-                        key=".".join((*path, place) if place else path) or None,
-                    )
-                )
+                name = next((key.name for key in self.keys if problem.key in (key.argument, key.name)), "")
+                item = dict(node.items()).get(name, node)
+                # A problem of another file keeps its key in the message.
+                own = problem.key if problem.file is not None else None
+                message = str(dataclasses.replace(problem, key=own, choices=(), hint=None, value=None))
+                key = ".".join((*path, name) if name else path) or None
+                reading.problems.append(dataclasses.replace(problem, message=message, file=item.file, line=item.line, key=key))
             raise Rejected from None
 
     @property
@@ -246,8 +146,7 @@ class Block(Kind[T], Generic[T]):
         if required:
             schema["required"] = required
         if self.main:
-            main = next(key for key in self.keys if key.name == self.main)
-            schema = {"anyOf": [main.kind.schema(), schema]}
+            schema = {"anyOf": [*(key.kind.schema() for key in self.keys if key.name == self.main), schema]}
         if self.doc:
             schema["description"] = self.doc
         return schema
@@ -257,15 +156,20 @@ class Block(Kind[T], Generic[T]):
         main = "".join(f"{key.kind.text}, or " for key in self.keys if key.name == self.main)
         return main + self.noun
 
-    @property
-    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        return tuple((f".{key.name}", key.kind) for key in self.keys)
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, dict)
+
+    def part(self, name: str) -> Key | None:
+        return next((key for key in self.keys if key.name == name), None)
+
+    def chosen(self, node: Node) -> Kind[Any]:
+        main = None if isinstance(node.value, dict) else self.part(self.main)
+        return self if main is None else main.kind.chosen(node)
 
     def merge(self, base: Node, over: Node) -> Node:
-        kinds = {key.name: key.kind for key in self.keys}
-        return merge_items(self.opened(base), self.opened(over), kinds.get)
+        return merge_items(self.opened(base), self.opened(over), self.part)
 
 
-def block_of(cls: Callable[..., T], noun: str, *, main: str = "", line_argument: str = "") -> Block[T]:
+def block_of(cls: Callable[..., T], noun: str, *, main: str = "") -> Block[T]:
     """Block with the keys that a dataclass declares."""
-    return Block(keys=declared_keys(cls), build=cls, noun=noun, main=main, line_argument=line_argument)
+    return Block(keys=declared_keys(cls), build=cls, noun=noun, main=main)

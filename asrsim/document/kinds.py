@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, cast
@@ -37,14 +38,86 @@ class Kind(ABC, Generic[T_co]):
     def text(self) -> str:
         """Short description for messages and for tables in the documentation."""
 
-    @property
-    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        """Kinds of the parts: (suffix of the part's path, such as `.name` or `[]`; kind)."""
-        return ()
+    def part(self, name: str) -> Key | None:
+        """Key of an entry of a mapping, or of an entry of a list by its index; None if there can be no such entry."""
+        return None
+
+    def chosen(self, node: Node) -> Kind[Any]:
+        """Kind that reads this node: the alternative that fits the node, if the kind has alternatives."""
+        return self
+
+    def fits(self, node: Node) -> bool:
+        """Whether the type of the YAML value (scalar, list or mapping) is one that this kind reads."""
+        return not isinstance(node.value, dict | list)
 
     def merge(self, base: Node, over: Node) -> Node:
         """Value of a variant: `over`; if the kind has parts, the parts of `over` replace those of `base`."""
         return over
+
+
+REQUIRED: Any = object()
+"""Default of a required key."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
+
+    name: str
+    """Name of the key; "": the declaration of an entry."""
+    kind: Kind[Any]
+    default: Any = REQUIRED
+    doc: str = ""
+    unit: str = ""
+    attribute: str = ""
+    """Name of the constructor's argument; "": the name of the key."""
+    shown: str = ""
+    """Description of the default in tables; "": the value itself."""
+    spread: bool = False
+    """True: the value is a mapping of several constructor arguments; without the key, all of them are omitted."""
+
+    @property
+    def required(self) -> bool:
+        """Whether the key is required."""
+        return self.default is REQUIRED
+
+    @property
+    def argument(self) -> str:
+        """Name of the constructor's argument."""
+        return self.attribute or self.name
+
+    def schema(self) -> Schema:
+        """JSON Schema of the value, with its description."""
+        schema = self.kind.schema()
+        if self.default is None:
+            schema = {"anyOf": [schema, {"type": "null"}]}
+        elif isinstance(self.default, bool | int | float | str):
+            schema = {**schema, "default": self.default}
+        return {**schema, "description": self.doc + (f" Unit: {self.unit}." if self.unit else "")}
+
+
+def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:
+    """Key that declares the value at a path inside a kind; None if no key declares it.
+
+    The key of an entry of a list, or of a mapping with free names, is the key of the list or mapping.
+    """
+    declared = None
+    for name in path:
+        key = kind.part(name)
+        if key is None:
+            return None
+        kind, declared = key.kind, key if key.name else declared
+    return declared
+
+
+def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Kind[Any], Node]]:
+    """Tuples (path, kind, node) of a node and of all nodes inside it whose kinds are declared."""
+    kind = kind.chosen(node)
+    yield path, kind, node
+    for name, item in node.items() if kind.fits(node) else ():
+        key = kind.part(name)
+        if key is not None:
+            yield from walk(key.kind, item, (*path, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +131,9 @@ class Number(Kind[float]):
     finite: bool = True
     noun: ClassVar[str] = "number"
     json_type: ClassVar[str] = "number"
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, int | float)
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         value = node.value
@@ -135,7 +211,8 @@ class Text(Kind[str]):
         if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
-            raise reading.fault(node, path, f"must be {self.noun}", code="type")
+            article = "the " if self.noun.startswith("name") else ""
+            raise reading.fault(node, path, f"must be {article}{self.noun}", code="type")
         return node.value
 
     def schema(self) -> Schema:
@@ -155,6 +232,9 @@ class Choice(Kind[str]):
     """Noun for the words in tables; "": tables list the words."""
     missing: str = ""
     """Hint for an unknown word."""
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, str)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -236,9 +316,14 @@ class Optional(Kind[T | None], Generic[T]):
     def text(self) -> str:
         return self.kind.text + (f" or `{self.word}`" if self.word else "")
 
-    @property
-    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        return (("", self.kind),)
+    def fits(self, node: Node) -> bool:
+        return node.value is None or self.kind.fits(node)
+
+    def part(self, name: str) -> Key | None:
+        return self.kind.part(name)
+
+    def chosen(self, node: Node) -> Kind[Any]:
+        return self.kind.chosen(node)
 
     def merge(self, base: Node, over: Node) -> Node:
         return self.kind.merge(base, over)
@@ -251,3 +336,142 @@ def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: DocumentReading) 
     except Rejected:
         reading.unread.append(path)
         return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListOf(Kind[tuple[T, ...]], Generic[T]):
+    """Kind of value: a list of values of one kind."""
+
+    of: Kind[T]
+    minimum: int = 0
+    length: int | None = None
+    """Exact length; None: any length."""
+    names: tuple[str, ...] = ()
+    """Names of the entries of a list with fixed length, for messages and tables."""
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> tuple[T, ...]:
+        if not isinstance(node.value, list):
+            raise reading.fault(node, path, f"must be a {self.text}", code="type")
+        if self.length is not None and len(node.value) != self.length:
+            raise reading.fault(node, path, f"must be a {self.text}, but has {len(node.value)} entries", code="length")
+        if len(node.value) < self.minimum:
+            raise reading.fault(node, path, f"needs at least {self.minimum} entries", code="length")
+        results = [attempt(self.of, item, (*path, str(index)), reading) for index, item in enumerate(node.value)]
+        read = tuple(result[0] for result in results if result is not None)
+        if len(read) < len(results):
+            raise Rejected
+        return read
+
+    def schema(self) -> Schema:
+        schema: Schema = {"type": "array", "items": self.of.schema()}
+        lowest = self.length if self.length is not None else self.minimum
+        if lowest:
+            schema["minItems"] = lowest
+        if self.length is not None:
+            schema["maxItems"] = self.length
+        return schema
+
+    @property
+    def text(self) -> str:
+        if self.names:
+            return f"list [{', '.join(self.names)}]"
+        several = re.sub(r"^(whole )?\w+", r"\g<0>s", self.of.text)
+        return f"list of {several}" if self.length is None else f"list of {self.length} {several}"
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, list)
+
+    def part(self, name: str) -> Key | None:
+        return Key(name="", kind=self.of) if name.isdecimal() else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapOf(Kind[dict[str, T]], Generic[T]):
+    """Kind of value: a mapping from free names (mostly joints) to values of one kind. Faulty entries are left out."""
+
+    of: Kind[T]
+    noun: str = "joint"
+    """Noun for what the names refer to."""
+    star: bool = True
+    """True: the name `*` may stand for all names."""
+    bare: bool = False
+    """True: a value that is not a mapping applies to all names."""
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> dict[str, T]:
+        if node.value is None:
+            return {}
+        if self.bare and not isinstance(node.value, dict):
+            return {"*": self.of.read(node, path, reading)}
+        if not isinstance(node.value, dict):
+            raise reading.fault(node, path, f"must be a {self.text}", code="type")
+        results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
+        if not self.star and "*" in results:
+            raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)
+        return {name: result[0] for name, result in results.items() if result is not None}
+
+    def schema(self) -> Schema:
+        schema: Schema = {"type": ["object", "null"], "additionalProperties": self.of.schema()}
+        return {"anyOf": [self.of.schema(), schema]} if self.bare else schema
+
+    @property
+    def text(self) -> str:
+        return (f"{self.of.text}, or " if self.bare else "") + f"mapping from {self.noun} to {self.of.text}"
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, dict)
+
+    def part(self, name: str) -> Key | None:
+        return Key(name="", kind=self.of)
+
+    def chosen(self, node: Node) -> Kind[Any]:
+        return self.of.chosen(node) if self.bare and not isinstance(node.value, dict) else self
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return merge_items(base, over, self.part)
+
+
+@dataclass(frozen=True)
+class Either(Kind[Any]):
+    """Kind of value: one of several kinds, chosen by the type of the YAML value."""
+
+    options: tuple[Kind[Any], ...]
+    """Kinds; the first that fits a node reads the node."""
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
+        for kind in self.options:
+            if kind.fits(node):
+                return kind.read(node, path, reading)
+        raise reading.fault(node, path, f"must be {self.text}", code="type")
+
+    def schema(self) -> Schema:
+        return {"anyOf": [kind.schema() for kind in self.options]}
+
+    @property
+    def text(self) -> str:
+        return ", or ".join(kind.text for kind in self.options)
+
+    def part(self, name: str) -> Key | None:
+        return next((key for kind in self.options if (key := kind.part(name)) is not None), None)
+
+    def chosen(self, node: Node) -> Kind[Any]:
+        return next((kind.chosen(node) for kind in self.options if kind.fits(node)), self)
+
+    def merge(self, base: Node, over: Node) -> Node:
+        kind = self.chosen(over)
+        return kind.merge(base, over) if kind is not self and kind is self.chosen(base) else over
+
+
+def merge_items(base: Node, over: Node, part: Callable[[str], Key | None]) -> Node:
+    """Mapping `base` with the keys of `over`. A null value in `over` removes the key. part: declaration of each key."""
+    if not isinstance(base.value, dict) or not isinstance(over.value, dict):
+        return over
+    items = dict(base.value)
+    lines = dict(base.key_lines or {})
+    for name, value in over.value.items():
+        lines[name] = over.key_line(name)
+        if value.value is None:
+            items.pop(name, None)
+            continue
+        key = part(name)
+        items[name] = key.kind.merge(items[name], value) if key is not None and name in items else value
+    return Node(items, over.line if over.line is not None else base.line, lines, over.file or base.file)

@@ -26,6 +26,12 @@ class Node:
         """Line of a key of the mapping; the line of the mapping if the key has none."""
         return (self.key_lines or {}).get(key, self.line)
 
+    def items(self) -> list[tuple[str, Node]]:
+        """Pairs (key, node) of a mapping, or (index, node) of a list; empty for a scalar."""
+        if isinstance(self.value, list):
+            return [(str(index), node) for index, node in enumerate(self.value)]
+        return list(self.value.items()) if isinstance(self.value, dict) else []
+
     def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
         """Value as plain JSON-like data. renamed: id of a node -> value that replaces it."""
         if renamed and id(self) in renamed:

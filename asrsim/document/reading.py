@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from asrsim.document.node import Node
 from asrsim.errors import Problem
@@ -32,33 +33,17 @@ class DocumentReading:
     renamed: dict[int, object] = field(default_factory=dict)
     """Name of the attachment for each node with a file name, by id of the node."""
 
-    def fault(
-        self,
-        node: Node | None,
-        path: KeyPath,
-        message: str,
-        *,
-        line: int | None = None,
-        code: str = "value",
-        show: bool = True,
-        choices: tuple[str, ...] = (),
-        hint: str | None = None,
-        meant: str | None = None,
-    ) -> Rejected:
-        """Exception for an invalid value, whose problem is recorded. Callers raise it, or ignore it to continue."""
-        self.problems.append(
-            Problem(
-                message,
-                file=node.file if node else None,
-                line=line if line is not None else (node.line if node else None),
-                key=".".join(path) or None,
-                value=node.describe() if node is not None and show else None,
-                code=code,
-                choices=choices,
-                hint=hint,
-                meant=meant,
-            )
-        )
+    def fault(self, node: Node | None, path: KeyPath, message: str, *, show: bool = True, **details: Any) -> Rejected:
+        """Exception for an invalid value, whose problem is recorded. Callers raise it, or ignore it to continue.
+
+        show: state the value in the message. details: further fields of the `Problem`, such as its code.
+        """
+        place = node or Node(None)
+        own = {
+            "file": place.file, "line": place.line, "key": ".".join(path) or None, "code": "value",
+            "value": place.describe() if node is not None and show else None,
+        }  # fmt: skip
+        self.problems.append(Problem(message, **{**own, **details}))
         return Rejected(message)
 
     def locate(self, text: str, *, folder: bool) -> Path:

@@ -144,6 +144,9 @@ class _Converter:
                 self._complain("a key must be plain text", key_line)
                 continue
             key = str(key_node.value)
+            if key == "<<" and key_node.tag == _PLAIN:
+                self._complain("merge keys (<<) are not read: repeat the keys, or use an alias for the whole value", key_line)
+                continue
             self._whole(key, key_line)
             value = self.convert(value_node, depth + 1)
             if key in items:

@@ -12,7 +12,7 @@ from asrsim.errors import RobotError
 from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, World, WorldObject
+from asrsim.scenario.data import Scenario, World
 
 GROUND_HALF = 50.0
 """Half the edge length in m of the box that serves as the ground."""
@@ -29,30 +29,41 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
 
     Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
     """
-    spec = mujoco.MjSpec()
     contacts = not scenario.world.empty
     flags = mujoco.mjtDisableBit
     off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
-    spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = IMPEDANCE_RATIO
-    spec.option.gravity = list(scenario.gravity)
-    spec.option.timestep = scenario.step
     try:
-        _bodies(mujoco, spec, scenario, robot, contacts)
-        if contacts:
-            _furnish(mujoco, spec, scenario.world)
-            _pair(spec, scenario)
+        spec = assemble(mujoco, scenario, robot, centre=base_centre(scenario, robot), shapes=contacts)
+        spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        for link in robot.links:
+            spec.body(link_body(link.name)).simple = mujoco.mjtLimited.mjLIMITED_FALSE
         model = spec.compile()
-        for item in scenario.world.objects:
-            if item.shape == "mesh" and item.mass and item.inertia is None:
-                _box_inertia(mujoco, model, item)
+        for item, inertia in box_inertias(mujoco, model, scenario.world).items():
+            model.body(item).inertia = inertia
         return model
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
         raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
+
+
+def assemble(mujoco: Any, scenario: Scenario, robot: Robot, *, centre: Array, shapes: bool) -> Any:
+    """Editable model (MjSpec) of a robot without fixed joints in its world; joints without limits, bodies of 1 kg.
+
+    centre: origin (3,) of the root link's body in the frame of the link, m. shapes: whether the links have their collision
+    shapes.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = IMPEDANCE_RATIO
+    spec.option.gravity = list(scenario.gravity)
+    spec.option.timestep = scenario.step
+    _bodies(mujoco, spec, scenario, robot, centre, shapes)
+    if not scenario.world.empty:
+        _furnish(mujoco, spec, scenario.world)
+        _pair(spec, scenario)
+    return spec
 
 
 def link_body(name: str) -> str:
@@ -69,36 +80,34 @@ def base_centre(scenario: Scenario, robot: Robot) -> Array:
     return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
 
 
-def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bool) -> None:
+def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, centre: Array, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
     kinds = mujoco.mjtJoint
-    centre = base_centre(scenario, robot)
     start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
-    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=_quat(scenario.base_rpy))
+    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion_wxyz(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
     waiting = [(root, robot.root.name)]
     while waiting:
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
-        body.simple = mujoco.mjtLimited.mjLIMITED_FALSE
         shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
+            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
+            geom.contype, geom.conaffinity = ROBOT_BIT, WORLD_BIT
         for joint in robot.carried.get(name, ()):
             origin = (np.array(joint.origin) - shift).tolist()
-            child = body.add_body(name=link_body(joint.child), pos=origin, quat=_quat(joint.rpy))
+            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion_wxyz(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
-            child.add_joint(name=joint.name, type=kind, axis=list(joint.axis), limited=mujoco.mjtLimited.mjLIMITED_FALSE)
+            child.add_joint(name=joint.name, type=kind, axis=list(joint.axis))
             waiting.append((child, joint.child))
 
 
-def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> None:
+def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> Any:
+    """Add a shape of a link to the link's body as a geom, and return the geom. shift: origin (3,) of the body in the frame of
+    the link, m."""
     form = _form(mujoco, spec, name, shape.kind, shape.scale if shape.kind == "mesh" else shape.size, shape.mesh)
-    body.add_geom(
-        name=name, pos=(np.array(shape.origin) - shift).tolist(), quat=_quat(shape.rpy), contype=ROBOT_BIT,
-        conaffinity=WORLD_BIT, **form,
-    )  # fmt: skip
+    return body.add_geom(name=name, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion_wxyz(shape.rpy), **form)
 
 
 def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
@@ -127,7 +136,7 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             conaffinity=ROBOT_BIT | WORLD_BIT,
         )
     for item in world.objects:
-        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=_quat(item.rpy))
+        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=quaternion_wxyz(item.rpy))
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")
         name = f"object/{item.name}"
@@ -138,18 +147,22 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
 
 
-def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
-    """Set the inertia of a mesh to the inertia of its bounding box, as PyBullet does; the centre of mass is the origin of the
-    mesh."""
-    geom = model.geom(f"object/{item.name}")
-    mesh = int(geom.dataid[0])
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    # MuJoCo stores the vertices of a mesh along the principal axes of its inertia.
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
-    vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
-    x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
-    model.body_inertia[int(geom.bodyid[0])] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
+def box_inertias(mujoco: Any, model: Any, world: World) -> dict[str, Array]:
+    """Moments of inertia (3,) in kg m^2 of objects that are meshes without a given inertia, by name of the body: as in
+    PyBullet, those of the mesh's bounding box; the centre of mass is the origin of the mesh."""
+    found = {}
+    for item in world.objects:
+        if item.shape != "mesh" or not item.mass or item.inertia is not None:
+            continue
+        mesh = int(model.geom(f"object/{item.name}").dataid[0])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        # MuJoCo stores the vertices of a mesh along the principal axes of its inertia.
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+        vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+        x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
+        found[f"object/{item.name}"] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
+    return found
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
@@ -171,7 +184,7 @@ def _pair(spec: Any, scenario: Scenario) -> None:
         pair.solimp = list(HARD)
 
 
-def _quat(rpy: Vector) -> list[float]:
+def quaternion_wxyz(rpy: Vector) -> list[float]:
     """Quaternion (w, x, y, z), in MuJoCo's order, of roll, pitch, yaw about fixed axes in rad."""
     x, y, z, w = quaternion(rpy)
     return [w, x, y, z]

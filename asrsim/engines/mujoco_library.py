@@ -82,6 +82,17 @@ def _library() -> Any:
     return library
 
 
+def exact_xml(spec: Any) -> str:
+    """MJCF of an MjSpec with 17 digits. With MuJoCo's 6 digits, moments of inertia may break A + B >= C after rounding."""
+    # Versions of MuJoCo without this routine write 6 digits.
+    set_digits = getattr(_library(), "_mjPRIVATE__set_xml_precision", lambda digits: None)
+    set_digits(17)
+    try:
+        return str(spec.to_xml())
+    finally:
+        set_digits(6)
+
+
 def stop_the_clock() -> None:
     """Switch off the timing of MuJoCo's routines, which takes a tenth of the routines' computing time. The bindings would
     switch it on again."""

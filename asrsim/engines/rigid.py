@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim import compiling
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Native, Scene
-from asrsim.engines.exact_friction import settle
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Native, Scene
+from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -54,9 +54,9 @@ class Room(NamedTuple):
     force: Numbers
     """Generalised forces (v,) of the wrenches in a piece of the kick, N m."""
     inertia: Numbers
-    """Diagonal (n,) of the mass matrix, without damping, kg m^2."""
+    """Diagonal (n,) of the mass matrix in the rows of the joints, without damping, kg m^2."""
     velocity: Numbers
-    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next nine
+    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""
     impulse: Numbers
     bound: Numbers
@@ -65,7 +65,6 @@ class Room(NamedTuple):
     change: Numbers
     push: Numbers
     regime: Numbers
-    places: Numbers
     square: Numbers
     joint_q: Numbers
     """Index of each joint in a configuration, (n,)."""
@@ -79,7 +78,6 @@ class Room(NamedTuple):
 
 def make_room(
     robot: Robot,
-    scheme: Numbers,
     *,
     qpos: Array,
     qvel: Array,
@@ -93,10 +91,10 @@ def make_room(
         name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
     }
     arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
+    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
-        scheme=scheme, free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
+        scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
         slowest=np.full(size, -inf), fastest=np.full(size, inf),
         joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
         **arrays,
@@ -123,8 +121,35 @@ def aim(room: Any, state: Any) -> None:
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
-    """Change `room.velocity` in a piece of the kick; store this change in `room.change`. length: length of the piece as a
-    fraction of a step."""
+    """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
+
+    The piece is cut at the moments at which joints with friction stop: they may stick or reverse, and so does their friction.
+    """
+    count = len(room.joint_v)
+    for j in range(count):
+        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
+    for stops in range(count + 1):
+        find_change(room, exchange, piece, length)
+        joint = first_stop(room) if stops < count else -1
+        part = length
+        if joint != -1:
+            part *= -room.velocity[joint] / room.change[joint]
+            find_change(room, exchange, piece, part)
+        for i in range(len(room.velocity)):
+            room.velocity[i] += room.change[i]
+        if joint == -1:
+            break
+        # The impact of another joint may reverse this joint at once.
+        if abs(room.velocity[joint]) < ROUNDING * abs(room.change[joint]):
+            room.velocity[joint] = 0.0
+        length -= part
+    for j in range(count):
+        room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
+
+
+def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
+    """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no joint stops. `room.inertia`
+    is the diagonal of the mass matrix without damping."""
     step = room.scheme[STEP]
     time = length * step
     for i in range(len(room.velocity)):
@@ -132,18 +157,48 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     for j in range(len(room.joint_v)):
         i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[piece, j, DAMPING]
         room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
-        room.inertia[j] = room.matrix[i, i]
-        room.matrix[i, i] += room.scheme[IMPLICITNESS] * time * damping
+        room.matrix[i, i] = room.inertia[j] + room.scheme[IMPLICITNESS] * time * damping
         room.bound[i] = time * exchange[piece, j, FRICTION]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
     settle(room)
-    for i in range(len(room.velocity)):
-        room.velocity[i] += room.change[i]
-    for j in range(len(room.joint_v)):
-        room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
+
+
+def first_stop(room: Any) -> int:
+    """The degree of freedom with friction that stops or reverses first under `room.change`; -1 if none does.
+
+    Until a joint stops, its friction opposes the velocity. If joints stop, `room.change` is therefore computed again with this
+    friction. A joint stops after the fraction -velocity / change of the time. The result is -1 in a kick with an impact, since
+    the velocities are then not linear in time.
+    """
+    velocity, change = room.velocity, room.change
+    count = 0
+    for i in range(len(velocity)):
+        if abs(room.regime[i]) == AT_UPPER and change[i] != 0.0:
+            return -1
+    for i in range(len(velocity)):
+        if _stops(room, i):
+            room.regime[i] = POSITIVE if velocity[i] > 0.0 else NEGATIVE
+            count += 1
+    first = -1
+    if count > 0:
+        solve_states(room)
+        for i in range(len(velocity)):
+            if _stops(room, i) and (first == -1 or abs(velocity[i] * change[first]) < abs(velocity[first] * change[i])):
+                first = i
+        if first == -1:
+            settle(room)
+    return first
+
+
+def _stops(room: Any, i: int) -> bool:
+    """Whether the degree of freedom `i` has friction and stops or reverses under `room.change`."""
+    velocity = room.velocity[i]
+    if room.bound[i] == 0.0 or velocity == 0.0:
+        return False
+    return room.regime[i] == STICKING or velocity * (velocity + room.change[i]) < 0.0  # type: ignore[no-any-return]
 
 
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
@@ -224,7 +279,6 @@ class Calculation:
 
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
         self._function, self._room = function, room
-        self._plain, self._packed = plain(room), pack(room)
         self._call: Any = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -233,7 +287,7 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to numbers, exchange, forces and lengths."""
         if self._call is None:
-            self._call = self._function
+            self._call, self._plain, self._packed = self._function, plain(self._room), pack(self._room)
             if "numba" in sys.modules:
                 self._call = _compiled(self._function, compiling.type_of(self._room))
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):

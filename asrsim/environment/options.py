@@ -20,7 +20,7 @@ class Options(TypedDict, total=False):
     overrides: Any
     control_rate: float
     observe: str | Sequence[str]
-    act: str | Sequence[str]
+    act: str | Sequence[str] | None
     reward: Callable[[State], float] | None
     terminated: Callable[[State], bool] | None
     randomise: Mapping[str, Any]
@@ -32,6 +32,10 @@ class Options(TypedDict, total=False):
 def _is_names(value: Any) -> bool:
     # Sets are rejected: their order differs from process to process.
     return isinstance(value, str) or (isinstance(value, Sequence) and all(isinstance(name, str) for name in value))
+
+
+def _is_action(value: Any) -> bool:
+    return value is None or (_is_names(value) and len(value) > 0)
 
 
 def _is_laws(value: Any) -> bool:
@@ -56,7 +60,7 @@ _NAMES = "a name or a list of names"
 _FORMS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
     "variant": (None, lambda _: True, ""), "overrides": ((), lambda _: True, ""),
     "control_rate": (50.0, _is_number, "a number of Hz"), "observe": (("link_position", "link_velocity"), _is_names, _NAMES),
-    "act": ((), _is_names, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
+    "act": (None, _is_action, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
     "goal": _LAWS, "tip": (None, _is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
 }  # fmt: skip
 """Options by name: default, function that validates a value, and description of valid values."""

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.export.mjcf import Mjcf, model_of
+from asrsim.engines.mujoco_library import exact_xml
+from asrsim.export.mjcf import model_of
+from asrsim.export.ranges import own_numbers, write_ranges
 from asrsim.export.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
-from asrsim.samples import Array
+from asrsim.render.mesh_files import read_mesh
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.sweeps.fitted import joint_of, load_fit
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
 
 __all__ = ["Export", "Replay", "export_mjcf"]
-
-MARGIN, LEAST_REACH = 2.0, 1.0
-"""Springs are fitted up to a multiple of the scenario's largest deflection; the second number is the smallest such range, rad.
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,72 +78,44 @@ def export_mjcf(
     ready = prepare(scenario, variant=variant, overrides=overrides)
     distribution = None
     if fit is not None:
-        from asrsim.export.ranges import mean_of, robot_numbers, write_ranges
-        from asrsim.sweeps.fitted import joint_of, load_fit
-
         distribution = joint_of(load_fit(Path(fit)), Path(fit))
-        ready = ready.vary(robot_numbers(ready, mean_of(distribution)))
-    run, folder = run_of(ready), f"{path.stem}_meshes"
-    reach, adjusters, at_limit = _extent(ready, run)
+        (best,) = distribution.interval(0.0)[:1]
+        ready = ready.vary(own_numbers(ready, distribution.assign(best)))
+    run = run_of(ready)
+    files: list[Path] = []
 
-    def model_with(other: Prepared, knots: int | None = knots) -> Mjcf:
-        return model_of(other, reach=reach, adjusters=adjusters, knots=knots, timestep=timestep, folder=folder)
+    @cache
+    def mesh_file(source: str) -> str:
+        """Write a mesh as a binary STL beside the model."""
+        from trimesh import Trimesh
 
-    model = model_with(ready)
+        folder = make_folder(path.parent / f"{path.stem}_meshes")
+        files.append(folder / f"mesh_{len(files)}.stl")
+        mesh = read_mesh(Path(source))
+        with written(files[-1], "mesh") as stream:
+            # The header of the STL file shows that asrsim wrote the file.
+            stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
+            stream.write(b"asrsim mesh".ljust(80) + stl[80:])
+        return f"{folder.name}/{files[-1].name}"
+
+    model = model_of(ready, run, path, mesh_file, knots=knots, timestep=timestep)
     make_folder(path.parent)
-    files = _write_meshes(model, path.parent / folder)
-    write_text(path, model.text, "mjcf")
+    write_text(path, exact_xml(model.spec), "mjcf")
     result = replay(ready, run, path)
     files += draw(result, path) if plot else []
     remarks = list(model.remarks)
     if distribution is not None:
         # Models with the values at both ends of an interval need equal numbers of tendons.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
-        files.append(write_ranges(ready, distribution, lambda other: model_with(other, most).text, path, Path(str(fit))))
+
+        def compiled(values: dict[str, float]) -> Any:
+            varied = ready.vary(own_numbers(ready, values))
+            return model_of(varied, run, path, mesh_file, knots=most, timestep=timestep).spec.compile()
+
+        files.append(write_ranges(distribution, compiled, path, Path(str(fit))))
         if not distribution.fits:
             remarks.append("the model of the fit does not fit its recordings: its intervals are too narrow")
-    if at_limit:
-        names = ", ".join(at_limit)
-        remarks.append(f"motors of {names} reach their speed limit in this scenario, which makes the error large")
     if result.diverged_at is not None:
         remarks.append(f"MuJoCo's motion diverges at {result.diverged_at:g} s: take a smaller --timestep")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}
     return Export(files=(path, *files), remarks=tuple(remarks), replay=result, spring_errors=errors)
-
-
-def _extent(prepared: Prepared, run: Mapping[str, Array]) -> tuple[dict[str, float], dict[str, float], list[str]]:
-    """Three results: deflections up to which springs are fitted, rad, by joint; positions of the adjusters at the start, by
-    joint; and joints whose motors reach their speed limit.
-    """
-    reach, adjusters, at_limit = {}, {}, []
-    for j, stepped in enumerate(prepared.drives):
-        drive, name = stepped.drive, stepped.name
-        if drive is None or not drive.mode.spring:
-            continue
-        count = drive.actuator.motors
-        motors = np.array([run[f"motor_{i}_position"][:, j] for i in range(1, count + 1)])
-        reach[name] = max(MARGIN * float(np.abs(motors - run["link_position"][:, j]).max()), LEAST_REACH)
-        if drive.actuator.adjuster:
-            adjusters[name] = float(run[f"motor_{count + 1}_position"][0, j])
-        speeds = [np.abs(run[f"motor_{i}_velocity"][:, j]).max() for i in range(1, len(drive.max_velocity) + 1)]
-        if any(speed > 0.999 * limit for speed, limit in zip(speeds, drive.max_velocity, strict=True)):
-            at_limit.append(name)
-    return reach, adjusters, at_limit
-
-
-def _write_meshes(model: Mjcf, folder: Path) -> list[Path]:
-    """Write each mesh as a binary STL. Raises OutputError."""
-    from trimesh import Trimesh
-
-    from asrsim.render.mesh_files import read_mesh
-
-    paths = []
-    for name, source in model.meshes.items():
-        mesh = read_mesh(Path(source))
-        path = make_folder(folder) / f"{name}.stl"
-        with written(path, "mesh") as stream:
-            # The header of the STL file shows that asrsim wrote the file.
-            stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
-            stream.write(b"asrsim mesh".ljust(80) + stl[80:])
-        paths.append(path)
-    return paths

@@ -29,9 +29,9 @@ HEADING = """\
 """
 
 
-def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Values of the robot's parameters, by joint or link and by name."""
-    owners = {*(joint.name for joint in prepared.robot.joints), *(link.name for link in prepared.robot.links)}
+def own_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Values of the robot's parameters, by joint or link and by name; other keys of a fit are left out."""
+    owners = {joint.name for joint in prepared.robot.joints} | {link.name for link in prepared.robot.links}
     found: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
@@ -40,50 +40,29 @@ def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, 
     return found
 
 
-def mean_of(fit: Fit) -> dict[str, float]:
-    """Estimates of the fit, by key."""
-    return fit.assign(fit.from_scores(np.zeros((1, len(fit.keys))))[0])
+def write_ranges(fit: Fit, compiled: Callable[[dict[str, float]], Any], path: Path, source: Path) -> Path:
+    """Write the 95 % intervals of a fit as fields of the model at `path`, and return the path of the written file.
 
-
-def write_ranges(prepared: Prepared, fit: Fit, text_of: Callable[[Prepared], str], path: Path, source: Path) -> Path:
-    """Write the ranges into the folder of the model at `path`, and return the path of the written file. text_of: function that
-    returns the MJCF of the scenario with other parameter values and equal numbers of knots; source: file of the fit. Raises
-    OutputError.
+    compiled: function that returns the MjModel with other values of the robot's parameters, with equal numbers of knots.
+    source: file of the fit. Raises OutputError.
     """
-    import mujoco
     import yaml
 
-    def compiled(values: dict[str, float]) -> Any:
-        spec = mujoco.MjSpec.from_string(text_of(prepared.vary(robot_numbers(prepared, values))))
-        # The meshes are in the folder of the model.
-        spec.modelfiledir = str(path.parent.absolute())
-        return spec.compile()
-
-    widths = WIDTH * np.linalg.norm(fit.root, axis=1)
     ranges: dict[str, Any] = {}
     for i, key in enumerate(fit.keys):
-        ends = []
-        for sign in (-1.0, 1.0):
-            row = fit.mean.copy()
-            row[i] += sign * widths[i]
-            value = float(np.clip(np.exp(row[i]) if fit.logarithmic[i] else row[i], fit.low[i], fit.high[i]))
-            ties = {name: factor * value for name, drawn, factor in fit.ties if drawn == key}
-            ends.append((value, compiled({key: value, **ties})))
-        (low, below), (high, above) = ends
-        ranges[key] = {"low": low, "high": high, "fields": _differences(below, above)}
+        rows = fit.interval(WIDTH)
+        ends = [float(row[i]) for row in rows]
+        models = [compiled({name: value for name, value in fit.assign(row).items() if name in fit.groups[i]}) for row in rows]
+        fields: dict[str, dict[str, list[Any]]] = {}
+        for kind, names in FIELDS.items():
+            for field in names:
+                below, above = (getattr(model, field) for model in models)
+                for row in np.flatnonzero((below != above).reshape(len(below), -1).any(axis=1)).tolist():
+                    model = models[0]
+                    element = model.joint(int(model.dof_jntid[row])) if kind == "dof" else getattr(model, kind)(row)
+                    fields.setdefault(field, {})[element.name] = [below[row].tolist(), above[row].tolist()]
+        ranges[key] = {"low": ends[0], "high": ends[1], "fields": fields}
     target = path.with_suffix(".ranges.yaml")
     body = yaml.safe_dump(ranges, sort_keys=False, default_flow_style=None, allow_unicode=True)
     write_text(target, HEADING.format(source.name) + body, "ranges")
     return target
-
-
-def _differences(below: Any, above: Any) -> dict[str, dict[str, list[Any]]]:
-    """Values that differ between two models: pairs by field and by element."""
-    found: dict[str, dict[str, list[Any]]] = {}
-    for kind, fields in FIELDS.items():
-        for field in fields:
-            ours, theirs = getattr(below, field), getattr(above, field)
-            for row in np.flatnonzero((ours != theirs).reshape(len(ours), -1).any(axis=1)).tolist():
-                element = below.joint(int(below.dof_jntid[row])) if kind == "dof" else getattr(below, kind)(row)
-                found.setdefault(field, {})[element.name] = [ours[row].tolist(), theirs[row].tolist()]
-    return found

@@ -1,46 +1,32 @@
-"""Springs as polynomial tendons of MuJoCo: a C2 cubic spline of the torque over the deflection."""
+"""Springs as polynomial tendons of MuJoCo: a cubic spline of the torque over the deflection."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from asrsim.samples import Array
 
-POINTS = 2001
-"""Number of deflections at which a spring law is evaluated."""
-KNOTS, ERROR = (4, 6, 9, 13, 20, 30), 1e-4
+POINTS = 1001
+"""Number of deflections on each side at which a spring law is evaluated."""
+KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
 FAR = 1e6
-"""End of a dead band that no motion reaches, rad."""
-OFFSET = 1e3
-"""Rest position of a weak linear spring that produces a nearly constant torque, rad."""
+"""End of a dead band that no motion reaches, and rest position of a weak spring that produces a nearly constant torque, rad.
+"""
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Torque k_1 u + k_2 u^2 + k_3 u^3, where u is the deflection minus the nearest end of the dead band."""
-
-    low: float
-    """Lower end of the dead band, in which the torque is 0, rad."""
-    high: float
-    """Upper end of the dead band, rad."""
-    stiffness: tuple[float, float, float]
-    """Coefficients k_1, k_2, k_3 in N m/rad, N m/rad^2, N m/rad^3."""
-
-    def torque(self, deflection: Array) -> Array:
-        """Torques at deflections in rad, N m."""
-        u = np.maximum(deflection - self.high, 0.0) + np.minimum(deflection - self.low, 0.0)
-        return np.asarray(u * (self.stiffness[0] + u * (self.stiffness[1] + u * self.stiffness[2])))
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spline:
-    """Approximation of a spring law, torque over deflection, by a sum of pieces."""
+    """Approximation of a spring law, torque over deflection, by a sum of polynomial springs with dead bands."""
 
-    pieces: tuple[Piece, ...]
+    pieces: Array
+    """Rows (n, 5): lower and upper end of the dead band, rad; coefficients k_1, k_2, k_3 in N m/rad, N m/rad^2, N m/rad^3.
+
+    At the distance u from the nearer end of the dead band, the torque is k_1 u + k_2 u^2 + k_3 u^3.
+    """
     reach: float
     """Largest deflection for which the pieces were fitted, rad."""
     knots: int
@@ -52,7 +38,10 @@ class Spline:
 
     def torque(self, deflection: Array) -> Array:
         """Torques at deflections in rad, N m."""
-        return np.asarray(np.sum([piece.torque(deflection) for piece in self.pieces], axis=0))
+        low, high, *stiffness = self.pieces.T
+        x = np.asarray(deflection)[..., None]
+        u = np.maximum(x - high, 0.0) + np.minimum(x - low, 0.0)
+        return np.asarray((u * (stiffness[0] + u * (stiffness[1] + u * stiffness[2]))).sum(axis=-1))
 
 
 def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None) -> Spline:
@@ -62,61 +51,53 @@ def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knot
     The error is weighted by one over the stiffness, so that it is a difference of positions under equal torques. limit:
     deflection beyond which the law is constant, rad. An odd law gets pieces that act for positive and negative deflections.
     """
-    saturates = limit <= reach
-    reach = min(limit, reach)
-    x = np.linspace(-reach, reach, POINTS)
-    y = np.array([law(deflection) for deflection in x.tolist()])
+    saturates, edge = limit <= reach, min(limit, reach)
+    x, constant = np.linspace(0.0, edge, POINTS), law(0.0)
+    # Torques over positive deflections: of the law, and of the law turned by 180 degrees.
+    sides = {
+        sign: sign * (np.array([law(sign * value) for value in x.tolist()]) - constant * (1.0 + sign * x / FAR))
+        for sign in (1.0, -1.0)
+    }
+    odd = bool(np.abs(sides[1.0] - sides[-1.0]).max() <= 1e-9 * np.abs(sides[1.0]).max())
+    for count in KNOTS if knots is None else (knots,):
+        positions = edge * np.arange(count + 1) / (count + 1)
+        fits = {sign: _fit(x, y, positions, odd=odd, saturates=saturates) for sign, y in sides.items()}
+        error = max(error for _, error in fits.values())
+        if error < ERROR:
+            break
+    pieces = [[-FAR, -FAR, constant / FAR, 0.0, 0.0]] if constant else []
+    for sign, (rows, _) in fits.items():
+        for position, first, second, third in rows.tolist():
+            symmetric = odd and not second
+            if symmetric and sign > 0.0:
+                pieces.append([-position, position, first, second, third])
+            elif not symmetric:
+                band = [-FAR, position] if sign > 0.0 else [-position, FAR]
+                pieces.append([*band, first, sign * second, third])
+    return Spline(pieces=np.array(pieces), reach=edge, knots=count, saturates=saturates, error=error)
+
+
+def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool) -> tuple[Array, float]:
+    """Cubic spline of torques y over deflections x >= 0: rows of a knot and the three coefficients of the piece that begins
+    there, and the largest error divided by the stiffness, rad.
+    """
     stiffness = np.abs(np.gradient(y, x))
     # In flat parts of a law the stiffness is zero, so a lower bound avoids a division by zero.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    odd = float(np.abs(y + y[::-1]).max()) <= 1e-9 * float(np.abs(y).max())
-    for count in KNOTS if knots is None else (knots,):
-        shapes = _shapes(reach, count, odd=odd)
-        columns = np.column_stack([shape.torque(x) for shape in shapes])
-        scale = np.linalg.norm(columns / stiffness[:, None], axis=0)
-        factors = np.linalg.lstsq(columns / stiffness[:, None] / scale, y / stiffness, rcond=None)[0] / scale
-        pieces = _joined(shapes, factors.tolist())
-        fitted = np.sum([piece.torque(x) for piece in pieces], axis=0)
-        error = float((np.abs(fitted - y) / stiffness).max())
-        if error < ERROR:
-            break
+    # The curvature of an odd law is zero at zero.
+    powers = [x] if odd else [x, x**2]
+    columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** 3]) / stiffness[:, None]
+    scale = np.linalg.norm(columns, axis=0)
+    factors = np.linalg.lstsq(columns / scale, y / stiffness, rcond=None)[0] / scale
+    error = float(np.abs(columns @ factors - y / stiffness).max())
+    cubics = factors[len(powers) :]
+    rows = np.column_stack([knots, *np.zeros((2, len(knots))), cubics])
+    rows[0, 1 : 1 + len(powers)] = factors[: len(powers)]
     if saturates:
-        pieces += [_flat_beyond(pieces, edge) for edge in (reach, -reach)]
-    return Spline(tuple(pieces), reach, count, saturates, error)
-
-
-def _shapes(reach: float, knots: int, *, odd: bool) -> list[Piece]:
-    """Pieces with unit coefficients whose sums are the splines: a cubic polynomial, and a cubic from each knot outward."""
-    cubic = (0.0, 0.0, 1.0)
-    positions = [reach * i / (knots + 1) for i in range(1, knots + 1)]
-    line, bend = Piece(0.0, 0.0, (1.0, 0.0, 0.0)), Piece(0.0, 0.0, cubic)
-    if odd:
-        return [line, bend, *(Piece(-knot, knot, cubic) for knot in positions)]
-    constant = Piece(-OFFSET, -OFFSET, (1.0 / OFFSET, 0.0, 0.0))
-    sides = [Piece(*band, cubic) for knot in positions for band in ((-FAR, knot), (-knot, FAR))]
-    return [line, bend, Piece(0.0, 0.0, (0.0, 1.0, 0.0)), constant, *sides]
-
-
-def _joined(shapes: Sequence[Piece], factors: Sequence[float]) -> list[Piece]:
-    """Pieces that result from shapes multiplied by factors; shapes with equal dead bands become one piece."""
-    found: dict[tuple[float, float], tuple[float, ...]] = {}
-    for shape, factor in zip(shapes, factors, strict=True):
-        band = shape.low, shape.high
-        before = found.get(band, (0.0, 0.0, 0.0))
-        found[band] = tuple(a + factor * b for a, b in zip(before, shape.stiffness, strict=True))
-    return [Piece(*band, (k[0], k[1], k[2])) for band, k in found.items() if any(k)]
-
-
-def _flat_beyond(pieces: Sequence[Piece], edge: float) -> Piece:
-    """Piece that makes the total torque constant beyond a deflection `edge`."""
-    slope = curve = third = 0.0
-    for piece in pieces:
-        u = max(edge - piece.high, 0.0) + min(edge - piece.low, 0.0)
-        k_1, k_2, k_3 = piece.stiffness
-        if piece.low < piece.high and u == 0.0:
-            continue
-        slope += k_1 + 2.0 * k_2 * u + 3.0 * k_3 * u * u
-        curve += k_2 + 3.0 * k_3 * u
-        third += k_3
-    band = (-FAR, edge) if edge > 0.0 else (edge, FAR)
-    return Piece(*band, (-slope, -curve, -third))
+        # Beyond the last deflection, this piece cancels the slope and the curvature of all others.
+        first, second, _ = rows[0, 1:]
+        edge = x[-1]
+        u = edge - knots
+        flat = first + 2.0 * second * edge + 3.0 * cubics @ u**2, second + 3.0 * cubics @ u, cubics.sum()
+        rows = np.vstack([rows, [edge, *(-value for value in flat)]])
+    return rows, error

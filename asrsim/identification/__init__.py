@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.identification.progress import Progress
 from asrsim.identification.result import Result
-from asrsim.identification.run import identify
+from asrsim.identification.run import Progress, identify
 from asrsim.identification.task import Task, task_of
 
 __all__ = ["Progress", "Result", "Task", "identify", "task_of"]

@@ -1,22 +1,158 @@
-"""Extensions of a model, which are adopted during a fit, or named as possible causes if the model does not fit."""
+"""Extensions of a model: they are proposed, freed together with the other parameters, refitted and scored. They are adopted
+during a fit, or named as possible causes if the model does not fit.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS
 from asrsim.identification.combinations import percent
-from asrsim.identification.door import Drive
-from asrsim.identification.extensions import ASKED, Extended, Extension, extended, freed
-from asrsim.identification.keys import LATEST, Parameter, parameters_of
-from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
+from asrsim.identification.keys import CLOCK, LATEST, Parameter, parameters_of
+from asrsim.identification.layout import entry_of
+from asrsim.identification.noise import independent_samples
+from asrsim.identification.problem import (
+    Problem,
+    differences,
+    huber,
+    jacobian,
+    mean_square,
+    residuals,
+    solve,
+    with_own_substeps,
+)
 from asrsim.identification.task import Tie
 from asrsim.identification.uncertainty import Uncertainty, noise_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
+
+ASKED = 20.0
+"""Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
+TRIED, ADOPTED = 4, 4
+"""Largest number of extensions that are refitted in a round, the most promising first; largest number of extensions that are
+adopted.
+"""
+LOOK = 1e-3
+"""Step of finite differences along a new entry of the parameter vector, in the vector's units."""
+FAR_OFF = 4.0
+"""Mean square residual, relative to the noise, above which a model counts as badly fitting."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extension:
+    """A problem with additional free parameters at the end of its parameter vector, or with commands played as a staircase."""
+
+    text: str = ""
+    problem: Problem
+    begins: Sequence[float | Sequence[float]] = ()
+    """Start values of the new entries of the parameter vector, at which the effect of the extension is simulated; empty: the
+    start is the optimum of the linearised problem.
+    """
+    restepped: bool = False
+    """Whether the extension changes the required number of substeps."""
+    share: float = 1.0
+    """Largest fraction of the mean square error that may remain with the extension."""
+    excess: float = 1.0
+    """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
+    fitting model any additional parameter reduces the misfit.
+    """
+
+    def accepts(self, before: float, after: float, samples: float) -> bool:
+        """Whether mean square errors before and after, from independent samples, show that the extension is real."""
+        far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
+        return bool(not far and after <= self.share * before and samples * np.log(before / max(after, 1e-300)) > ASKED)
+
+
+class _Place:
+    """The point of the parameter space at which extensions are compared, with residuals and derivatives."""
+
+    def __init__(self, problem: Problem, x: Array) -> None:
+        self.x, self.there = x, residuals(problem, x)
+        self._free = np.linalg.qr(jacobian(problem, x, base=self.there))[0]
+        self._left = self.alone(self.there)
+
+    def alone(self, change: Array) -> Array:
+        """Part of a change (m,) or (m, k) of the residuals that the free parameters cannot compensate."""
+        return np.asarray(change - self._free @ (self._free.T @ change))
+
+    def promises(self, extension: Extension) -> Iterator[tuple[float, Extension, Array]]:
+        """Fraction of the squared error that an extension would explain to first order, and start vector for a refit with the
+        extension.
+        """
+        from scipy.optimize import lsq_linear
+
+        new, (low, high) = range(len(self.x), len(extension.problem.layout)), extension.problem.layout.bounds
+        for begin in extension.begins or [(0.0,) * len(new)]:
+            start, trial = np.append(self.x, begin), extension.problem
+            trial = with_own_substeps(trial, start) if extension.restepped else trial
+            if extension.begins:
+                change, limits = (residuals(trial, start) - self.there)[:, None], (np.zeros(1), np.full(1, np.inf))
+            else:
+                change = jacobian(trial, start, LOOK, base=self.there, columns=new)
+                limits = np.minimum(low[new], -1e-9), high[new]
+            alone = self.alone(change)
+            moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
+            start = start if extension.begins else np.append(self.x, moves)
+            yield self._share(alone @ moves), replace(extension, problem=trial), start
+
+    def _share(self, change: Array) -> float:
+        """Fraction of the squared error that a change of the residuals explains; 0 if the fraction is not significant."""
+        before, after = float(self._left @ self._left), float(np.sum((self._left + change) ** 2))
+        return 1.0 - after / before if (before - after) * len(change) > ASKED * after else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """A problem with the adopted extensions, and the fitted parameter vector."""
+
+    chosen: tuple[Extension, ...]
+    problem: Problem
+    x: Array
+    cost: float
+    """Mean of the Huber loss of the residuals."""
+
+
+Propose = Callable[[Problem, Array], Iterable[Extension]]
+
+
+def extended(
+    problem: Problem, x: Array, propose: Propose, *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
+    rounds: int = 60,
+) -> Extended:  # fmt: skip
+    """Problem with added extensions: the most explanatory is added first, until `enough` is true or no further extension is
+    significant.
+    """
+    found = Extended((), problem, x, huber(residuals(problem, x)))
+    while len(found.chosen) < most and not enough(found.problem, found.x):
+        place, proposed = _Place(found.problem, found.x), list(propose(found.problem, found.x))
+        promised = [max(place.promises(one), key=lambda promise: promise[0]) for one in proposed]
+        trials = []
+        for share, extension, start in sorted(promised, key=lambda promise: -promise[0])[:TRIED]:
+            if not share:
+                continue
+            there = solve(extension.problem, start, rounds=rounds, tolerance=1e-5)
+            left = residuals(extension.problem, there)
+            if extension.accepts(found.cost, huber(left), independent_samples(left)):
+                trials.append((huber(left), extension, there))
+        if not trials:
+            break
+        cost, extension, there = min(trials, key=lambda trial: trial[0])
+        found = Extended((*found.chosen, extension), extension.problem, there, cost)
+    return found
+
+
+def freed(
+    problem: Problem, parameters: Sequence[Parameter], ties: Sequence[Tie] = (), *, tracks: Sequence[int | None] = (None,)
+) -> Problem:
+    """Problem with additional free parameters. tracks: recordings that get separate values; None: all recordings
+    share a value.
+    """
+    layout, names = problem.layout, [track.data.name for track in problem.tracks]
+    entries = [entry_of(one, track, names) for one in parameters for track in tracks]
+    return problem.under(replace(layout, entries=(*layout.entries, *entries), ties=(*layout.ties, *ties)))
+
 
 FACTORS = (0.03, 0.3, 3.0, 30.0)
 """Start values of the pre-sliding stiffness, relative to the default of the friction law."""
@@ -36,19 +172,12 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 """Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
-BITES, REACHED = (0.75, 0.3), 0.999
-"""Fractions of the largest torque or speed at which a lower limit is tried; fraction of a limit above which the limit counts as
-reached.
-"""
+BITES = (0.75, 0.3, 2.0)
+"""Fractions of the largest torque or speed at which another limit is tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
 """
-CALLED = {
-    "passive_stiffness": "a passive spring of {}", "hysteresis_torque": "hysteresis of the springs of {}",
-    "stribeck_friction": "static friction of {}", "damping": "another damping of {}", "friction": "another friction of {}",
-    "motor_1_friction_torque": "another motor friction of {}", "motor_1_damping": "another motor damping of {}",
-}  # fmt: skip
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
@@ -57,10 +186,9 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 def stairs(problem: Problem) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
-    for key in dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands if not c.hold):
+    for key in _commands(problem, hold=False):
         if key not in problem.held:
-            held = problem.played(problem.held | {key})
-            yield Extension(text=f"{key} as stairs", problem=held, finite=True, share=STAIRS)
+            yield Extension(problem=problem.played(problem.held | {key}), begins=((),), share=STAIRS)
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
@@ -70,17 +198,15 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
     known, tied, taken = parameters_of(robot, (), {}), {tie.key: tie.to for tie in problem.layout.ties}, _taken(problem)
     groups: dict[str, list[str]] = {}
     for block in robot.actuators:
-        for i in range(1, ACTUATORS.get(block.actuator).motors + 1):
-            name = f"motor_{i}_friction_stiffness"
-            root = f"{block.joint}.motor_{i}_friction_torque"
-            root = tied.get(root, root)
-            if block.parameters[name].origin == "default" and f"{block.joint}.{name}" not in taken:
-                groups.setdefault(root, []).append(f"{block.joint}.{name}")
+        for name, value in block.parameters.items():
+            key = f"{block.joint}.{name}"
+            if key.endswith("friction_stiffness") and value.origin == "default" and key not in taken:
+                level = key.replace("stiffness", "torque")
+                groups.setdefault(tied.get(level, level), []).append(key)
     for first, *others in groups.values():
-        yield Extension(
-            text=first, problem=freed(problem, [known[first]], [Tie(key=key, to=first) for key in others]), finite=True,
-            begins=tuple(np.log(FACTORS)), restepped=True, excess=MUCH,
-        )  # fmt: skip
+        ties = [Tie(key=key, to=first) for key in others]
+        wider = freed(problem, [known[first]], ties)
+        yield Extension(problem=wider, begins=tuple(np.log(FACTORS)), restepped=True, excess=MUCH)
 
 
 # -- causes that are named if the model does not fit --------------------------------------------------------------------------
@@ -98,94 +224,101 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     )  # fmt: skip
     rest = mean_square(found.problem, found.x)
     if rest - 1.0 <= PARTLY * (base - 1.0):
-        yield _suspected(found, base, complete=rest <= target)
+        yield _suspected(problem, found, base, complete=rest <= target)
     yield from _amplitude(problem, x)
 
 
-def _suspected(found: Extended, base: float, *, complete: bool) -> str:
-    texts, flags, layout = [], [], found.problem.layout
-    values = dict(zip((entry.name for entry in layout.entries), layout.values(found.x).tolist(), strict=True))
+def _suspected(problem: Problem, found: Extended, base: float, *, complete: bool) -> str:
+    """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem."""
+    texts, options, before = [], [], problem.layout
+    values = found.problem.layout.values(found.x).tolist()
     for cause in found.chosen:
-        entry = cause.problem.layout.entries[-1]
-        value, unit = values[entry.name], entry.parameter.unit.removeprefix("1")
+        layout = cause.problem.layout
+        new = list(zip(layout.entries, values, strict=False))[len(before) :]
+        entry, value = new[-1]
         # Delays and offsets are small, so they are shown in ms and mrad.
-        size = f"{1e3 * value:.3g} m{unit}" if entry.parameter.key.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
-        texts.append(cause.text if entry.track is not None else f"{cause.text} ({size.strip()})")
-        flags.append(cause.flags.replace("START", f"{value:.4g}"))
+        small, unit = entry.parameter.key.endswith((".delay", ".offset")), entry.parameter.unit.removeprefix("1")
+        size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
+        texts.append(cause.text if entry.track is not None else f"{cause.text} ({size})")
+        options += [
+            f"--free {entry.parameter.key}={value:.4g}" if entry.track is None else f"--own {entry.parameter.key}"
+            for entry, value in new
+        ]  # fmt: skip
+        options += [f"--tie {tie.key}={tie.to}" for tie in layout.ties if tie not in before.ties]
+        before = layout
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     rest = "" if complete else "; more is missing"
-    return f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({' '.join(flags)}){rest}"
+    flags = " ".join(dict.fromkeys(options))
+    return f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({flags}){rest}"
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions of a problem; each extension adds one possible cause of the misfit."""
-    yield from _delay(problem)
     yield from _sensors(problem, x)
-    yield from _robot(problem)
-    yield from _limits(problem, x)
+    yield from _robot(problem, x)
+    commands = [f"{key}.delay" for key in _commands(problem)]
+    if commands and not any(key.endswith(".delay") or key == CLOCK for key in _taken(problem)):
+        parameter = Parameter(key=commands[0], unit="s", start=0.0, low=-1e-3, high=LATEST)
+        yield _cause("a delay of the commands", problem, parameter, others=commands[1:], begins=(2.0,))
     for tie, wider in _without_ties(problem, x):
-        text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
-        yield Extension(text=text, flags=f"--free {tie.key}", problem=wider, begins=(0.0,), share=FURTHER)
-
-
-def _delay(problem: Problem) -> Iterator[Extension]:
-    """Extension of a problem by a common delay of all commands."""
-    commands = list(dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands))
-    if commands and not any(key.endswith(".delay") or key == "clock" for key in _taken(problem)):
-        first, *others = (f"{key}.delay" for key in commands)
-        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
-        yield replace(
-            _cause("a delay of the commands", problem, parameter, [Tie(key=key, to=first) for key in others]), begins=(2.0,)
-        )
+        other = f"{'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}"
+        yield Extension(text=f"{tie.key} other than {other}, to which it is tied", problem=wider, share=FURTHER)
 
 
 def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
-    layout, free = problem.layout, _taken(problem)
-    own = {entry.parameter.key for entry in layout.entries if entry.track is not None}
-    first = problem.fitted[0]
-    left = errors(problem, x, first) or [np.zeros(1)] * len(problem.tracks[first].channels)
-    for channel, off in zip(problem.tracks[first].channels, left, strict=True):
+    free = _taken(problem)
+    own = {entry.parameter.key for entry in problem.layout.entries if entry.track is not None}
+    channels = problem.tracks[problem.fitted[0]].channels
+    for channel, part, off in zip(channels, problem.parts, differences(problem, x), strict=False):
         key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
         offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield _cause(f"a zero offset of {key}", problem, offset)
         if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
-            recorded = channel.values[: len(off)]
-            slope, zero = np.polyfit(recorded + off, recorded, 1).tolist()
+            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist() if np.isfinite(off).all() else (0.0, 0.0)
             if 1e-3 < slope < 1e3:
-                flags = f"--free {offset.key}={zero:.4g} --free {gain.key}=START"
-                yield Extension(
-                    text=f"another scale and zero of {key}", flags=flags, problem=freed(problem, [offset, gain]), finite=True,
-                    begins=((zero / offset.size, -float(np.log(slope))),), share=FURTHER,
-                )  # fmt: skip
+                begin = (zero / offset.size, -float(np.log(slope)))
+                yield _cause(f"another scale and zero of {key}", problem, offset, gain, begins=(begin,))
         for name, parameter in (("zero", offset), ("gain", gain)):
             # A shared parameter stays free; in addition each recording except the first gets a separate value.
             if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
-                wider = freed(problem, [parameter], tracks=list(problem.fitted)[parameter.key in free :])
-                text = f"a {name} of {key} in each recording"
-                yield Extension(text=text, flags=f"--own {parameter.key}", problem=wider, share=FURTHER)
+                tracks = problem.fitted[parameter.key in free :]
+                yield _cause(f"a {name} of {key} in each recording", problem, parameter, tracks=tracks)
 
 
-def _robot(problem: Problem) -> Iterator[Extension]:
-    """Extensions that free springs, friction, damping and hysteresis that the robot lacks, or that are not free."""
-    door, free = problem.tracks[0].door, _taken(problem)
-    known = parameters_of(door.robot, (), {})
-    for drive in door.drives:
-        spring, motor = bool(drive.mode and drive.mode.spring), bool(drive.mode and drive.mode.motor)
-        moves = problem.tracks[0].scenario.engine != "bench"
-        wanted = {
-            "passive_stiffness": moves and not spring and drive.joint.spring_stiffness == 0.0,
-            "hysteresis_torque": spring, "damping": moves, "friction": moves, "stribeck_friction": moves,
-            "motor_1_friction_torque": motor, "motor_1_damping": motor,
-        }  # fmt: skip
-        for name, possible in wanted.items():
-            parameter = known.get(f"{drive.name}.{name}")
+def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Extensions that free springs, friction, damping, hysteresis and motor limits that are not free."""
+    track, values, free = problem.tracks[0], problem.layout.table(x, 0), _taken(problem)
+    known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
+    for j, drive in enumerate(track.door.drives):
+        joint, spring, motor = drive.name, bool(drive.mode and drive.mode.spring), bool(drive.mode and drive.mode.motor)
+        for name, text, possible in (
+            ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
+            ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),
+            ("friction", "another friction", moves), ("stribeck_friction", "static friction", moves),
+            ("motor_1_friction_torque", "another motor friction", motor), ("motor_1_damping", "another motor damping", motor),
+        ):  # fmt: skip
+            parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                cause, absent = _cause(CALLED[name].format(drive.name), problem, parameter), parameter.start == 0.0
-                flags = f"--free {parameter.key}=START"
-                yield replace(cause, flags=flags, finite=absent, begins=(1.0,) if absent else ())
+                begins = (1.0,) if parameter.start == 0.0 else ()
+                yield _cause(f"{text} of {joint}", problem, parameter, begins=begins)
+        for what, unit in (("torque", "N m"), ("velocity", "rad/s")) if drive.dynamic_motors else ():
+            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing[0], [(j, f"motor_1_{what}")])
+            reached = 0.0 if series is None else float(np.abs(series).max())
+            if key not in free and reached > 0.0:
+                # Both motors of a joint share the limit.
+                others = [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1)
+                limit = Parameter(key=key, unit=unit, start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
+                text = f"a limit motor_1_max_{what} of {joint}"
+                yield _cause(text, problem, limit, others=others, begins=tuple(np.log(BITES)))
+
+
+def _commands(problem: Problem, *, hold: bool = True) -> list[str]:
+    """Keys of the recorded commands; hold: include commands that are constant between samples."""
+    commands = [one for i in problem.fitted for one in problem.tracks[i].data.commands]
+    return list(dict.fromkeys(one.key for one in commands if hold or not one.hold))
 
 
 def _taken(problem: Problem) -> set[str]:
@@ -194,9 +327,13 @@ def _taken(problem: Problem) -> set[str]:
     return {*(entry.parameter.key for entry in layout.entries), *(tie.key for tie in layout.ties)}
 
 
-def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie] = ()) -> Extension:
-    flags = f"--free {parameter.key}" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
-    return Extension(text=text, flags=flags, problem=freed(problem, [parameter], ties), share=FURTHER)
+def _cause(
+    text: str, problem: Problem, *parameters: Parameter, others: Sequence[str] = (), tracks: Sequence[int | None] = (None,),
+    begins: Sequence[float | Sequence[float]] = (),
+) -> Extension:  # fmt: skip
+    """Extension that frees parameters; others: keys that are tied to the first parameter."""
+    wider = freed(problem, parameters, [Tie(key=key, to=parameters[0].key) for key in others], tracks=tracks)
+    return Extension(text=text, problem=wider, begins=begins, share=FURTHER)
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
@@ -229,62 +366,27 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
     return faults
 
 
-def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, float, float]]:
-    """Each torque or speed limit of the first motors: drive, name, level, and largest simulated value of the
-    limited quantity.
-    """
-    track, values = problem.tracks[0], problem.layout.table(x, 0)
-    for j, drive in enumerate(track.door.drives):
-        for what in ("torque", "velocity") if drive.dynamic_motors else ():
-            series = track.series(values, problem.playing[0], [(j, f"motor_1_{what}")])
-            name = f"motor_1_max_{what}"
-            if series is not None:
-                yield drive, name, values.get(f"{drive.name}.{name}", drive.values[name]), float(np.abs(series).max())
-
-
-def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that free a motor limit. Its start lies below the simulated maximum, or above if the simulation reaches the
-    limit. Both motors of a joint share the limit.
-    """
-    for drive, name, level, reached in _motor_limits(problem, x):
-        key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
-        if key not in _taken(problem) and reached > 0.0:
-            low, high = 0.1 * min(BITES) * reached, 4.0 * reached
-            parameter = Parameter(key=key, unit=unit, start=reached, low=low, high=high, logarithmic=True)
-            ties = [Tie(key=key.replace("motor_1", "motor_2"), to=key)] * (drive.dynamic_motors > 1)
-            cause = _cause(f"a limit {name} of {drive.name}", problem, parameter, ties)
-            flags = cause.flags.replace(key, f"{key}=START", 1)
-            begins = (*BITES, 2.0) if reached >= REACHED * level else BITES
-            yield replace(cause, flags=flags, finite=True, begins=tuple(np.log(begins)))
-
-
 def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
     """Sentences on springs whose stiffness depends on the deflection: backlash, or a different spring law."""
-    entries = problem.layout.entries
-    springs = [i for i, one in enumerate(entries) if one.parameter.logarithmic and any(word in one.name for word in SPRINGS)]
-    if not springs:
-        return
     left, numbers = residuals(problem, x), problem.blocks(PARTS)
-    slopes = jacobian(problem, x, base=left, columns=springs)
-    total = int(numbers.max()) + 1
-    sizes, pulls, counts = np.zeros((total, len(springs))), np.zeros((total, len(springs))), np.bincount(numbers)
-    np.add.at(sizes, numbers, slopes**2)
-    np.add.at(pulls, numbers, slopes * left[:, None])
-    reach = np.sqrt(np.sum(sizes, axis=1) / np.maximum(counts, 1))
-    for i, number in enumerate(springs):
-        known = sizes[:, i] > 25.0
+    for i, entry in enumerate(problem.layout.entries):
+        if not entry.parameter.logarithmic or not any(word in entry.name for word in SPRINGS):
+            continue
+        slope = jacobian(problem, x, base=left, columns=[i])[:, 0]
+        sizes, pulls = np.bincount(numbers, slope**2), np.bincount(numbers, slope * left)
+        known = sizes > 25.0
         if known.sum() < 6:
             continue
-        moves, deviation = -pulls[known, i] / sizes[known, i], float(np.median(sizes[known, i] ** -0.5))
-        trend, extent = _rank_correlation(reach[known], moves), float(np.ptp(moves))
+        reach, moves = np.sqrt(sizes / np.bincount(numbers))[known], -pulls[known] / sizes[known]
+        trend = _correlation(*(np.argsort(np.argsort(one)).astype(float) for one in (reach, moves)))
+        extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
         # Noise alone rarely sorts the parts by stiffness.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
-            late, hard = (abs(float(np.corrcoef(reach[known] ** power, moves)[0, 1])) for power in (-1.0, 2.0))
-            way = "falls" if trend < 0.0 else "grows"
-            law = "backlash is missing" if trend > 0.0 and late > hard else "the spring's law is wrong"
-            yield f"{entries[number].name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
+            backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
+            way, law = "falls" if trend < 0.0 else "grows", "backlash is missing" if backlash else "the spring's law is wrong"
+            yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
 
 
-def _rank_correlation(a: Array, b: Array) -> float:
-    return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
+def _correlation(a: Array, b: Array) -> float:
+    return float(np.corrcoef(a, b)[0, 1])

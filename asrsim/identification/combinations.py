@@ -4,8 +4,9 @@ parameters.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
-"""Relative half width of an interval above which a direction is unidentifiable."""
+"""Relative half width of an interval above which a parameter or a combination is unidentifiable."""
 FAR = 2.3
 """Largest change of the logarithms along an unidentifiable direction."""
 NICE, NICER = 1.5, 2e-3
@@ -31,6 +32,10 @@ MOST, WHOLE = 4, 0.08
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
 """Names of the moments of inertia about the axes; largest deviation of an exponent from the exponent of the inertia about the
 joint.
+"""
+TINY, NEAR = 1e-6, 0.05
+"""Exponent below which a parameter does not belong to a combination; distance from the span of known combinations below which
+a combination follows from them.
 """
 
 
@@ -53,16 +58,20 @@ def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
     return jacobian * (scales(layout, values) / layout.slopes(x)), values
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Combination:
     """Expression of several parameters whose value is identified although the single parameters are not identified."""
 
     text: str
     """Formula, such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
     value: float
-    margin: float
+    change: Array
+    """Relative change of the value per relative change of each free entry (k,)."""
+    size: float = 1.0
+    """Smallest exponent; margins are divided by it, so that margins of different powers of a form are comparable."""
+    margin: float = np.inf
     """Relative half width of the 95 % interval of the value."""
-    keys: tuple[int, ...]
+    keys: tuple[int, ...] = ()
     """Indices of the entries of the parameter vector in the formula."""
 
     def __str__(self) -> str:
@@ -70,38 +79,33 @@ class Combination:
 
 
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """Combinations of entries that are constant along the unidentifiable directions.
+    """Combinations of two or three entries that are better known than the entries, without those that follow from others.
 
     free: entries of the parameter vector that are not at a bound and have an effect.
     """
-    if len(free) < 2:
-        return []
-    known = _Known(problem, x, found, free)
-    rows, pivots = _sparse(known.directions)
-    parts = [known.parts(row) for row in rows]
     result: list[Combination] = []
-    for j in set(range(len(free))) - set(pivots):
-        exponents = np.eye(len(free))[j]
-        for row, pivot, mine in zip(rows, pivots, parts, strict=True):
-            # Along a direction the pivot changes by 1, entry j by row[j]: the product of powers with `exponents` is constant.
-            exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
-        if np.count_nonzero(exponents) > 1:
-            # Forms whose value overflows are left out.
-            with np.errstate(over="ignore", invalid="ignore"):
-                result += _simplest(known, exponents)
+    if len(free) < 2:
+        return result
+    known = _Known(problem, x, found, free)
+    for count in (2, 3):
+        for chosen in itertools.combinations(known.ambiguous, count):
+            exponents = np.zeros(len(free))
+            # The product of powers that changes least along the unidentifiable directions.
+            exponents[[*chosen]] = np.linalg.svd(known.directions[:, chosen])[2][-1]
+            size = np.abs(exponents)
+            if np.all(size[[*chosen]] > TINY):
+                # Forms whose value overflows are left out.
+                with np.errstate(over="ignore", invalid="ignore"):
+                    form = known.simplest(exponents)
+                if form is not None and _is_new(form, result):
+                    result.append(form)
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Form:
-    """A candidate for an identified combination of parameters."""
-
-    text: str
-    value: float
-    change: Array
-    """Relative change (k,) of the value per relative change of each free entry."""
-    size: float = 1.0
-    """Smallest exponent; margins are divided by it, so that margins of different powers of a form are comparable."""
+def _is_new(form: Combination, others: Sequence[Combination]) -> bool:
+    """Whether a combination does not follow from other combinations."""
+    changes = np.array([one.change / np.linalg.norm(one.change) for one in (*others, form)])
+    return bool(np.linalg.svd(changes, compute_uv=False)[-1] > NEAR)
 
 
 class _Known:
@@ -114,52 +118,41 @@ class _Known:
         """Keys of all free parameters."""
         scaled, values = relative(problem.layout, x, found.jacobian)
         self.values, self.scales = values[self.free], scales(problem.layout, values)[self.free]
-        self._units = relative(problem.layout, x, np.ones((1, len(x))))[0][0][self.free]
+        self._units = self.scales / problem.layout.slopes(x)[self.free]
         # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
-        self._triangle = np.linalg.qr(scaled[:, self.free], mode="r")
-        _, singular, vectors = np.linalg.svd(self._triangle)
+        _, singular, vectors = np.linalg.svd(np.linalg.qr(scaled[:, self.free], mode="r"))
         sizes = np.full(len(self.free), 1e-100)
         sizes[: len(singular)] = np.maximum(singular, 1e-100)
         # White residuals with this variance would give the same intervals.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
-        self._noise = 1.96 * variance**0.5
-        off = self._noise / sizes
+        off = 1.96 * variance**0.5 / sizes
         inside = off <= UNKNOWN
-        self.directions = vectors[~inside]
-        """Unidentifiable directions (u, k)."""
-        self._extent = np.minimum(off[~inside], FAR)
-        self._alone = np.sqrt(np.sum((vectors * off[:, None]) ** 2, axis=0))
+        self.directions = np.minimum(off[~inside], FAR)[:, None] * vectors[~inside]
+        """Unidentifiable directions (u, k), each as long as the entries may change along it."""
+        alone = np.sqrt(np.sum((vectors * off[:, None]) ** 2, axis=0))
+        self.ambiguous = [int(i) for i in np.argsort(-alone) if alone[i] > UNKNOWN]
+        """Entries that are not identified, the least known first."""
         self._inverse = (vectors[inside].T / sizes[inside] ** 2) @ vectors[inside]
 
-    def parts(self, direction: Array) -> set[int]:
-        """Entries that cause an unidentifiable direction: if they were fixed, the direction would be identifiable."""
-        rest = direction.copy()
-        for i in np.argsort(np.abs(direction)):
-            without = rest.copy()
-            without[i] = 0.0
-            if float(np.linalg.norm(self._triangle @ without)) * UNKNOWN <= self._noise * float(np.linalg.norm(without)):
-                rest = without
-        return {int(i) for i in np.flatnonzero(rest) if self._alone[i] > UNKNOWN}
-
-    def margin(self, form: _Form) -> float:
+    def margin(self, form: Combination) -> float:
         """Relative half width of a form's 95 % interval, including its change along the unidentifiable directions."""
         moves = np.zeros((1, len(self.found.noise)))
         moves[0, self.free] = self._inverse @ form.change * self._units
         deviation, quantile = self.found.deviations(moves)
-        return float(np.linalg.norm([deviation[0] * quantile[0], *(self._extent * (self.directions @ form.change))]))
+        return float(np.linalg.norm([deviation[0] * quantile[0], *(self.directions @ form.change)]))
+
+    def simplest(self, exponents: Array) -> Combination | None:
+        """First form whose interval is hardly wider than the narrowest interval; None if all intervals are wide."""
+        forms = [
+            replace(form, margin=self.margin(form), keys=tuple(self.free[i] for i in np.flatnonzero(form.change)))
+            for form in _forms(self, exponents) if np.isfinite(form.value)
+        ]  # fmt: skip
+        best = min((form.margin / form.size for form in forms), default=0.0)
+        nice = (form for form in forms if form.margin < UNKNOWN and form.margin / form.size < NICE * best + NICER)
+        return next(nice, None)
 
 
-def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
-    """First form whose interval is hardly wider than the narrowest interval; no form if all intervals are wide."""
-    margins = [(known.margin(form), form) for form in _forms(known, exponents) if np.isfinite(form.value)]
-    best = min((margin / form.size for margin, form in margins), default=0.0)
-    for margin, form in margins:
-        if margin < UNKNOWN and margin / form.size < NICE * best + NICER:
-            yield Combination(form.text, form.value, margin, tuple(known.free[i] for i in np.flatnonzero(form.change)))
-            return
-
-
-def _forms(known: _Known, exponents: Array) -> Iterator[_Form]:
+def _forms(known: _Known, exponents: Array) -> Iterator[Combination]:
     """Forms that may be constant where the product of powers with these exponents is constant: ratio to an inertia, sum,
     integer powers.
     """
@@ -180,14 +173,14 @@ def _forms(known: _Known, exponents: Array) -> Iterator[_Form]:
                 named = [(known.entries[i].name, float(powers[i])) for i in moving]
                 text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
                 text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
-                yield _Form(text, float(np.prod(known.values[moving] ** powers[moving])), powers, denominator)
+                yield Combination(text, float(np.prod(known.values[moving] ** powers[moving])), powers, denominator)
 
 
 def _power(name: str, power: float) -> str:
     return name if power == 1.0 else f"{name}^{power:g}"
 
 
-def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[_Form]:
+def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[Combination]:
     """Form other / (inertia + m r^2), with the moment of inertia about the joint, for a constant product other *
     inertia^power.
     """
@@ -196,7 +189,7 @@ def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Itera
         change = np.zeros(len(known.free))
         change[[other, inertia]] = 1.0, -size / (size + beside)
         about = f"({known.entries[inertia].name} + {beside:.3g} kg m^2, the inertia about the joint)"
-        yield _Form(f"{known.entries[other].name} / {about}", float(known.values[other]) / (size + beside), change)
+        yield Combination(f"{known.entries[other].name} / {about}", float(known.values[other]) / (size + beside), change)
 
 
 def _beside(known: _Known, entry: Entry) -> float:
@@ -215,39 +208,19 @@ def _beside(known: _Known, entry: Entry) -> float:
     return body.mass * float(place @ place - (place @ np.array(joint.axis)) ** 2)
 
 
-def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]:
+def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[Combination]:
     """Sum other + n pivot of parameters with the same unit, n a small integer."""
     first, second = known.entries[other], known.entries[pivot]
-    a, b = float(known.values[other]), float(known.values[pivot])
-    per_a, per_b = float(known.scales[other]), float(known.scales[pivot])
+    a, b = known.values[[other, pivot]].tolist()
+    per_a, per_b = known.scales[[other, pivot]].tolist()
     # From d a / per_a + power d b / per_b = 0 follows that a + times b is constant for small changes.
     times = power * per_a / per_b
-    signed, whole = min(a, b) <= 0.0, round(times)
+    whole = round(times)
     factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
-    if factors or first.parameter.unit != second.parameter.unit:
-        return
-    if 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole):
-        times = float(whole)
-    elif not signed:
-        return
-    total = a + times * b
-    if total > 0.0 or (signed and total != 0.0):
+    total = a + whole * b
+    near = 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole)
+    if near and total and first.parameter.unit == second.parameter.unit and not factors:
         change = np.zeros(len(known.free))
-        change[[other, pivot]] = per_a / total, times * per_b / total
-        size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
-        yield _Form(f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}", total, change)
-
-
-def _sparse(directions: Array) -> tuple[Array, list[int]]:
-    """Sparse basis of the space that given vectors span, in reduced echelon form with the largest elements as pivots, and the
-    pivots' columns.
-    """
-    rows, pivots = directions.copy(), []
-    for i in range(len(rows)):
-        pivot = int(np.argmax(np.abs(rows[i])))
-        pivots.append(pivot)
-        rows[i] /= rows[i, pivot]
-        for k in range(len(rows)):
-            if k != i:
-                rows[k] -= rows[k, pivot] * rows[i]
-    return rows, pivots
+        change[[other, pivot]] = per_a / total, whole * per_b / total
+        size = "" if abs(whole) == 1 else f"{abs(whole)} "
+        yield Combination(f"{first.name} {'+' if whole > 0 else '-'} {size}{second.name}", total, change)

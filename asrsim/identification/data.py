@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS, MODES, Mode
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import COMPARABLE, EXTERNAL
 from asrsim.identification.noise import fine_noise, quantum_of
@@ -21,12 +21,9 @@ from asrsim.recordings.data import Column
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.starter_recording import RecordingPlan, make_plan
+from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.curve import Curve, curve_through
 
-CIRCULAR = "they were computed from other columns, not measured: a fit to them would be circular"
-PLACED = "drives compute velocities from their positions, which are compared"
-ADJUSTED = "an adjuster stands at its reference"
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
 COMPUTED = 1e-3
@@ -67,6 +64,10 @@ class Channel:
     def key(self) -> str:
         """Key of the channel: `joint.quantity`."""
         return f"{self.joint}.{self.quantity}"
+
+    def until(self, end: float) -> int:
+        """Number of samples up to a time, s."""
+        return int(np.sum(self.time <= end + 1e-9))
 
     @property
     def floor(self) -> float:
@@ -149,13 +150,19 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
 def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, held: bool) -> Data:
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
-    plan = make_plan(robot, recording, step=scenario.step, strict=True)
-    lag = plan.lag
+    # `init` writes recorded motor positions as references of mode 2.
+    idle = [block.joint for block in robot.actuators if block.mode == PLAYED or not scenario.references_of(block.joint)]
+    plan = make_plan(robot, recording, step=scenario.step, idle=idle)
+    commanded, recorded = {one.joint for one in plan.played if one.slot == 0}, {joint for joint, _ in plan.compared}
+    missing = [joint for joint in idle if joint in recorded - commanded and not scenario.references_of(joint)]
+    if missing:
+        raise RecordingError(
+            f"the commands of {', '.join(missing)} are missing in the columns and in the scenario; "
+            f"its columns: {', '.join(list(recording.channels)[:30])}", file=recording.path, code="no-command",
+            hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
+        )  # fmt: skip
     remarks = [*plan.remarks]
-    modes = dict(plan.modes)
-    commands = [*_commands(plan, lag), *_played_motors(scenario, plan, lag, modes, remarks)]
-    played = {(command.joint, command.source) for command in commands}
-    channels = tuple(_channels(task, plan, lag, played, modes, remarks))
+    channels = tuple(_channels(task, plan, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
         message = f"no channel of the recording is compared; its channels are {known}"
@@ -167,70 +174,26 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
         name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
-        channels=channels, commands=tuple(commands), modes=modes,
-        remarks=tuple(remarks), held=held,
+        channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks), held=held,
     )  # fmt: skip
 
 
-def _commands(plan: RecordingPlan, lag: float) -> Iterator[PlayedCommand]:
+def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:
-        name = EXTERNAL if one.slot is None else modes[one.joint].references[one.slot]
-        quantity = EXTERNAL if one.slot is None else f"reference_{one.slot + 1}"
-        yield _command(one.joint, quantity, name, one.column, lag, hold=one.hold)
-
-
-def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *, hold: bool) -> PlayedCommand:
-    good = np.isfinite(column.values)
-    return PlayedCommand(
-        joint=joint, quantity=quantity, name=name, time=column.time[good] - lag, values=column.values[good], hold=hold,
-        source=column.source, unit=column.unit,
-    )  # fmt: skip
-
-
-def _played_motors(
-    scenario: Scenario, plan: RecordingPlan, lag: float, modes: dict[str, int], remarks: list[str]
-) -> Iterator[PlayedCommand]:
-    """Recorded motor positions that are played as commands, for joints without a recorded command or a reference in the
-    scenario. Springs and links are then fitted without the motors' dynamics. Raises RecordingError if the motor positions are
-    missing too.
-    """
-    commanded = {one.joint for one in plan.played if one.slot == 0}
-    motors = {(joint, str(column.quantity)): column for joint, column in plan.compared}
-    missing = []
-    for block in plan.robot.actuators:
-        actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
-        # `init` writes recorded motor positions as references of mode 2.
-        if block.joint in commanded or (scenario.references_of(block.joint) and block.mode != PLAYED):
-            continue
-        wanted = [f"motor_{i}_position" for i in range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)]
-        if not mode.spring or any((block.joint, quantity) not in motors for quantity in wanted):
-            if any(joint == block.joint for joint, _ in motors):
-                missing.append(block.joint)
-            continue
-        modes[block.joint] = PLAYED
-        remarks.append(f"{block.joint}: no command was recorded; its motors are played as recorded (mode {PLAYED})")
-        for slot, quantity in enumerate(wanted):
-            column = motors[block.joint, quantity]
-            name = MODES[PLAYED].references[slot]
-            yield _command(block.joint, f"reference_{slot + 1}", name, column, lag, hold=False)
-    if missing:
-        columns = ", ".join(list(plan.recording.channels)[:30])
-        raise RecordingError(
-            f"the commands of {', '.join(missing)} are missing in the columns and in the scenario; "
-            f"its columns: {columns}", file=plan.recording.path, code="no-command",
-            hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
+        column, good = one.column, np.isfinite(one.column.values)
+        yield PlayedCommand(
+            joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
+            name=EXTERNAL if one.slot is None else modes[one.joint].references[one.slot],
+            time=column.time[good] - plan.lag, values=column.values[good],
+            hold=one.hold and not str(column.quantity).startswith("motor"), source=column.source, unit=column.unit,
         )  # fmt: skip
 
 
-def _channels(
-    task: Task, plan: RecordingPlan, lag: float, played: set[tuple[str, str]], modes: Mapping[str, int], remarks: list[str]
-) -> Iterator[Channel]:
-    wanted = set(task.compare)
+def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
+    """Recorded quantities that are compared: those of the task, or all that the simulation computes and that were measured."""
     possible = {
-        f"{joint}.{column.quantity}": (joint, column)
-        for joint, column in plan.compared
-        if column.quantity in COMPARABLE and (joint, column.source) not in played
+        f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in COMPARABLE
     }
     unknown = [key for key in task.compare if key not in possible]
     if unknown:
@@ -240,25 +203,36 @@ def _channels(
         )  # fmt: skip
         raise RecordingError(problem)
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
-    left_out: dict[str, list[str]] = {}
-    acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
-    adjusted = {f"{block.joint}.motor_2_position" for block in plan.robot.actuators if ACTUATORS.get(block.actuator).adjuster}
+    blocks, left_out = {block.joint: block for block in plan.robot.actuators}, dict[str, list[str]]()
     for key, (joint, column) in possible.items():
-        quantity = str(column.quantity)
-        if wanted and key not in wanted:
-            continue
-        reason = None if key in wanted else _left_out(quantity, acting.get(joint), column.source in computed)
-        if key in adjusted and not wanted:
-            reason = ADJUSTED
-        if quantity.endswith("velocity") and key.replace("velocity", "position") in possible and not wanted:
-            reason = PLACED
-        if reason is not None:
-            of = f" (of {computed[column.source]})" if reason == CIRCULAR else ""
-            left_out.setdefault(reason, []).append(f"{key}{of}")
-            continue
-        channel = _channel(task, joint, column, lag, remarks, prismatic=plan.robot.joint(joint).kind == "prismatic")
-        if channel is not None:
-            yield channel
+        quantity, block = str(column.quantity), blocks.get(joint)
+        mode = MODES[block.mode] if block else None
+        if task.compare:
+            reason = None if key in task.compare else ""
+        elif block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
+            reason = "an adjuster stands at its reference"
+        elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
+            reason = "drives compute velocities from their positions, which are compared"
+        elif mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
+            reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
+        elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
+            reason = f"mode {mode.number} ({mode.name}) has no spring"
+        elif column.source in computed:
+            reason = f"it was computed from {computed[column.source]}, not measured: a fit to it would be circular"
+        else:
+            reason = None
+        good = np.isfinite(column.values) & (column.time - plan.lag >= -1e-9)
+        time, values = column.time[good] - plan.lag, column.values[good]
+        if reason is None and (len(values) < 3 or not np.ptp(values) > 0.0):
+            reason = "it never changes"
+        if reason:
+            left_out.setdefault(reason, []).append(key)
+        if reason is None:
+            quantum, prismatic = quantum_of(values), plan.robot.joint(joint).kind == "prismatic"
+            yield Channel(
+                joint=joint, quantity=quantity, unit=unit_of(quantity, prismatic=prismatic) or column.unit, time=time,
+                values=values, noise=task.noise.get(key) or fine_noise(values, quantum), quantum=quantum,
+            )  # fmt: skip
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 
 
@@ -278,30 +252,3 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
             found[late.source] = f"'{early.source}'"
     return found
-
-
-def _left_out(quantity: str, mode: Mode | None, computed: bool) -> str | None:
-    """Reason why a quantity is not compared by default; None if it is compared."""
-    if mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
-        return f"motors stand at their references in mode {mode.number} ({mode.name})"
-    if mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
-        return f"mode {mode.number} ({mode.name}) has no spring"
-    return CIRCULAR if computed else None
-
-
-def _channel(
-    task: Task, joint: str, column: Column, lag: float, remarks: list[str], *, prismatic: bool
-) -> Channel | None:  # fmt: skip
-    quantity = str(column.quantity)
-    key = f"{joint}.{quantity}"
-    good = np.isfinite(column.values) & (column.time - lag >= -1e-9)
-    time, values = column.time[good] - lag, column.values[good]
-    if len(values) < 3 or not np.ptp(values) > 0.0:
-        remarks.append(f"{key} is not compared: it never changes")
-        return None
-    quantum = quantum_of(values)
-    noise = task.noise.get(key) or fine_noise(values, quantum)
-    unit = unit_of(quantity, prismatic=prismatic) or column.unit
-    return Channel(
-        joint=joint, quantity=quantity, unit=unit, time=time, values=values, noise=noise, quantum=quantum,
-    )  # fmt: skip

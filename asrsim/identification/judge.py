@@ -5,13 +5,13 @@ held-out part.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, is_nothing, lag_correlation, size_of, swing
-from asrsim.identification.problem import Errors, Problem, errors
+from asrsim.identification.problem import Problem, differences
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
@@ -76,7 +76,7 @@ class ChannelFit:
         return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
 
 
-def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterator[str]:
+def faults(channel: Channel, left: Array, moved: Array | float = 0.0) -> Iterator[str]:
     """Reasons why residuals (n,) of a channel are not noise.
 
     moved: change (n,) of the prediction due to noise of the played commands.
@@ -84,10 +84,10 @@ def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterato
     if is_nothing(size_of(left), channel.noise):
         return
     beyond, borne = beyond_steps(left, channel.values[: len(left)], channel.quantum)
-    played = 0.0 if moved is None else SHAKEN * rms(moved)
+    change = np.zeros(len(left)) + moved
+    played = SHAKEN * rms(change)
     share = min(played / max(rms(left), 1e-300), 1.0) ** 2
-    if moved is not None:
-        borne = max(borne, share * lag_correlation(moved), key=abs)
+    borne = max(borne, share * lag_correlation(change), key=abs)
     if lag_correlation(beyond) - borne > WHITE:
         yield f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
     elif is_loud(beyond, float(np.hypot(channel.floor, played))):
@@ -105,52 +105,47 @@ def is_loud(left: Array, noise: float) -> bool:
 
 def fits_noise(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are noise or zero."""
-    return all(left is not None and not any(faults(channel, left)) for channel, left in _left(problem, x))
+    return all(np.isfinite(left).all() and not any(faults(channel, left)) for channel, left in _left(problem, x))
 
 
 def is_explained(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
-    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
+    return all(np.isfinite(left).all() and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
 
 
-def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
-    for number in problem.fitted:
-        left, channels = errors(problem, x, number), problem.tracks[number].channels
-        yield from zip(channels, [None] * len(channels) if left is None else left, strict=True)
+def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array]]:
+    return zip((part.channel for part in problem.parts), differences(problem, x), strict=True)
 
 
-def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors) -> list[ChannelFit]:
-    """Errors of each channel. before, after: residuals over whole recordings; shaken: changes of the predictions due to noise
-    of the commands.
-    """
-    found = []
-    rows = zip(problem.tracks, problem.ends, before, after, shaken, strict=True)
-    for number, (track, end, old, new, moved) in enumerate(rows):
-        for i, channel in enumerate(track.channels):
-            count = 0 if track.data.held else int(np.sum(channel.time <= end + 1e-9))
-            missing = np.full(len(channel.time), np.nan)
-            was, left = (missing if known is None else known[i] for known in (old, new))
-            lines = {"time": channel.time, "recorded": channel.values}
-            predictions = (("before", old, was), ("after", new, left))
-            lines |= {label: error + channel.values for label, known, error in predictions if known is not None}
-            change = None if moved is None else moved[i]
-            judged = new is not None and count > 10
-            spread = float(np.var(channel.values))
-            beyond, _ = beyond_steps(left[:count], channel.values[:count], channel.quantum)
-            found.append(
-                ChannelFit(
-                    recording=track.data.name, key=channel.key, unit=channel.unit, noise=float(channel.noise),
-                    before=rms(was[:count]), after=rms(left[:count]), held_before=rms(was[count:]),
-                    held_after=rms(left[count:]), correlation=lag_correlation(beyond) if judged else np.nan,
-                    explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
-                    faults=tuple(faults(channel, left[:count], None if change is None else change[:count])) if judged else (),
-                    shaken=0.0 if change is None or count == len(left) else rms(change[count:]),
-                    steps=channel.quantum / float(np.sqrt(3.0)),
-                    opposed=new is not None and _opposed(channel.values + left, channel.values),
-                    held_moves=count < len(left) and float(np.ptp(channel.values[count:])) > MOVES * channel.floor,
-                    track=number, lines=lines,
-                )
-            )  # fmt: skip
+def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[ChannelFit]:
+    """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start."""
+    whole, found = problem.everything, []
+    after = differences(whole, x)
+    shaken = differences(replace(whole, playing=tuple(replace(one, draw=0) for one in whole.playing)), x)
+    for part, was, left, moved in zip(whole.parts, before, after, shaken, strict=True):
+        channel, end, change = part.channel, problem.ends[part.track], np.nan_to_num(moved - left)
+        count = channel.until(end) if end else 0
+        lines = {"time": part.time, "recorded": part.recorded}
+        lines |= {
+            label: part.recorded + error for label, error in (("before", was), ("after", left)) if np.isfinite(error).all()
+        }
+        judged = "after" in lines and count > 10
+        spread = float(np.var(part.recorded))
+        beyond, _ = beyond_steps(left[:count], part.recorded[:count], channel.quantum)
+        found.append(
+            ChannelFit(
+                recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
+                noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
+                held_before=rms(was[count:]), held_after=rms(left[count:]),
+                correlation=lag_correlation(beyond) if judged else np.nan,
+                explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
+                faults=tuple(faults(channel, left[:count], change[:count])) if judged else (),
+                shaken=rms(change[count:]), steps=channel.quantum / float(np.sqrt(3.0)),
+                opposed=_opposed(part.recorded + left, part.recorded),
+                held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
+                track=part.track, lines=lines,
+            )
+        )  # fmt: skip
     return found
 
 

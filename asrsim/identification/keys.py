@@ -74,19 +74,20 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
 
 
 def _of_joints(robot: Robot) -> Iterator[Parameter]:
+    motors = {block.joint: ACTUATORS.get(block.actuator).motors for block in robot.actuators}
     for joint in robot.moving_joints:
-        force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
-        losses = {
-            "damping": (f"{force} s/{place}", joint.damping), "friction": (force, joint.friction),
-            "stribeck_friction": (force, joint.stribeck_friction), "load_friction": ("1", joint.load_friction),
-        }  # fmt: skip
-        for name, (unit, start) in losses.items():
-            yield Parameter(key=f"{joint.name}.{name}", unit=unit, start=start, low=0.0)
-        yield _positive(f"{joint.name}.stribeck_velocity", f"{place}/s", joint.stribeck_velocity)
-        yield _positive(f"{joint.name}.passive_stiffness", f"{force}/{place}", joint.spring_stiffness)
-        yield Parameter(key=f"{joint.name}.passive_reference", unit=place, start=joint.spring_reference)
-        for name, unit in (("position", place), ("velocity", f"{place}/s")):
-            yield Parameter(key=f"{joint.name}.initial_{name}", unit=unit, start=math.nan, own=True)
+        name, (force, place) = joint.name, ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
+        for key, unit, start in (
+            ("damping", f"{force} s/{place}", joint.damping), ("friction", force, joint.friction),
+            ("stribeck_friction", force, joint.stribeck_friction), ("load_friction", "1", joint.load_friction),
+        ):  # fmt: skip
+            yield Parameter(key=f"{name}.{key}", unit=unit, start=start, low=0.0)
+        yield _positive(f"{name}.stribeck_velocity", f"{place}/s", joint.stribeck_velocity)
+        yield _positive(f"{name}.passive_stiffness", f"{force}/{place}", joint.spring_stiffness)
+        yield Parameter(key=f"{name}.passive_reference", unit=place, start=joint.spring_reference)
+        for key in ("position", *(f"motor_{i}_position" for i in range(1, motors.get(name, 0) + 1))):
+            yield Parameter(key=f"{name}.initial_{key}", unit=place, start=math.nan, own=True)
+        yield Parameter(key=f"{name}.initial_velocity", unit=f"{place}/s", start=math.nan, own=True)
 
 
 def _of_links(robot: Robot) -> Iterator[Parameter]:
@@ -122,11 +123,11 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern matches parameters with infinite values only if a start is given.
+        # A pattern matches parameters without a finite value only if a start is given.
         given = wish.start is not None
         keys = [
             key for key, one in known.items()
-            if key == pattern or (fnmatchcase(key, pattern) and (given or not math.isinf(one.start)))
+            if key == pattern or (fnmatchcase(key, pattern) and (given or math.isfinite(one.start)))
         ]  # fmt: skip
         if not keys:
             problems.append(_unknown(pattern, known, "free"))
@@ -160,8 +161,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
 
 def _wished(known: Parameter, wish: Wish) -> Parameter:
     start = known.start if wish.start is None else wish.start
-    moved = known.logarithmic and wish.start is not None and wish.start > 0.0
-    ratio = start / known.start if moved else 1.0
+    ratio = start / known.start if known.logarithmic and start > 0.0 else 1.0
     low = known.low * ratio if wish.low is None else wish.low
     high = known.high * ratio if wish.high is None else wish.high
     if wish.start is None and wish.low is not None and wish.high is not None and not low <= start <= high:

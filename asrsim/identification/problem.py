@@ -17,8 +17,6 @@ from asrsim.identification.layout import Layout
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.samples import Array
 
-Errors = Sequence[list[Array] | None]
-"""Predicted minus recorded values of each channel of a recording; None if the simulation diverges."""
 STEP = 1e-6
 """Step of finite differences, in the vector's units: logarithms, or typical sizes."""
 FAR = 1e3
@@ -50,6 +48,20 @@ class Part:
     channel: Channel
     noise: float
     """Standard deviation by which the channel's residuals are divided."""
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) of the residuals, s."""
+        return self.channel.time[: self.rows.stop - self.rows.start]
+
+    @property
+    def recorded(self) -> Array:
+        """Recorded values (n,)."""
+        return self.channel.values[: self.rows.stop - self.rows.start]
+
+    def weighted(self, differences: Array) -> Array:
+        """Residuals (n,) from predicted minus recorded values; a large number where the simulation diverges."""
+        return np.nan_to_num(np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8), nan=FAR)
 
 
 @dataclass
@@ -96,6 +108,11 @@ class Problem:
         return replace(self, ends=tuple(0.0 if track.data.held else track.data.duration for track in self.tracks))
 
     @property
+    def everything(self) -> Problem:
+        """Problem that covers all recordings to their ends, fitted or not."""
+        return replace(self, ends=tuple(track.data.duration for track in self.tracks))
+
+    @property
     def held(self) -> frozenset[str]:
         """Keys of the commands that are played as staircases."""
         return self.playing[0].held
@@ -119,11 +136,10 @@ class Problem:
         found: list[Part] = []
         first = 0
         for track in self.fitted:
-            until = self.until(track) + 1e-9
             for channel, noise in zip(self.tracks[track].channels, self.weights[track], strict=True):
-                count = int(np.sum(channel.time <= until))
-                found.append(Part(slice(first, first + count), track, channel, noise))
-                first += count
+                end = first + channel.until(self.until(track))
+                found.append(Part(slice(first, end), track, channel, noise))
+                first = end
         return tuple(found)
 
     def rows(self, track: int) -> slice:
@@ -131,41 +147,28 @@ class Problem:
         mine = [part.rows for part in self.parts if part.track == track]
         return slice(mine[0].start, mine[-1].stop)
 
-    def weighted(self, differences: Sequence[Array], track: int) -> Array:
-        """Weighted residuals (m,) from the differences (n,) of each channel of a recording."""
-        parts = zip(differences, self.tracks[track].channels, self.weights[track], strict=True)
-        return np.concatenate([weigh(one, noise, channel.quantum) for one, channel, noise in parts])
-
     def blocks(self, count: int) -> NDArray[np.intp]:
         """Index (m,) of the time block of each residual; each recording has `count` blocks."""
         numbers = []
         for part in self.parts:
-            time = part.channel.time[: part.rows.stop - part.rows.start]
-            inside = np.minimum(np.floor(time / self.until(part.track) * count), count - 1)
+            inside = np.minimum(np.floor(part.time / self.until(part.track) * count), count - 1)
             numbers.append(part.track * count + inside)
         return np.concatenate(numbers).astype(np.intp)
 
 
-def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> list[Array] | None:
-    """Predicted minus recorded values of each channel; whole: compare the whole recording. None if the simulation diverges."""
-    one, until = problem.tracks[track], None if whole else problem.until(track)
-    predicted = one.predict(problem.layout.table(x, track), problem.playing[track], until)
-    problem.meter.count()
-    if predicted is None:
-        return None
-    return [a - channel.values[: len(a)] for a, channel in zip(predicted, one.channels, strict=True)]
+def differences(problem: Problem, x: Array) -> list[Array]:
+    """Predicted minus recorded values of each part; NaN if the simulation diverges."""
+    predicted: list[Array] = []
+    for track in problem.fitted:
+        table = problem.layout.table(x, track)
+        predicted += problem.tracks[track].predict(table, problem.playing[track], problem.until(track))
+        problem.meter.count()
+    return [values - part.recorded for values, part in zip(predicted, problem.parts, strict=True)]
 
 
 def residuals(problem: Problem, x: Array) -> Array:
     """Weighted residuals (m,) of all fitted recordings."""
-    return np.concatenate([_weighted(problem, errors(problem, x, track), track) for track in problem.fitted])
-
-
-def _weighted(problem: Problem, differences: list[Array] | None, track: int) -> Array:
-    if differences is None:
-        rows = problem.rows(track)
-        return np.full(rows.stop - rows.start, FAR)
-    return np.clip(problem.weighted(differences, track), -1e8, 1e8)
+    return np.concatenate([part.weighted(d) for part, d in zip(problem.parts, differences(problem, x), strict=True)])
 
 
 def jacobian(
@@ -183,8 +186,8 @@ def jacobian(
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
             # A diverged simulation gives no derivative.
-            if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
-                matrix[rows, column] = (there - at[rows]) / moves[wanted[column]]
+            valid = (there != FAR) & (at[rows] != FAR)
+            matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[wanted[column]], 0.0)
     return matrix
 
 
@@ -194,11 +197,11 @@ def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
 
 
 def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array]:
-    one, tables = problem.tracks[track], [problem.layout.table(point, track) for point in points]
-    for predicted in one.predictions(tables, problem.playing[track], problem.until(track)):
+    tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
+    for predicted in problem.tracks[track].predictions(tables, problem.playing[track], problem.until(track)):
         problem.meter.count()
-        pairs = zip(predicted or (), one.channels, strict=predicted is not None)
-        yield _weighted(problem, None if predicted is None else [a - c.values[: len(a)] for a, c in pairs], track)
+        pairs = zip(predicted, parts, strict=True)
+        yield np.concatenate([part.weighted(values - part.recorded) for values, part in pairs])
 
 
 def huber(values: Array) -> float:

@@ -1,19 +1,151 @@
-"""Result of a fit."""
+"""Result of a fit: estimates with intervals, and verdicts: identified, weak, only as ratio, no effect, at bound."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from asrsim.identification.combinations import Combination
+import numpy as np
+
+from asrsim.identification.combinations import UNKNOWN, Combination, combinations, percent, relative
 from asrsim.identification.judge import ChannelFit
-from asrsim.identification.layout import Layout
+from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.problem import Problem
 from asrsim.identification.task import Task
-from asrsim.identification.verdicts import Estimate
+from asrsim.identification.track import Track
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+
+IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ratio", "no effect", "at bound"
+CLOSE = 0.05
+"""Largest relative half width of the 95 % interval of an identified parameter."""
+NONE = 1.0
+"""Relative half width above which a parameter is unknown. It has no effect if its interval is so wide even though all other
+parameters are fixed; if only the other free parameters make its interval so wide, they imitate its effect.
+"""
+HOPELESS = 10.0
+"""Relative half width above which no interval is shown."""
+VANISHED = 0.01
+"""A positive parameter without effect counts as vanished below this fraction of its start value."""
+PLACES = ("offset", "delay", "clock", "x", "y", "z")
+"""Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate of a parameter, with its interval and verdict."""
+
+    key: str
+    name: str
+    unit: str
+    start: float
+    value: float
+    low: float
+    """Lower end of the 95 % interval; nan if there is no interval."""
+    high: float
+    verdict: str
+    reason: str = ""
+    combinations: tuple[str, ...] = ()
+    track: int | None = None
+    is_place: bool = False
+    """Whether the parameter is a position, zero or delay, whose relative error is meaningless."""
+
+    @property
+    def margin(self) -> float:
+        """Half width of the interval relative to the value."""
+        return 0.5 * (self.high - self.low) / abs(self.value) if self.value else math.inf
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether the value has an interval."""
+        return not math.isnan(self.low)
+
+
+def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Estimate]:
+    """Estimates of a model that does not fit. missed: largest fraction of a channel's standard deviation that the model leaves
+    unexplained. If this fraction exceeds 5 %, no parameter is identified to 5 %.
+    """
+    reason = f"the model misses {percent(missed)} of {channel}"
+    return [
+        replace(one, verdict=WEAK, reason=reason) if one.verdict == IDENTIFIED and missed > CLOSE else one for one in known
+    ]  # fmt: skip
+
+
+def bounds_met(layout: Layout, x: Array) -> list[bool]:
+    """Whether each entry is at one of its bounds."""
+    low, high = layout.bounds
+    near = 1e-4 * np.minimum(np.where(np.isfinite(high - low), high - low, 1.0), 1.0)
+    met: list[bool] = ((x - low < near) | (high - x < near)).tolist()
+    return met
+
+
+def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool]) -> tuple[list[Estimate], list[Combination]]:
+    """Estimates of all parameters, and combinations. met: whether each entry ended at a bound."""
+    layout, track = problem.layout, problem.tracks[0]
+    scaled, values = relative(layout, x, found.jacobian)
+    norms = np.linalg.norm(scaled, axis=0)
+    without = [bool(NONE * norm < 1.96) for norm in norms]
+    free = [i for i in range(len(x)) if not met[i] and not without[i]]
+    known = combinations(problem, x, found, free)
+    result = []
+    for i, entry in enumerate(layout.entries):
+        parameter, value = entry.parameter, float(values[i])
+        low, high = (entry.value(float(x[i] + sign * found.deviation[i] * found.quantile[i])) for sign in (-1.0, 1.0))
+        place = parameter.key.rpartition(".")[2] in PLACES or entry.track is not None
+        # An estimate of exactly 0 with a narrow interval is identified.
+        size = max(abs(value), 0.2 * parameter.size) if place or value == 0.0 else abs(value)
+        margin = 0.5 * (high - low) / size
+        listed: tuple[str, ...] = ()
+        reason, verdict = "", IDENTIFIED
+        if met[i]:
+            value = min(parameter.low, parameter.high, key=lambda bound, value=value: abs(bound - value))  # type: ignore[misc]
+            as_far = f"{value:.4g} {parameter.unit}".rstrip() + " is its bound"
+            verdict, reason = AT_BOUND, (_vanished(entry, value) if without[i] else "") or as_far
+        elif without[i]:
+            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), track)
+        elif (own := [one for one in known if i in one.keys]) and not margin <= UNKNOWN:
+            verdict, listed = RATIO, tuple(map(str, own))
+            reason = "identified is " + "; ".join(listed)
+        elif math.isnan(margin) or (margin >= NONE and not place):
+            # The parameter alone has an effect, but other parameters together can produce an equal effect.
+            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
+        elif margin >= NONE:
+            verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
+        elif margin >= CLOSE:
+            verdict = WEAK
+        if met[i] or without[i] or verdict == RATIO or not margin < HOPELESS:
+            low = high = math.nan
+        result.append(
+            Estimate(
+                key=parameter.key, name=entry.name, unit=parameter.unit, start=parameter.start, value=value, low=low, high=high,
+                verdict=verdict, reason=reason, combinations=listed, track=entry.track, is_place=place,
+            )
+        )  # fmt: skip
+    return result, known
+
+
+def _vanished(entry: Entry, value: float) -> str:
+    """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
+    move so far.
+    """
+    share = value / entry.parameter.start if entry.parameter.logarithmic else 1.0
+    if VANISHED < share < 1.0 / VANISHED:
+        return ""
+    where = "fell to" if share < 1.0 else "rose to"
+    return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
+
+
+def _reason(entry: Entry, norm: float, track: Track) -> str:
+    """Reason why a parameter has no effect on the compared channels."""
+    if norm > 1e-9:
+        return f"its whole effect on the compared channels is {norm:.2g} of the noise"
+    owner = entry.parameter.key.partition(".")[0]
+    modes = [f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.name == owner and one.mode]
+    return f"no compared channel depends on it{''.join(modes)}"
+
 
 ACCEPTABLE = 0.9
 """Explained fraction of every channel's variance above which a model that does not fit may be accepted."""
@@ -26,7 +158,6 @@ class Result:
     task: Task
     estimates: tuple[Estimate, ...]
     combinations: tuple[Combination, ...]
-    correlation: Array
     covariance: Array
     """Covariance of the parameter vector."""
     channels: tuple[ChannelFit, ...]
@@ -56,6 +187,13 @@ class Result:
     """
     played: Mapping[str, str] = field(default_factory=dict)
     """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix (n, n) of the estimates; 0 for entries without variance."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        deviation[deviation == 0.0] = np.inf
+        return np.asarray(self.covariance / np.outer(deviation, deviation))
 
     @property
     def fits(self) -> bool:

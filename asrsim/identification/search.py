@@ -10,13 +10,12 @@ from itertools import islice
 
 import numpy as np
 
-from asrsim.identification.causes import presliding, stairs
-from asrsim.identification.extensions import Extended, extended
+from asrsim.identification.causes import Extended, extended, presliding, stairs
 from asrsim.identification.judge import fits_noise, is_explained, rms
 from asrsim.identification.problem import (
     ROUNDS,
     Problem,
-    errors,
+    differences,
     residuals,
     solve,
     with_own_substeps,
@@ -146,8 +145,10 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     weights.
     """
     found = [*problem.weights]
+    parts = list(zip(problem.parts, differences(problem, x), strict=True))
     for track in problem.fitted:
-        if (left := errors(problem, x, track)) is not None:
+        left = [one for part, one in parts if part.track == track]
+        if all(np.isfinite(one).all() for one in left):
             found[track] = tuple(map(noise_of_residuals, left))
     weighted = replace(problem, weights=tuple(found))
     return weighted, refined(weighted, x, 15)

@@ -51,7 +51,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
     asked = frozenset(parameter.key for parameter in free)
-    trusted = [key.removesuffix(".offset") for key in asked if key.endswith("_position.offset")]
+    trusted = {key.removesuffix(".offset") for key in asked if key.endswith("_position.offset")}
     tracks = []
     for one in data:
         tracks.append(Track(scenario, given, guided(one, robot, asked), trusted))
@@ -60,7 +60,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
     free += [known[key] for key in starts if key not in asked]
     # Recordings that are not fitted keep the start values of their separate parameters.
-    layout = make_layout(free, ties, [one.name for one in data], [_start(track) for track in tracks if not track.data.held])
+    layout = make_layout(free, ties, [one.name for one in data], [track.initial for track in tracks if not track.data.held])
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
@@ -70,8 +70,3 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
         message = f"{count} samples are fewer than the {len(layout)} parameters need"
         raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
     return Setup(task, scenario, robot, asked, problem)
-
-
-def _start(track: Track) -> dict[str, float]:
-    parts = zip(track.door.joints, track.positions, track.velocities, strict=True)
-    return {f"{joint}.initial_{what}": x for joint, q, v in parts for what, x in (("position", q), ("velocity", v))}

@@ -1,14 +1,26 @@
-"""Result of a fit as text: tables of parameters and errors, remarks and judgement."""
+"""Result of a fit as text: tables of parameters and errors, remarks, judgement, and advice for the next experiment: sizes and
+frequencies of motions, and limits within which `asrsim design` finds a motion.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import join
+from typing import Any
 
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.actuators.user import plugin_options
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
-from asrsim.identification.result import Result
-from asrsim.identification.verdicts import HOPELESS, Estimate
+from asrsim.identification.noise import bandwidth
+from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, NO_EFFECT, RATIO, WEAK, Estimate, Result
+from asrsim.outfile import written
+from asrsim.robot.model import INERTIAS
 
 CORRELATED = 0.95
 """Correlation of two estimates above which the correlation is reported."""
@@ -55,7 +67,7 @@ def remarks(result: Result) -> Iterator[tuple[str, str]]:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
     names = [one.name for one in result.estimates]
-    known = [i for i, one in enumerate(result.estimates) if not math.isnan(one.low)]
+    known = [i for i, one in enumerate(result.estimates) if one.has_interval]
     for i in known:
         for j in known:
             if i < j and abs(result.correlation[i, j]) > CORRELATED:
@@ -95,21 +107,122 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
 
 def _digits(one: Estimate, number: float, count: int) -> str:
     """Number as text; 0 if the number is negligible relative to the width of its interval."""
-    width = 0.0 if math.isnan(one.low) else one.high - one.low
-    return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
+    return "0" if one.has_interval and abs(number) < NOTHING * (one.high - one.low) else f"{number:.{count}g}"
 
 
 def _interval(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) else f"{_digits(one, one.low, 5)} .. {_digits(one, one.high, 5)}"
+    return f"{_digits(one, one.low, 5)} .. {_digits(one, one.high, 5)}" if one.has_interval else "-"
 
 
 def _margin(one: Estimate) -> str:
-    if math.isnan(one.low):
-        return "-"
-    if one.is_place:
+    if one.is_place and one.has_interval:
         return f"{0.5 * (one.high - one.low):.2g} {one.unit}".rstrip()
-    return percent(one.margin) if one.margin < HOPELESS else "-"
+    return percent(one.margin) if one.has_interval and one.margin < HOPELESS else "-"
 
 
 def _number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+LIMITS = "limits.yaml"
+LOAD_CELL = 0.05
+"""Assumed noise of a torque sensor that the robot could get, N m."""
+REPEATED = 10.0
+"""Largest factor by which a longer recording is advised."""
+LONGEST = 600
+"""Longest duration of a proposed experiment, s."""
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Recorded motion of a joint: range of positions (rad, m), largest speed, and bandwidth (Hz)."""
+
+    unit: str
+    low: float = np.inf
+    high: float = -np.inf
+    speed: float = 0.0
+    band: float = 0.0
+
+
+def _moved(result: Result) -> dict[str, _Motion]:
+    """Motion of each joint over all recordings."""
+    found: dict[str, _Motion] = {}
+    for one in (one for one in result.channels if one.key.endswith("position")):
+        joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])
+        was, speed = found.get(joint, _Motion(one.unit)), float(np.abs(np.gradient(values, time)).max())
+        low, high = min(was.low, float(values.min())), max(was.high, float(values.max()))
+        found[joint] = _Motion(one.unit, low, high, max(was.speed, speed), max(was.band, bandwidth(time, values)))
+    return found
+
+
+def advice(result: Result) -> Iterator[str]:
+    """Sentences that name the motions by which parameters with wide intervals could be identified."""
+    moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
+    wanted: dict[str, list[str]] = {}
+    for one in result.estimates:
+        if one.verdict in (IDENTIFIED, AT_BOUND):
+            continue
+        owner, _, name = one.key.rpartition(".")
+        was = moved.get(children.get(owner, owner))
+        if was is not None and (text := _movement(name, children.get(owner, owner), was)):
+            wanted.setdefault(text, []).append(one.name)
+        if one.verdict == RATIO:
+            wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
+    yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
+    longer = {one.name: (one.margin / CLOSE) ** 2 for one in result.estimates if one.verdict == WEAK}
+    if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
+        yield f"{', '.join(near)}: {max(near.values()):.1f} times as long a recording of this motion brings the interval to 5 %"
+
+
+def _movement(name: str, joint: str, was: _Motion) -> str:
+    """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
+    unit, speed, band = was.unit, was.speed, was.band
+    if "friction" in name:
+        return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
+    if "damping" in name:
+        return f"turn {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
+    if "inertia" in name or name in ("mass", *INERTIAS):
+        return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
+    if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
+        size = 0.5 * (was.high - was.low)
+        return f"deflect {joint} more, by loads, presets or reversals (recorded: {size:.2g} {unit} at up to {band:.2g} Hz)"
+    return ""
+
+
+def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
+    """Path of a limits file, and the command that designs the next experiment within the recorded limits; both are empty
+    if every parameter is identified.
+    """
+    import yaml
+
+    verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
+    if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved:
+        return [], ""
+    noise, choose = {one.key: _short(one.noise) for one in result.channels}, dict[str, Any]()
+    for block in result.robot.actuators:
+        if MODES[block.mode].controller and block.joint in moved:
+            gain = block.parameters["controller_1_proportional"].value
+            choose[f"{block.joint}.controller_1_proportional"] = [_short(factor * gain) for factor in (0.5, 1.0, 2.0)]
+    if RATIO in verdicts and not any("elastic_torque" in key for key in noise):
+        noise["elastic_torque"], choose["sensors"] = LOAD_CELL, ["elastic_torque"]
+    limits = {
+        joint: {"link_position": [_short(was.low), _short(was.high)], "link_velocity": _short(was.speed)}
+        for joint, was in moved.items()
+    }
+    step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
+    data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
+    path, task = folder / LIMITS, result.task
+    with written(path, "limits") as stream:
+        head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
+        stream.write((head + yaml.safe_dump(data, sort_keys=False)).encode())
+    duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
+    words = ["asrsim", "design", str(task.file or task.scenario)]
+    if task.file is None:
+        words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
+        words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
+    words += [*plugin_options(task.plugins), "--limits", str(path)]
+    return [path], join([*words, "--seconds", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")

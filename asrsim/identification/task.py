@@ -11,10 +11,8 @@ from typing import Any
 
 from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.file import read_document
-from asrsim.document.kinds import NUMBER, Boolean, File, Integer, Number, Optional, Text
-from asrsim.document.mistaken import kind_of
+from asrsim.document.file import kind_of, read_document
+from asrsim.document.kinds import NUMBER, Boolean, Either, File, Integer, ListOf, MapOf, Number, Optional, Text
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
@@ -35,20 +33,18 @@ class Experiment:
         default=(),
         doc="joint and quantity of columns, as in `--map`: `COLUMN=JOINT.QUANTITY [unit]`",
     )
-    rate: float | None = declare(
-        Optional(Number(above=0.0)), default=None, unit="Hz", doc="sampling rate of a recording without time"
-    )
+    rate: float | None = declare(Number(above=0.0), default=None, unit="Hz", doc="sampling rate of a recording without time")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
     """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
 
-    start: float | None = declare(Optional(NUMBER), default=None, shown="the robot's", doc="where the search begins")
-    low: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="least value")
-    high: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="largest value")
+    start: float | None = declare(NUMBER, default=None, shown="the robot's", doc="where the search begins")
+    low: float | None = declare(NUMBER, default=None, shown="what is physical", doc="least value")
+    high: float | None = declare(NUMBER, default=None, shown="what is physical", doc="largest value")
     own: bool | None = declare(
-        Optional(Boolean()), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
+        Boolean(), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
     )
 
 
@@ -62,7 +58,7 @@ class Tie:
 
 
 _EXPERIMENT: Block[Experiment] = block_of(Experiment, "recording", main="file")
-_WISH = Either(((is_mapping, block_of(Wish, "free parameter")), (lambda _: True, Optional(NUMBER))))
+_WISH = Either((block_of(Wish, "free parameter"), Optional(NUMBER)))
 _FREE = MapOf(of=_WISH, noun="key", star=False)
 
 
@@ -73,7 +69,7 @@ class Task:
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
     )
-    variant: str | None = declare(Optional(Text(noun="name of a variant")), default=None, doc="variant of the scenario")
+    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="variant of the scenario")
     overrides: tuple[str, ...] = ()
     experiments: tuple[Experiment, ...] = declare(ListOf(of=_EXPERIMENT, minimum=1), doc="recordings that are fitted")
     validate: tuple[Experiment, ...] = declare(

@@ -1,23 +1,88 @@
-"""A recording with its simulation, which predicts the recorded channels from parameters."""
+"""A recording with its simulation, which plays the recorded commands and predicts the recorded channels from parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import repeat
+from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Data
+from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK
-from asrsim.identification.noise import at_rest, first_samples
-from asrsim.identification.played import Played, drawn, noise_of_command
+from asrsim.identification.noise import at_rest, fine_noise, first_samples
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.signals.base import Signal
 
-NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Played(Signal):
+    """A recorded command, averaged over each step, so that results depend smoothly on its delay.
+
+    Large jumps are not averaged; the simulation splits its steps there, since a motor at its torque limit responds nonlinearly.
+    """
+
+    kind: ClassVar[str] = "played"
+
+    command: PlayedCommand
+    step: float
+    """Duration of the averaging window, s."""
+    gain: float = 1.0
+    offset: float = 0.0
+    delay: float = 0.0
+    _known: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
+
+    def values(self, time: Array) -> Array:
+        """Values gain * (recorded - offset), delayed by `delay` s; cached, since simulations ask for the same times."""
+        key = time.tobytes()
+        if key not in self._known:
+            self._known[key] = self._means(time - self.delay)
+        return self._known[key].copy()
+
+    def _means(self, at: Array) -> Array:
+        curve = self.command.curve
+        ends = curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
+        means = (ends[1] - ends[0]) / self.step
+        for jump, size in zip(curve.jumps, curve.sizes, strict=True):
+            # Near a jump, average only the samples on the same side of the jump.
+            near = np.abs(at - jump) < 0.5 * self.step
+            share = (at[near] - jump) / self.step + 0.5
+            means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
+        values = self.command.scale * self.gain * (means - self.offset)
+        guide = self.command.guide
+        return np.asarray(values if guide is None else values + guide.values(at + self.delay), dtype=np.float64)
+
+    def jumps(self, start: float, end: float) -> Array:
+        """Times of large jumps."""
+        times = self.command.curve.jumps + self.delay
+        return np.asarray(times[(times >= start) & (times <= end)])
+
+
+def noise_of_command(command: PlayedCommand) -> float:
+    """Standard deviation of a recorded command's noise; 0 if it is negligible."""
+    noise = fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
+    return noise if noise > 2e-6 * np.ptp(command.values) else 0.0
+
+
+def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[PlayedCommand]:
+    """Commands plus a random draw of their noise; draw: seed of the random numbers, None for unchanged commands."""
+    if draw is None:
+        return commands
+    generator = np.random.default_rng(draw)
+    return [
+        replace(one, values=one.values + noise_of_command(one) * generator.normal(size=len(one.values))) for one in commands
+    ]
+
+
+NOT_THE_ROBOTS = (
+    "offset", "gain", "delay", "initial_position", "initial_velocity", "initial_motor_1_position", "initial_motor_2_position",
+)  # fmt: skip
 """Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
@@ -47,7 +112,7 @@ class Playing:
 class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Collection[str] = ()) -> None:
+    def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Set[str] = frozenset()) -> None:
         """trusted: names `joint.quantity` of the channels whose zero is free; the joints of these channels start as in the
         scenario.
         """
@@ -59,10 +124,10 @@ class Track:
         ]
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
-        self.uncertain: tuple[str, ...] = ()
+        self.initial: dict[str, float] = {}
+        """Positions and velocities of links and motors at time 0, by key."""
+        self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario's."""
-        self.positions, self.velocities = tuple(self.door.positions), tuple(self.door.velocities)
-        self.motors: Mapping[str, Sequence[float]] = {}
         self._begin(trusted)
         self.onset = min(map(_onset, data.channels))
         """Time of the first motion, s."""
@@ -74,11 +139,11 @@ class Track:
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin(self, trusted: Collection[str]) -> None:
+    def _begin(self, trusted: Set[str]) -> None:
         """Set the initial state to the scenario's, unless the recording contradicts the scenario."""
-        home = self.positions, self.velocities
-        positions, velocities, motors, uncertain = [*home[0]], [*home[1]], dict[str, Sequence[float]](), list[str]()
-        for j, joint in enumerate(self.door.joints):
+        for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
+            keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
+            self.initial |= dict(zip(keys, (position, velocity), strict=True))
             channel = self._channel(joint, "link_position")
             found = None if channel is None else first_samples(channel, SOON)
             if channel is None or found is None:
@@ -88,28 +153,27 @@ class Track:
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             # An initial position that is not a round number was probably copied from a noisy recording.
-            measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
-            if abs(place - positions[j]) > STILL * place_error or moving or measured:
-                compared = channel not in self.data.guides
-                if channel.key not in trusted:
-                    positions[j] = place
-                    uncertain += [f"{joint}.initial_position"] * compared
-                if moving:
-                    velocities[j] = speed
-                    uncertain += [f"{joint}.initial_velocity"] * compared
-        for j, drive in enumerate(self.door.drives):
-            channels = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
-            known = [at_rest(channel) for channel in channels if channel is not None and channel.time[0] <= SOON]
-            if not known or len(known) < len(channels) or any(c is not None and c.key in trusted for c in channels):
+            measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            if abs(place - position) > STILL * place_error or moving or measured:
+                shown = {keys[0]: place} if channel.key not in trusted else {}
+                shown |= {keys[1]: speed} if moving else {}
+                self.initial |= shown
+                self.uncertain += shown if channel in self.channels else ()
+        for drive in self.door.drives:
+            numbers, link = range(1, drive.dynamic_motors + 1), f"{drive.name}.initial_position"
+            motors = [f"{drive.name}.initial_motor_{i}_position" for i in numbers]
+            rest = (drive.motor_positions or (self.initial[link],) * len(motors))[: len(motors)]
+            self.initial |= dict(zip(motors, rest, strict=True))
+            channels = [c for i in numbers if (c := self._channel(drive.name, f"motor_{i}_position")) and c.time[0] <= SOON]
+            if not channels or len(channels) < len(motors) or trusted & {channel.key for channel in channels}:
                 continue
-            rest = (drive.motor_positions or (positions[j],) * len(known))[: len(known)]
-            if any(abs(place - was) > STILL * error for (place, error), was in zip(known, rest, strict=True)):
-                motors[drive.name] = [place for place, _ in known]
+            places = [at_rest(channel) for channel in channels]
+            if any(abs(place - was) > STILL * error for (place, error), was in zip(places, rest, strict=True)):
+                self.initial |= dict(zip(motors, (place for place, _ in places), strict=True))
+                self.uncertain += motors
                 if self._channel(drive.name, "link_position") is None:
                     # A link at rest moves with the initial positions of its motors.
-                    positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
-        self.positions, self.velocities = tuple(positions), tuple(velocities)
-        self.motors, self.uncertain = motors, tuple(uncertain)
+                    self.initial[link] += float(np.mean([place for place, _ in places]) - np.mean(rest))
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         known = (*self.channels, *self.data.guides)
@@ -122,53 +186,56 @@ class Track:
         """Playing with unchanged recorded commands and the default number of substeps."""
         return Playing(self.door.substeps)
 
-    def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
-        """Prediction of each channel at its recorded times up to `until` s; None if the simulation diverges."""
+    def predict(self, values: Mapping[str, float], playing: Playing, until: float) -> list[Array]:
+        """Prediction of each channel at its recorded times up to `until` s; NaN if the simulation diverges."""
         return self._predicted(tuple(sorted(values.items())), playing, until)
 
-    def _predict(self, values: Settings, playing: Playing, until: float | None) -> list[Array] | None:
+    def _predict(self, values: Settings, playing: Playing, until: float) -> list[Array]:
         return next(self.predictions([dict(values)], playing, until))
 
-    def predictions(
-        self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
-    ) -> Iterator[list[Array] | None]:
+    def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
         """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
-        steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
+        steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
         for values, series in zip(tables, found, strict=True):
-            yield None if series is None else self._sensed(values, series, until)
+            yield self._sensed(values, series, until)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Simulated quantities (index of joint, name) at whole steps; None if the simulation diverges."""
         return next(self.door.rollout(names, [self._world(values, playing)], substeps=playing.substeps))
 
-    def _sensed(self, values: Mapping[str, float], series: Array, until: float | None) -> list[Array]:
+    def _sensed(self, values: Mapping[str, float], series: Array | None, until: float) -> list[Array]:
         """Channels as the sensors measure them, from simulated series at whole steps."""
         clock, predicted = values.get(CLOCK, 0.0), []
-        for channel, exact in zip(self.channels, series, strict=True):
-            time = channel.time if until is None else channel.time[channel.time <= until + 1e-9]
-            if (guide := channel.guide) is not None:
-                lag = guide.positions[: len(time)] - interpolate(exact, time / self.scenario.step)
-                torque = guide.stiffness * lag / values.get(f"{guide.command}.gain", 1.0)
-                predicted.append(channel.values[: len(time)] + torque)
-                continue
-            shift = clock + values.get(f"{channel.key}.delay", 0.0)
-            gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
-            predicted.append(interpolate(exact, (time - shift) / self.scenario.step) / gain + offset)
+        for channel, exact in zip(self.channels, repeat(None) if series is None else series, strict=False):
+            count, key, guide = channel.until(until), channel.key, channel.guide
+            shift = 0.0 if guide else clock + values.get(f"{key}.delay", 0.0)
+            times = channel.time[:count]
+            sensed = np.full(count, np.nan) if exact is None else interpolate(exact, (times - shift) / self.scenario.step)
+            if guide is not None:
+                torque = guide.stiffness * (guide.positions[:count] - sensed) / values.get(f"{guide.command}.gain", 1.0)
+                predicted.append(channel.values[:count] + torque)
+            else:
+                predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
         return predicted
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
+        initial = {**self.initial, **values}
         positions, velocities = (
-            {joint: values.get(f"{joint}.initial_{what}", own) for joint, own in zip(self.door.joints, start, strict=True)}
-            for what, start in (("position", self.positions), ("velocity", self.velocities))
+            {joint: initial[f"{joint}.initial_{what}"] for joint in self.door.joints} for what in ("position", "velocity")
         )
+        motors: dict[str, list[float]] = {}
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+            keys = [f"{drive.name}.initial_motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)]
+            # Motors at the scenario's positions follow the initial position of their link.
+            if {*keys} & {*values, *self.uncertain}:
+                motors[drive.name] = [initial[key] for key in keys]
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
-            velocities=velocities, motors=self.motors,
+            velocities=velocities, motors=motors,
         )  # fmt: skip
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
@@ -189,14 +256,7 @@ class Track:
     @property
     def has_noisy_inputs(self) -> bool:
         """Whether the recorded commands have noise that affects the motion."""
-        return any(noise_of_command(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
-
-    def shaken(self, values: Mapping[str, float], playing: Playing, draw: int = 0) -> list[Array] | None:
-        """Change (n,) of each channel due to one draw of the commands' noise; None if the commands have no noise."""
-        if not self.has_noisy_inputs:
-            return None
-        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=draw)))
-        return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
+        return any(map(noise_of_command, self.data.commands))
 
     def close(self) -> None:
         """Release the engines."""
@@ -244,9 +304,7 @@ def interpolate(series: Array, place: Array) -> Array:
     if last < 3:
         return np.interp(place, np.arange(last + 1), series)
     base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
-    t = place - base
-    a, b, c, d = (series[base + i] for i in (-1, 0, 1, 2))
-    return np.asarray(
-        -t * (t - 1.0) * (t - 2.0) / 6.0 * a + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * b
-        - (t + 1.0) * t * (t - 2.0) / 2.0 * c + (t + 1.0) * t * (t - 1.0) / 6.0 * d
-    )  # fmt: skip
+    t, nodes = place - base, (-1, 0, 1, 2)
+    # Lagrange's polynomials.
+    shares = [math.prod([(t - other) / (node - other) for other in nodes if other != node]) for node in nodes]
+    return np.asarray(sum(series[base + node] * share for node, share in zip(nodes, shares, strict=True)))

@@ -158,16 +158,15 @@ def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float
     n).
     """
     parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
-    basis = np.linalg.qr(slopes)[0]
     shown = [autocovariances(left[part.rows]) for part in parts]
-    counts = [part.rows.stop - part.rows.start for part in parts]
-    models = [_Noise.of(one, count) for one, count in zip(shown, counts, strict=True)]
-    for _ in range(CORRECTIONS):
-        spreads = [model.times(basis[part.rows]) for part, model in zip(parts, models, strict=True)]
-        taken = sum((basis[part.rows].T @ one for part, one in zip(parts, spreads, strict=True)), np.zeros((1, 1)))
-        models = [
-            _Noise.of(own + model.lost(basis[part.rows], spread, taken, len(own)), count)
-            for part, own, model, spread, count in zip(parts, shown, models, spreads, counts, strict=True)
+    bases, lost = [np.linalg.qr(slopes)[0][part.rows] for part in parts], [np.zeros(len(one)) for one in shown]
+    for _ in range(CORRECTIONS + 1):
+        models = [_Noise.of(own + less, len(basis)) for own, less, basis in zip(shown, lost, bases, strict=True)]
+        spreads = [model.times(basis) for model, basis in zip(models, bases, strict=True)]
+        taken = sum((basis.T @ one for basis, one in zip(bases, spreads, strict=True)), np.zeros((1, 1)))
+        lost = [
+            model.lost(basis, spread, taken, len(own))
+            for model, basis, spread, own in zip(models, bases, spreads, shown, strict=True)
         ]
     total = np.zeros((slopes.shape[1],) * 2)
     for part, model in zip(parts, models, strict=True):
@@ -186,7 +185,7 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     step, size = part.channel.quantum, (len(left), DRAWS)
     power = float(np.mean(left**2)) * part.noise**2
     noise = generator.normal(scale=max(power - step**2 / 12.0, 0.0) ** 0.5, size=size)
-    predicted = (part.channel.values[: len(left)] + left * part.noise)[:, None]
+    predicted = (part.recorded + left * part.noise)[:, None]
     zeros = step * generator.uniform(-0.5, 0.5, size=DRAWS)
     shown = step * np.round((predicted + noise + zeros) / step) - predicted
     return weigh(shown, part.noise, step)
@@ -248,14 +247,6 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     return slopes
 
 
-def correlations(covariance: Array) -> Array:
-    """Correlation matrix (n, n) of a covariance; 0 for entries without variance."""
-    deviation = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        matrix = covariance / np.outer(deviation, deviation)
-    return np.where(np.isfinite(matrix), matrix, 0.0)
-
-
 def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
     """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
     noise of the commands, since it excites oscillations of the robot.
@@ -274,15 +265,8 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, since recorded torques contain
     this noise.
     """
-    tracks = [problem.tracks[i] for i in problem.fitted]
-    if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
-        return
-    for draw in range(PLAYED):
-        change = np.zeros(problem.parts[-1].rows.stop)
-        for number, track in enumerate(tracks):
-            moved = track.shaken(problem.layout.table(x, number), problem.playing[number], draw)
-            if moved is not None:
-                lengths = [part.rows.stop - part.rows.start for part in problem.parts if part.track == number]
-                cut = [one[:length] for one, length in zip(moved, lengths, strict=True)]
-                change[problem.rows(number)] = problem.weighted(cut, number)
-        yield change
+    tracks, base = [problem.tracks[i] for i in problem.fitted], residuals(problem, x)
+    if not any(track.data.guides or not track.has_noisy_inputs for track in tracks):
+        for draw in range(PLAYED):
+            playing = tuple(replace(one, draw=draw) for one in problem.playing)
+            yield residuals(replace(problem, playing=playing), x) - base

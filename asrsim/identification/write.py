@@ -1,23 +1,30 @@
-"""Files of a fit: fit.json, the scenario with the estimated `parameters:`, and the robot with the estimated numbers."""
+"""Files of a fit: fit.json, a scenario with the estimated `parameters:`, the robot with the estimated numbers, and pictures
+of recorded and predicted channels and residuals.
+"""
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.identification.result import Result
-from asrsim.identification.verdicts import AT_BOUND, IDENTIFIED, RATIO, WEAK
+from asrsim.identification.judge import ChannelFit
+from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
+from asrsim.identification.track import numbers_of
 from asrsim.outfile import written
+from asrsim.plain import finite_or_none, mapped
+from asrsim.plots.output import save_figure, styled
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
-from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
+from asrsim.robot.vary import physical
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -30,70 +37,56 @@ def as_dict(result: Result) -> dict[str, Any]:
     """
     from asrsim import __version__
 
-    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
-    logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
-    bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
-    slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
+    rows, parameters = result.estimates, [entry.parameter for entry in result.layout.entries]
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
-        i for i, one in enumerate(result.estimates)
-        if one.track is None
-        and (not math.isnan(one.low) or one.verdict == RATIO or (one.verdict == AT_BOUND and not logarithmic[i]))
-        and robot_changes(result, {one.key: one.value})
+        i for i, one in enumerate(rows)
+        if one.track is None and numbers_of({one.key: one.value})
+        and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not parameters[i].logarithmic))
     ]  # fmt: skip
+    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
+    logarithmic = [parameters[i].logarithmic for i in drawn]
+    means = np.array([rows[i].value for i in drawn])
     # Parameters without an interval are not varied.
-    spread = np.where([math.isnan(one.low) for one in result.estimates], 0.0, slopes)
-    covariance = np.nan_to_num(result.covariance) * np.outer(spread, spread)
-    return {
+    spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
+    data = {
         "generator": f"asrsim {__version__}",
         "format": 1,
         **{name: getattr(result, name) for name in ("status", "fits", "accepted", "misfit", "causes", "remarks")},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
-        "estimates": [_finite(one.as_dict()) for one in result.estimates],
-        "ties": [{"key": tie.key, "to": tie.to, "factor": tie.factor} for tie in result.layout.ties],
-        "combinations": [
-            {"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations
+        "estimates": [
+            {
+                "key": one.key, "unit": one.unit, "start": one.start, "estimate": one.value,
+                "interval": [one.low, one.high] if one.has_interval else None, "verdict": one.verdict, "reason": one.reason,
+                "known": one.combinations, "recording": one.track,
+            }
+            for one in rows
         ],
-        "names": [one.name for one in result.estimates],
+        "ties": [vars(tie) for tie in result.layout.ties],
+        "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
+        "names": [one.name for one in rows],
         "correlation": np.round(result.correlation, 4).tolist(),
-        "channels": [_finite({name: value for name, value in vars(one).items() if name != "lines"}) for one in result.channels],
-        "training_ends": list(result.ends),
+        "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
+        "training_ends": result.ends,
         "search": {
             "how": result.how, "attempts": result.attempts, "successes": result.successes, "evaluations": result.evaluations,
             "seconds": round(result.seconds, 3),
         },
-        "keys": [result.estimates[i].key for i in drawn],
-        "mean": [math.log(result.estimates[i].value) if logarithmic[i] else result.estimates[i].value for i in drawn],
-        "covariance": covariance[np.ix_(drawn, drawn)].tolist(),
-        "logarithmic": [logarithmic[i] for i in drawn],
-        "bounds": [[limit if math.isfinite(limit) else None for limit in bounds[i]] for i in drawn],
+        "keys": [rows[i].key for i in drawn],
+        "mean": np.where(logarithmic, np.log(np.where(logarithmic, means, 1.0)), means).tolist(),
+        "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
+        "logarithmic": logarithmic,
+        "bounds": [[parameters[i].low, parameters[i].high] for i in drawn],
     }  # fmt: skip
-
-
-def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in data.items()}
-
-
-def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Values of the robot's parameters, by joint or link and by name."""
-    joints = {joint.name for joint in result.robot.moving_joints}
-    links = {link.name for link in result.robot.links}
-    blocks = {block.joint: block.parameters for block in result.robot.actuators}
-    changes: dict[str, dict[str, float]] = {}
-    for key, value in values.items():
-        owner, _, name = key.rpartition(".")
-        if (owner in joints and (name in JOINT_NAMES or name in blocks.get(owner, {}))) or (
-            owner in links and name in LINK_NAMES
-        ):
-            changes.setdefault(owner, {})[name] = float(value)
-    return changes
+    plain: dict[str, Any] = mapped(data, lambda value: finite_or_none(value) if isinstance(value, float) else value)
+    return plain
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
-    kept = {
-        one.key for one in result.estimates
+    values = {
+        one.key: one.value for one in result.estimates
         # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
@@ -101,7 +94,6 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
             or (one.verdict == WEAK and (result.accepted or one.key.endswith("friction_stiffness")))
         )
     }  # fmt: skip
-    values = {one.key: one.value for one in result.estimates if one.key in kept}
     return result.layout.tied(values)
 
 
@@ -116,7 +108,7 @@ def write_fit(result: Result, folder: Path) -> Path:
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
     """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
     chosen = chosen_values(result, everything=everything)
-    changes = physical(result.robot, robot_changes(result, chosen))
+    changes = physical(result.robot, numbers_of(chosen))
     if not changes:
         return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path
@@ -182,3 +174,56 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     between = columns.get(data.get("column", "")) if "file" in data else None
     own = {"interpolation": between} if between else {}
     return {key: _as_played(value, columns) for key, value in data.items()} | own
+
+
+LINES = (
+    ("recorded", {"color": "0.6", "linewidth": 2.2}),
+    ("before", {"color": "C1", "linewidth": 0.9, "linestyle": "--"}),
+    ("after", {"color": "C0", "linewidth": 1.0}),
+)
+
+
+def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Write all pictures. Raises OutputError."""
+    paths: list[Path] = []
+    with styled(mathematics=False):
+        for name, figure in figures(result).items():
+            paths += save_figure(figure, folder, name, formats)
+    return paths
+
+
+def figures(result: Result) -> dict[str, Figure]:
+    """Figures of the recordings, by file name; to be called inside `asrsim.plots.output.styled`."""
+    found: dict[str, Figure] = {}
+    for number, end in enumerate(result.ends):
+        channels = [one for one in result.channels if one.track == number]
+        name = f"overlay_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
+        # Recordings in different folders may have the same name.
+        found[f"{name}_{number + 1}" if name in found else name] = _overlay(channels, end)
+    return found
+
+
+def _overlay(channels: Sequence[ChannelFit], end: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 2.3 * len(channels) + 0.4), layout="constrained")
+    axes = figure.subplots(len(channels), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
+    for one, (left, right) in zip(channels, axes, strict=True):
+        time, recorded = one.lines["time"], one.lines["recorded"]
+        for label, style in LINES:
+            if label in one.lines:
+                left.plot(time, one.lines[label], label=label, **style)
+        low, high = float(np.min(recorded)), float(np.max(recorded))
+        left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
+        if "after" in one.lines:
+            right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
+        for axis in (left, right):
+            # Shade the part that was predicted but not fitted.
+            if end < time[-1] - 1e-9:
+                axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
+    axes[0, 0].set_title(channels[0].recording, fontsize="medium")
+    axes[0, 1].set_title("predicted minus recorded", fontsize="medium")
+    axes[0, 0].legend(fontsize="x-small", ncols=4, loc="upper right")
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    return figure

@@ -33,7 +33,10 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
             joint: scenario.references_of(joint)[name] for joint, signals in planned.items() for name in signals
         }
     else:
-        task = plan_task(scenario, robot)
+        try:
+            task = plan_task(scenario, robot)
+        except ScenarioError as error:
+            raise ScenarioError([scenario.placed(problem) for problem in error.problems]) from None
         planned = task.signals()
         path = zip([joint.name for joint in robot.moving_joints], task.path.positions.T, strict=True)
         desired = {name: Sampled(times=task.time, samples=np.ascontiguousarray(column)) for name, column in path}

@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
-from asrsim.scenario.goal_keys import Learning
+from asrsim.scenario.blocks import Learning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.learning.trial import LearningProblem, Outcome, Trial
 from asrsim.samples import Array
-from asrsim.scenario.goal_keys import Learning
+from asrsim.scenario.blocks import Learning
 
 CREEP = 1.1
 """Relative growth of the error over `patience` trials below which learning continues."""

@@ -16,7 +16,7 @@ from asrsim.learning.state import identity_of
 from asrsim.learning.trial import Law, LearningProblem, LearningResult
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
-from asrsim.scenario.goal_keys import Learning
+from asrsim.scenario.blocks import Learning
 
 FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
 """Keys without effect under `law: auto`."""

@@ -24,7 +24,7 @@ from asrsim.samples import Array
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
     from asrsim.learning.trial import LearningProblem, Trial
-    from asrsim.scenario.goal_keys import Learning
+    from asrsim.scenario.blocks import Learning
 
 FORMAT = "asrsim learning state 4"
 DECIDING = ("law", "gain", "joint_gains", "gain_decay", "filter", "first_guess")

@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.learning.state import load_state, save_state
 from asrsim.samples import Array
-from asrsim.scenario.goal_keys import Learning
+from asrsim.scenario.blocks import Learning
 
 Simulate = Callable[[Array], Array]
 """Function from inputs (n, joints) to link positions (n, joints)."""

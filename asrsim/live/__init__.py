@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
-from asrsim.live.transport import TRANSPORTS, Access, Interface, Received, Transport, TransportEntry
+from asrsim.live.foxglove import FoxgloveTransport
+from asrsim.live.ros import RosTransport
+from asrsim.live.transport import TRANSPORTS, Access, Interface, LiveTopic, Received, Transport, TransportEntry
 
-__all__ = ["TRANSPORTS", "Access", "Interface", "Received", "Transport", "TransportEntry"]
+__all__ = ["TRANSPORTS", "Access", "Interface", "LiveTopic", "Received", "Transport", "TransportEntry"]
+
+TRANSPORTS.add("ros", TransportEntry(make=RosTransport, doc="ROS 2 topics, by rclpy", module="rclpy", extra="ros"))
+_DOC = "a WebSocket for Foxglove and Lichtblick"
+TRANSPORTS.add("foxglove", TransportEntry(make=FoxgloveTransport, doc=_DOC, module="foxglove", extra="foxglove"))

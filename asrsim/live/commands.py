@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, reference_names
-from asrsim.live.transport import Inlet, Received
+from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_names
+from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.ranges import Range
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.worlds import Worlds
 
 Target = tuple[str, str]
 """Name of a joint and name of one of its references."""
@@ -48,139 +48,136 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Input:
-    """Input topic and the references that its values set, assigned by position or by name."""
+    """Input topic and the references that its values set."""
 
-    inlet: Inlet
-    places: tuple[Target | None, ...] = ()
-    names: Mapping[str, Target] = field(default_factory=dict)
+    topic: LiveTopic
+    targets: Mapping[str, Target | None]
+    """Reference by the name in the message, or, if the message has no names, in the order of the values."""
 
 
 class CommandInput:
     """Input topics of a robot and the checks of their messages."""
 
-    def __init__(self, joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], *, prefix: str = "") -> None:
-        """ranges: permitted range of each reference of each joint; references without a range cannot be set."""
-        self._ranges = ranges
+    def __init__(
+        self, joints: Sequence[JointInfo], ranges: Ranges, tell: Tell = lambda text: None, *, prefix: str = ""
+    ) -> None:
+        """tell: receives one sentence for each kind of refusal."""
+        self._ranges, self._tell = ranges, tell
         self._inputs = tuple(_inputs(joints, ranges, prefix))
-        self.inlets = tuple(one.inlet for one in self._inputs)
+        self.inlets = tuple(one.topic for one in self._inputs)
         self.taken = 0
         """Number of accepted values."""
         self.refused: Counter[str] = Counter()
         """Number of dropped messages or values for each reason."""
         self.clamped: Counter[str] = Counter()
         """Number of values clamped to their range, for each `joint.reference`."""
-        self.notices: list[str] = []
-        """Messages for the user, one per kind of refusal; the live run shows the messages and empties the list."""
-        self.motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
+        self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
         """Value over time of each running trajectory (a function), arrival time of the trajectory, and its duration."""
 
     def listen(
-        self, messages: Iterable[Received], simulation: Simulation, time: float, ahead: float
+        self, messages: Iterable[Received], simulation: Simulation | Worlds, time: float, ahead: float
     ) -> dict[Target, float]:  # fmt: skip
         """New values of references: the last received value, or the value of a trajectory `ahead` s after `time`."""
         values: dict[Target, float] = {}
         for message in messages:
             for target, value in self.check(message):
-                self.motions.pop(target, None)
+                self._motions.pop(target, None)
                 if isinstance(value, Motion):
-                    self.motions[target] = value.curve(_present(simulation, target)), time, value.times[-1]
+                    self._motions[target] = value.curve(_present(simulation, target)), time, value.times[-1]
                 else:
                     values[target] = value
-        for target, (curve, began, duration) in list(self.motions.items()):
+        for target, (curve, began, duration) in list(self._motions.items()):
             elapsed = time + ahead - began
-            values[target] = self.clamp(target, curve(elapsed))
+            values[target] = self._clamp(target, curve(elapsed))
             if elapsed >= duration:
-                del self.motions[target]
+                del self._motions[target]
         return values
 
     def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
         """Accepted values of a message, clamped to their ranges, or the motions of a trajectory."""
-        one, names, fault = self._inputs[received.inlet], received.names, received.fault
+        one, names = self._inputs[received.inlet], received.names
         points = received.points or [(0.0, received.values, ())]
         times = [time for time, _, _ in points]
-        width = len(one.places if names is None else names)
+        targets = [*one.targets.values()] if names is None else [one.targets.get(name) for name in names]
         counts = {len(row) for _, row, _ in points}
-        if not fault and counts != {width}:
-            fault = f"{max(counts)} values where {width} are expected"
+        fault = received.fault
+        if not fault and counts != {len(targets)}:
+            fault = f"{max(counts)} values where {len(targets)} are expected"
         elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] < math.inf):
             fault = "points that are not in the order of time"
         if fault:
-            self._refuse(one.inlet.name, fault)
+            self._refuse(one, fault)
             return []
         found: list[tuple[Target, float | Motion]] = []
-        for j, target in enumerate(one.places if names is None else [self._named(one, name) for name in names]):
+        for j, target in enumerate(targets):
             values = [row[j] for _, row, _ in points]
-            velocities = [row[j] for *_, row in points if len(row) == width]
-            # Controllers send NaN for joints that they do not command.
-            if target is None or (names is not None and not received.points and math.isnan(values[0])):
+            velocities = [row[j] for *_, row in points if len(row) == len(targets)]
+            if target is None:
+                if names is not None:
+                    self._refuse(one, "a joint that does not take commands there")
+            elif names is not None and not received.points and math.isnan(values[0]):
+                # Controllers send NaN for joints that they do not command.
                 continue
-            if not all(map(math.isfinite, (*values, *velocities))):
-                self._refuse(one.inlet.name, "a value that is not finite")
-                continue
-            self.taken += 1
-            moving = velocities if len(velocities) == len(times) else ()
-            found.append((target, Motion(times, values, moving) if received.points else self.clamp(target, values[0])))
+            elif not all(map(math.isfinite, (*values, *velocities))):
+                self._refuse(one, "a value that is not finite")
+            else:
+                self.taken += 1
+                moving = velocities if len(velocities) == len(times) else ()
+                found.append((target, Motion(times, values, moving) if received.points else self._clamp(target, values[0])))
         return found
 
-    def clamp(self, target: Target, value: float) -> float:
+    def _clamp(self, target: Target, value: float) -> float:
         """Value clamped to the range of its reference; clamped values are counted."""
         low, high = self._ranges[target[0]][target[1]]
         if not low <= value <= high:
             key = ".".join(target)
             self.clamped[key] += 1
             if self.clamped[key] == 1:
-                self.notices.append(
-                    f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later ones are only counted"
-                )
+                self._tell(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later ones are only counted")
         return min(max(value, low), high)
 
-    def _named(self, one: _Input, name: str) -> Target | None:
-        if name not in one.names:
-            self._refuse(one.inlet.name, "a joint that does not take commands there")
-        return one.names.get(name)
-
-    def _refuse(self, topic: str, why: str) -> None:
-        text = f"{topic}: {why}"
+    def _refuse(self, one: _Input, why: str) -> None:
+        text = f"{one.topic.name}: {why}"
         # Limit the memory that messages from other programs may take.
         if text not in self.refused and len(self.refused) >= MOST_NOTICES:
             text = "others"
         self.refused[text] += 1
         if self.refused[text] == 1:
-            self.notices.append(f"{text}: dropped; further ones are only counted")
+            self._tell(f"{text}: dropped; further ones are only counted")
 
 
-def _present(simulation: Simulation, target: Target) -> float:
-    """Present value of a reference."""
+def _present(simulation: Simulation | Worlds, target: Target) -> float:
+    """Present value of a reference in the simulation, or in the first of several worlds."""
     joint, column = simulation.prepared.slot_of(*target)
     name = f"reference_{column}"
-    return float(simulation.read([name])[name][joint])
+    return float(simulation.read([name])[name].ravel()[joint])
 
 
-def _inputs(joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], prefix: str) -> Iterator[_Input]:
-    named: dict[str, Target] = {}
-    own = {joint.name: [name for name in ranges.get(joint.name, {}) if name != EXTERNAL_TORQUE] for joint in joints}
+def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterator[_Input]:
+    named: dict[str, Target | None] = {}
+    arrays: dict[str, dict[str, Target | None]] = {}
+    """References in each of the toolbox's arrays, by joint."""
     for joint, path in zip(joints, topic_paths(joints), strict=True):
-        references = own[joint.name]
-        topics = dict(zip(reference_names(joint), references, strict=False))
+        own = ranges.get(joint.name, {})
+        targets = [(joint.name, name) for name in own if name != EXTERNAL_TORQUE]
+        topics = dict(zip(reference_names(joint), targets, strict=False))
         if joint.mode == 4:
             # Topic names in the released code of the toolbox, in addition to the topic names in the paper.
-            topics |= {f"torque_m{number}_command": reference for number, reference in enumerate(references, start=1)}
-        if EXTERNAL_TORQUE in ranges.get(joint.name, {}):
-            topics[EXTERNAL_TORQUE] = EXTERNAL_TORQUE
-        for name, reference in topics.items():
-            yield _Input(Inlet(f"{prefix}{path}/{name}", "std_msgs/Float64"), ((joint.name, reference),))
-        if references:
-            named[joint.name] = (joint.name, references[0])
-            if references[-1] == "stiffness_preset":
-                named[joint.name + STIFFNESS_JOINT] = (joint.name, references[-1])
-    for namespace in dict.fromkeys(joint.namespace for joint in joints):
-        members = [own[joint.name] for joint in joints if joint.namespace == namespace and joint.mode is not None]
-        owners = [joint.name for joint in joints if joint.namespace == namespace and joint.mode is not None]
-        path = f"{prefix}/{namespace.strip('/')}".rstrip("/")
-        for slot in (0, 1):
-            places = tuple((name, one[slot]) if slot < len(one) else None for name, one in zip(owners, members, strict=True))
-            if any(places):
-                yield _Input(Inlet(f"{path}/reference_{slot + 1}", "std_msgs/Float64MultiArray"), places)
+            topics |= {f"torque_m{number}_command": target for number, target in enumerate(targets, start=1)}
+        if EXTERNAL_TORQUE in own:
+            topics[EXTERNAL_TORQUE] = joint.name, EXTERNAL_TORQUE
+        for name, target in topics.items():
+            yield _Input(LiveTopic(f"{prefix}{path}/{name}", "std_msgs/Float64"), {joint.name: target})
+        if targets:
+            named[joint.name] = targets[0]
+            if targets[-1][1] == "stiffness_preset":
+                named[joint.name + STIFFNESS_JOINT] = targets[-1]
+        for number in (0, 1) if joint.mode is not None else ():
+            name = f"{prefix}{prefix_of(joint.namespace)}/reference_{number + 1}"
+            arrays.setdefault(name, {})[joint.name] = targets[number] if number < len(targets) else None
+    for name, members in arrays.items():
+        if any(members.values()):
+            yield _Input(LiveTopic(name, "std_msgs/Float64MultiArray"), members)
     if named:
-        yield _Input(Inlet(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), names=named)
-        yield _Input(Inlet(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), names=named)
+        yield _Input(LiveTopic(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), named)
+        yield _Input(LiveTopic(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), named)

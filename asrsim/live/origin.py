@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 import socket
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from threading import Thread
 
@@ -40,15 +40,15 @@ def origin_of(text: str) -> str:
 class OriginProxy:
     """Listens at an address and forwards permitted connections to a server; `close` ends its thread."""
 
-    def __init__(self, address: tuple[str, int], allowed: Collection[str], notices: list[str]) -> None:
-        """allowed: permitted origins besides this machine's; notices: list to which one sentence per refused origin is added.
-        Raises OSError if the address is in use.
+    def __init__(self, address: tuple[str, int], allowed: Collection[str], tell: Callable[[str], None]) -> None:
+        """allowed: permitted origins besides this machine's; tell: receives one sentence per refused origin, in the proxy's
+        thread. Raises OSError if the address is in use.
         """
-        self._allowed, self._notices, self._clients = frozenset(allowed), notices, 0
+        self._allowed, self._tell, self._clients = frozenset(allowed), tell, 0
         self._refused: set[str] = set()
         self._socket = socket.create_server(address)
         self.port: int = self._socket.getsockname()[1]
-        self._loop = asyncio.new_event_loop()
+        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
         self._thread = Thread(target=self._run, daemon=True)
 
     def start(self, host: str, port: int) -> None:
@@ -58,18 +58,19 @@ class OriginProxy:
 
     def close(self) -> None:
         """End all connections."""
-        with suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(self._loop.stop)
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join()
 
     def _run(self) -> None:
-        self._loop.create_task(asyncio.start_server(self._serve, sock=self._socket, limit=LONGEST_HEAD))
-        self._loop.run_forever()
-        for task in asyncio.all_tasks(self._loop):
-            task.cancel()
-        self._loop.run_until_complete(asyncio.sleep(0))
-        self._socket.close()
-        self._loop.close()
+        # At its end, the runner cancels the tasks of all connections.
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._listen())
+
+    async def _listen(self) -> None:
+        server = await asyncio.start_server(self._serve, sock=self._socket, limit=LONGEST_HEAD)
+        await self._stopped.wait()
+        server.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clients += 1
@@ -97,7 +98,7 @@ class OriginProxy:
             if origin not in self._refused and len(self._refused) < MOST_NOTICES:
                 self._refused.add(origin)
                 name = "".join(each if each.isprintable() else "?" for each in origin[:80])
-                self._notices.append(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
+                self._tell(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
 
 
 def _origins(head: bytes) -> list[str]:

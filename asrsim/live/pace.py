@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,26 +17,6 @@ RECENT = 10_000
 """Number of ticks whose lateness is kept."""
 WINDOW = 1.0
 """Length of the time window in which late ticks are counted, s."""
-
-
-def take_priority() -> bool:
-    """Set real-time priority for this thread and the threads it starts, if the system permits it; return whether it was set.
-
-    The ordinary scheduler may leave two busy threads on one processor for up to 90 ms while another processor is idle. A
-    process with another scheduling policy, or with positive niceness, is left unchanged.
-    """
-    try:
-        if os.sched_getscheduler(0) == os.SCHED_OTHER and os.nice(0) <= 0:
-            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-            return True
-    except (AttributeError, OSError):  # real-time priority is not available or not permitted
-        pass
-    return False
-
-
-def leave_priority() -> None:
-    """Restore ordinary priority."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class Pace:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from asrsim.live.transport import Outlet, prefix_of
+from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
-from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, robot_topics, topic_paths
+from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, joint_state, robot_topics, topic_paths
 from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.ranges import Range, ranges_of
 from asrsim.simulation.simulation import Simulation
 
-APPLIED = "applied"
-"""Part of the names of topics that publish the references in effect; the toolbox's own topic names are for commands."""
+Ranges = Mapping[str, Mapping[str, Range]]
+"""Permitted range by joint and reference; references without a range cannot be set."""
+APPLIED = "/applied_commands"
+"""Topic of the references in effect: positions of a JointState with names such as `joint_1.equilibrium_position`. The toolbox's
+names of topics are for commands.
+"""
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
 """Suffix of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
@@ -29,27 +35,24 @@ class Publisher:
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
         self.prefix = prefix_of(namespace)
-        topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
+        topics = [
+            replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints, ranges_of(simulation.prepared))
+        ]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
-        # Publish the topics that answer commands first, because each message takes some microseconds.
-        topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
-        outlets = [Outlet(topic.name, topic.message) for topic in topics]
-        self.latched: dict[str, bytes] = {}
+        outlets = [LiveTopic(topic.name, topic.message) for topic in topics]
         if self._frames is not None:
-            outlets.append(Outlet("/tf", self._frames.topic.message))
+            outlets.append(LiveTopic("/tf", self._frames.topic.message))
         if info.urdf:
-            outlets.append(Outlet(self.prefix + DESCRIPTION_TOPIC, "std_msgs/String", latched=True))
-            self.latched[outlets[-1].name] = CdrBuilder().string(info.urdf).build().data
+            robot = CdrBuilder().string(info.urdf).build().data
+            outlets.append(LiveTopic(self.prefix + DESCRIPTION_TOPIC, "std_msgs/String", robot))
         if self._frames is not None and self._frames.static is not None:
-            outlets.append(Outlet("/tf_static", self._frames.static_topic.message, latched=True))
-            self.latched[outlets[-1].name] = self._frames.static
+            outlets.append(LiveTopic("/tf_static", self._frames.static_topic.message, self._frames.static))
         self.outlets = tuple(outlets)
         self._quantities = tuple(dict.fromkeys(name for joint in info.joints for name in joint.quantities))
-        self._listened: list[bool] = []
-        self._lay_out(topics, {joint.name: joint.quantities for joint in info.joints})
+        self._lay_out(topics)
 
-    def _lay_out(self, topics: Sequence[Topic], known: dict[str, tuple[str, ...]]) -> None:
+    def _lay_out(self, topics: Sequence[Topic]) -> None:
         """Place all messages in one block of memory, so that the numbers of a step are written in a single operation."""
         data = bytearray()
         self._places: list[tuple[int, int]] = []
@@ -62,14 +65,12 @@ class Publisher:
             self._places.append((start, len(data)))
             for offset, column in topic.template.floats:
                 floats.append((start + offset) // 8)
-                joint = str(column.part)
-                there = column.name in known[joint]
-                place = self._quantities.index(column.name) * len(self._joints) + self._joints.index(joint) if there else -1
-                sources.append(place)
+                sources.append((self._quantities.index(column.name), self._joints.index(str(column.part))))
             stamps += [(start + offset) // 4 for offset in topic.template.stamps]
         self._data = np.frombuffer(bytes(data) + bytes(-len(data) % 8), np.uint8).copy()
         self._numbers, self._words = self._data.view("<f8"), self._data.view("<u4")
-        self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.add.outer(stamps, (0, 1))
+        self._floats, self._sources = np.array(floats), tuple(np.array(sources).T)
+        self._stamps = np.add.outer(stamps, (0, 1))
 
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
         """Messages of the outlets that are not latched, in order; empty for an outlet that has no subscribers or is not due.
@@ -80,16 +81,15 @@ class Publisher:
         if not any(listened):
             return [b""] * len(listened)
         found = self._simulation.read(self._quantities)
-        numbers = np.concatenate([*found.values(), [np.nan]])
-        self._numbers[self._floats] = numbers[self._sources]
+        self._numbers[self._floats] = np.stack([*found.values()])[self._sources]
         self._words[self._stamps] = divmod(time, 1_000_000_000)
         whole = self._data.tobytes()
         messages = [whole[start:end] if one else b"" for (start, end), one in zip(self._places, listened, strict=False)]
         if self._frames is not None:
-            due = listened[-1] and self._frames.due(time * 1e-9)
             position = found["link_position"][None]
             samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position})
-            messages.append(self._frames.messages(samples)[0][1] if due else b"")
+            due = self._frames.messages(samples) if listened[-1] else []
+            messages.append(due[0][1] if due else b"")
         return messages
 
 
@@ -98,29 +98,32 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
     return REFERENCE_TOPICS.get(joint.mode, ())[: 1 if joint.motors == 1 else None]
 
 
-def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
-    paths = dict(zip((joint.name for joint in joints), topic_paths(joints), strict=True))
-    settable = {f"{paths[joint.name]}/{name}" for joint in joints for name in REFERENCE_TOPICS.get(joint.mode, ())}
-    settable |= {f"{path}/external_torque" for path in paths.values()}
-    for topic in robot_topics(joints):
-        if topic.name in settable:
-            path, _, name = topic.name.rpartition("/")
-            yield replace(topic, name=f"{path}/{APPLIED}/{name}")
-        elif topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails":
+def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
+    # The applied commands precede the positions: a twin that reads both then knows the commands of its next step.
+    applied = {
+        f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
+        for joint in joints
+        for slot, name in enumerate(ranges.get(joint.name, ()), start=1)
+    }
+    builder = CdrBuilder().header().strings([*applied]).float64s([*applied.values()]).float64s([]).float64s([])
+    yield Topic(name=APPLIED, message="sensor_msgs/JointState", template=builder.build())
+    commands = {name for names in REFERENCE_TOPICS.values() for name in names}
+    for topic in robot_topics(joints, external=False):
+        shown = topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails"
+        if shown and topic.name.rpartition("/")[2] not in commands:
             yield topic
-    for joint in joints:
+    for joint, path in zip(joints, topic_paths(joints), strict=True):
         if "stiffness" in joint.quantities:
             template = CdrBuilder().float64(MessageColumn("value", "stiffness", joint.name)).build()
-            yield Topic(name=f"{paths[joint.name]}/stiffness", message="std_msgs/Float64", template=template)
+            yield Topic(name=f"{path}/stiffness", message="std_msgs/Float64", template=template)
     # As in JointStateTopicSystem, stiffness presets are positions of pseudo-joints.
     driven = [joint for joint in joints if joint.mode is not None]
     preset = [joint for joint in driven if "stiffness_preset" in reference_names(joint)]
-    builder = CdrBuilder().header().strings([*(j.name for j in driven), *(j.name + STIFFNESS_JOINT for j in preset)])
-    builder.float64s([*_columns(driven, "link_position"), *_columns(preset, "reference_2")])
-    for name in ("link_velocity", "link_torque"):
-        builder.float64s([*_columns(driven, name), *(None for _ in preset)])
+    positions = [*_columns(driven, "link_position"), *_columns(preset, "reference_2")]
+    others = [[*_columns(driven, name), *(None for _ in preset)] for name in ("link_velocity", "link_torque")]
+    members = [*driven, *(replace(joint, name=joint.name + STIFFNESS_JOINT) for joint in preset)]
     if driven:
-        yield Topic(name=f"{CONTROL}/joint_states", message="sensor_msgs/JointState", template=builder.build())
+        yield joint_state(f"{CONTROL}/joint_states", members, [positions, *others])
 
 
 def _columns(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:

@@ -5,7 +5,6 @@ the simulation's thread.
 from __future__ import annotations
 
 import os
-import struct
 import sys
 import tempfile
 import time as clock
@@ -18,20 +17,16 @@ from typing import Any
 
 from asrsim.errors import InputError
 from asrsim.extras import install
-from asrsim.live.transport import Access, Interface, Received, received
+from asrsim.live.transport import Access, Interface, Received, Tell, received
 
 DEPTH = 300
 """Number of messages that a publisher keeps for slow subscribers. The publisher searches all kept messages for each new
 message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
-"""Largest number of messages that a subscription keeps, and that one call processes."""
+"""Largest number of messages that a subscription keeps, and that one call takes from it."""
 LOOK = 0.05
-"""Time between two checks for service requests, new subscribers and new publishers, s."""
-FLOAT64 = struct.Struct("<4xd")
-"""Layout of a little-endian std_msgs/Float64, the most frequent command; unpacking the bytes directly is five times faster than
-rclpy.
-"""
+"""Time between two checks for new subscribers and new publishers, s."""
 LOCAL = (
     "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>",
     (
@@ -66,19 +61,15 @@ again. A message blocked by a subscriber is dropped after 1 ms instead of 100 ms
 
 
 class RosTransport:
-    """Node with the run's topics and services."""
+    """Node with the run's topics."""
 
-    def __init__(self, interface: Interface, access: Access) -> None:
-        self.lost = 0
-        self.notices: list[str] = []
-        self._interface = interface
+    def __init__(self, interface: Interface, access: Access, tell: Tell) -> None:
+        self._tell = tell
         rclpy = load_rclpy()
         from rclpy.context import Context
         from rclpy.qos import DurabilityPolicy, QoSProfile
-        from rclpy.serialization import deserialize_message
         from rclpy.signals import SignalHandlerOptions
 
-        self._deserialize = deserialize_message
         self._context = Context()
         namespace, _, name = interface.node.strip("/").rpartition("/")
         try:
@@ -90,40 +81,30 @@ class RosTransport:
             self._context.try_shutdown()
             raise InputError(f"ROS 2 cannot be started: {type(error).__name__}: {error}", hint=_cure(), code="ros") from error
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        publishers = [
-            kind and self._node.create_publisher(kind, outlet.name, once if outlet.latched else QoSProfile(depth=DEPTH))
-            for outlet in interface.outlets
-            for kind in [message_type(outlet.message)]
+        missing = set[str]()
+        self._publishers: list[Any] = []
+        """Publisher of each outlet that is not latched; None if the package of its message is not installed."""
+        for outlet in interface.outlets:
+            kind = message_type(outlet.message)
+            quality = once if outlet.latched else QoSProfile(depth=DEPTH)
+            publisher = kind and self._node.create_publisher(kind, outlet.name, quality)
+            if not publisher:
+                missing.add(outlet.message.partition("/")[0])
+            elif outlet.latched:
+                publisher.publish(outlet.latched)
+            if not outlet.latched:
+                self._publishers.append(publisher)
+        self._subscriptions = [
+            (number, kind, self._node.create_subscription(kind, inlet.name, lambda message: None, QoSProfile(depth=MOST)))
+            for number, inlet in enumerate(interface.inlets)
+            if (kind := message_type(inlet.message))
         ]
-        outlets = list(zip(interface.outlets, publishers, strict=True))
-        self._publishers = [publisher for outlet, publisher in outlets if not outlet.latched]
-        for outlet, publisher in outlets:
-            if outlet.latched and publisher:
-                publisher.publish(interface.latched[outlet.name])
-        self._subscriptions = []
-        for number, inlet in enumerate(interface.inlets):
-            if kind := message_type(inlet.message):
-                made = self._node.create_subscription(kind, inlet.name, lambda message: None, QoSProfile(depth=MOST))
-                self._subscriptions.append((number, kind, made))
-        self._serve()
         self._unsent = 0
+        self.wanted: Sequence[bool] = ()
         self._look()
         reach = "the network" if access.network else "this machine"
-        self.where = f"node {self._node.get_fully_qualified_name()}, domain {self._context.get_domain_id()}, {reach}"
-        missing = sorted({outlet.message.split("/")[0] for outlet, publisher in outlets if publisher is None})
-        if missing:
-            self.where += f" (without topics of {', '.join(missing)}, which are not installed here)"
-
-    def _serve(self) -> None:
-        from std_srvs.srv import SetBool, Trigger
-
-        for name, service in self._interface.services.items():
-
-            def answer(request: Any, response: Any, service: Any = service) -> Any:
-                response.success, response.message = True, service.call(bool(getattr(request, "data", False)))
-                return response
-
-            self._node.create_service(SetBool if service.takes_flag else Trigger, f"~/{name}", answer)
+        left = f" (without topics of {', '.join(sorted(missing))}, which are not installed here)" if missing else ""
+        tell(f"ros: node {self._node.get_fully_qualified_name()}, domain {self._context.get_domain_id()}, {reach}{left}")
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """Implements `Transport.publish`."""
@@ -134,34 +115,25 @@ class RosTransport:
                 except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
                     self._unsent += 1
                     if self._unsent in (1, 1000):
-                        self.notices.append(f"{self._unsent} messages dropped so far: a subscriber does not keep up")
+                        self._tell(f"{self._unsent} messages dropped so far: a subscriber does not keep up")
 
     def poll(self) -> Iterator[Received]:
         """Implements `Transport.poll`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
-        left = MOST
         for number, kind, subscription in self._spoken_to:
-            # Take raw bytes, because rclpy then detects an empty queue in half the time.
-            while left and (taken := subscription.handle.take_message(kind, True)) is not None:
-                left -= 1
-                data = taken[0]
-                if self._interface.inlets[number].message == "std_msgs/Float64" and len(data) == FLOAT64.size and data[1] == 1:
-                    yield Received(number, FLOAT64.unpack(data))
-                else:
-                    yield received(number, self._deserialize, data, kind)
+            for _ in range(MOST):
+                taken = subscription.handle.take_message(kind, False)
+                if taken is None:
+                    break
+                message, about = taken
+                yield received(number, message, sent=1e-9 * about["source_timestamp"])
 
     def _look(self) -> None:
-        """Answer services, and find topics with subscribers and publishers."""
+        """Find the topics with subscribers, and the topics with publishers."""
         self._looked = clock.monotonic()
-        for service in self._node.services:
-            with service.handle:
-                taken = service.handle.service_take_request(service.srv_type.Request)
-            if taken is not None and taken[1] is not None:
-                request, header = taken
-                service.send_response(service.callback(request, service.srv_type.Response()), header)
         self.wanted = [each is not None and each.get_subscription_count() > 0 for each in self._publishers]
-        self._spoken_to = [one for one in self._subscriptions if one[2].get_publisher_count()]
+        self._spoken_to = [one for one in reversed(self._subscriptions) if one[2].get_publisher_count()]
 
     def close(self) -> None:
         """Implements `Transport.close`."""

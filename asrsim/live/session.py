@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,13 +13,13 @@ from typing import Any
 
 from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Target
-from asrsim.live.pace import Pace, leave_priority, take_priority
+from asrsim.live.pace import Pace
 from asrsim.live.publisher import Publisher
-from asrsim.live.transport import Access, Interface, Service, Transport, opened, publish, report
+from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import command_topic, encoded
 from asrsim.runs.described import LIVE, as_run
-from asrsim.runs.execute import result_metadata, save_summary
+from asrsim.runs.execute import judged, result_metadata, save_summary
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, Samples
@@ -27,7 +27,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
-from asrsim.summary import Collector, RunSummary, make_summary
+from asrsim.summary import Collector, RunSummary
 
 TICK = 1e-3
 """Wall-clock time between ticks, s; the time step if the time step is longer."""
@@ -40,7 +40,7 @@ LEAST_RATE = 10.0
 FOREVER = 1e7
 """Simulated time after which a run without a given duration ends, s."""
 LOOK = 0.25
-"""Time between updates of notices and status, s."""
+"""Time between updates of the status, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +61,11 @@ class Settings:
 
 
 class Session:
-    """Live run, which the method `run` executes. tell: function that shows a sentence to the user."""
+    """Live run, which the method `run` executes."""
 
     def __init__(
-        self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False,
-        tell: Callable[[str], None] = lambda text: None,
-    ) -> None:  # fmt: skip
+        self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False, tell: Tell = lambda text: None
+    ) -> None:
         self.settings, self._tell = settings, tell
         prepared = with_ranges(scenario)
         self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
@@ -79,7 +78,7 @@ class Session:
             chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
         self.publisher = Publisher(self.simulation, prepared.info, namespace=settings.namespace)
-        self.commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=self.publisher.prefix)
+        self.commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=self.publisher.prefix, tell=tell)
         self.pace = Pace(settings.speed)
         self.paused = settings.paused
         self.transports: list[Transport] = []
@@ -92,31 +91,14 @@ class Session:
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
         """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
-        self._said_slow = self._urgent = False
-
-    # -- services ----------------------------------------------------------------------------------------------------
+        self._said_slow = False
 
     @property
     def interface(self) -> Interface:
-        """Topics and services of the run."""
-        return Interface(
-            node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
-            latched=self.publisher.latched,
-            services={"pause": Service(self._pause, takes_flag=True), "release": Service(self._release)},
-        )  # fmt: skip
-
-    def _pause(self, flag: bool) -> str:
-        self.paused = flag
-        self.pace.start()
-        return "paused" if flag else "running"
-
-    def _release(self, _: bool) -> str:
-        self.commands.motions.clear()
-        for target in list(self._overrides):
-            self._set(target, None)
-        return "all references follow the scenario"
-
-    # -- the run -----------------------------------------------------------------------------------------------------
+        """Topics of the run."""
+        node = f"{self.publisher.prefix}/asrsim"
+        pause = LiveTopic(f"{node}/pause", "std_msgs/Bool")
+        return Interface(node, self.publisher.outlets, (*self.commands.inlets, pause))
 
     def run(self, *, stop: Callable[[], bool], status: Callable[[], None] = lambda: None) -> RunSummary:
         """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
@@ -126,41 +108,32 @@ class Session:
         began, error = clock.perf_counter(), None
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
-            self._urgent = math.isfinite(self.settings.speed) and take_priority()
-            stack.callback(self._leave_priority)
             # Open the transports first: if one fails, the log of an earlier run is not replaced.
             settings = self.settings
             self.transports = stack.enter_context(opened(settings.transports, self.interface, settings.access, self._tell))
             stack.enter_context(owned(self._folder))
             earlier = open_folder(self._folder, self._scenario, overwrite=self._overwrite)
-            files = stack.enter_context(ExitStack())
-            path = files.enter_context(new_log(self._folder, earlier))
+            log_file = stack.enter_context(ExitStack())
+            path = log_file.enter_context(new_log(self._folder, earlier))
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
-            self._writer = files.enter_context(LogWriter(path, described))
+            self._writer = log_file.enter_context(LogWriter(path, described))
             # Exclude the existing objects from garbage collection, which would make ticks late.
             gc.collect()
             gc.freeze()
             stack.callback(gc.unfreeze)
             try:
-                self._loop(stop, status)
-                self._leave_priority()
+                self._advance(0)
+                self.pace.start()
+                looked = clock.perf_counter()
+                while self._turn() and not stop():
+                    if clock.perf_counter() - looked > LOOK:
+                        looked = clock.perf_counter()
+                        status()
                 self.simulation.flush()
             except DivergenceError as caught:
                 error = caught
-            self._leave_priority()
-            self._report()
-            return self._finish(files, earlier, clock.perf_counter() - began, error)
-
-    def _loop(self, stop: Callable[[], bool], status: Callable[[], None]) -> None:
-        self._advance(0)
-        self.pace.start()
-        looked = clock.perf_counter()
-        while self._turn() and not stop():
-            if clock.perf_counter() - looked > LOOK:
-                looked = clock.perf_counter()
-                self._report()
-                status()
+            return self._finish(log_file, earlier, clock.perf_counter() - began, error)
 
     @property
     def time(self) -> float:
@@ -181,12 +154,8 @@ class Session:
             return True
         left = round((self.settings.duration or FOREVER) / self._step) - self._steps_done
         steps = min(self._tick_steps, left)
-        slips = self.pace.slips
         late = self.pace.wait(steps * self._step)
-        if self.pace.slips > slips and self._urgent:
-            self._leave_priority()
-            self._tell("this machine is too slow for ticks at real-time priority: real-time priority is given up")
-        elif self.pace.is_behind():
+        if self.pace.is_behind():
             self._ease()
         self._listen()
         if late is not None:
@@ -207,11 +176,6 @@ class Session:
             substeps = self.simulation.substeps
             self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or lower --speed")
 
-    def _leave_priority(self) -> None:
-        if self._urgent:
-            leave_priority()
-        self._urgent = False
-
     def _advance(self, steps: int) -> None:
         """Simulate `steps` whole steps and one further substep, which completes the record of the last step."""
         end = self._steps_done + steps
@@ -222,26 +186,30 @@ class Session:
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
                 began, time = clock.perf_counter(), round(self.time * 1e9)
-                publish(self.transports, time, self.publisher.messages(time, [one.wanted for one in self.transports]))
+                messages = self.publisher.messages(time, [transport.wanted for transport in self.transports])
+                for transport in self.transports:
+                    transport.publish(time, messages)
                 self._publishing += clock.perf_counter() - began
 
     def _listen(self) -> None:
         """Set the references that commands change, to their values at the end of the coming tick."""
-        received = (message for transport in self.transports for message in transport.poll())
+        received = self._commands_of(message for transport in self.transports for message in transport.poll())
         values = self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
         for target, value in values.items():
-            self._set(target, value)
+            if self._overrides.get(target) != value:
+                self.simulation.set_reference(*target, value)
+                self._overrides[target] = value
+                self._applied += 1
+                self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
 
-    def _set(self, target: Target, value: float | None) -> None:
-        if self._overrides.get(target) == value:
-            return
-        self.simulation.set_reference(*target, value)
-        if value is None:
-            self._overrides.pop(target, None)
-        else:
-            self._overrides[target] = value
-        self._applied += 1
-        self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
+    def _commands_of(self, messages: Iterable[Received]) -> Iterator[Received]:
+        """Messages with commands; the other messages pause or resume the run."""
+        for message in messages:
+            if message.inlet < len(self.commands.inlets):
+                yield message
+            elif message.values:
+                self.paused = bool(message.values[0])
+                self.pace.start()
 
     # -- log and summary ---------------------------------------------------------------------------------------------
 
@@ -254,27 +222,24 @@ class Session:
             self._writer.write(samples)
             self._writer.flush()
 
-    def _finish(self, files: ExitStack, earlier: Sequence[Path], wall: float, error: DivergenceError | None) -> RunSummary:
+    def _finish(self, log_file: ExitStack, earlier: Sequence[Path], wall: float, error: DivergenceError | None) -> RunSummary:
         """Close the log, and return the summary, which is also written beside the log. wall: duration, s."""
         writer, time = self._writer, self.time
         assert writer is not None
         run = run_of(self.simulation, "complete" if error is None else "diverged", wall_time=wall, message=str(error or ""))
         run = replace(run, simulated_time=time, scenario=replace(run.scenario, duration=max(time, self._step)))
         writer.close(result_metadata(run, error))
-        files.close()
+        log_file.close()
         log = self._folder / LOG
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
-        written = {"log": log, "summary": self._folder / SUMMARY}
-        summary = make_summary(run, seen, samples=writer.samples, files=written, replaced=tuple(earlier))
-        summary = replace(summary, live=self.figures())
+        # Commands override the scenario's references, so its claims do not apply.
+        summary = judged(replace(self._scenario, expect=()), run, collector, None, samples=writer.samples)
+        files = {"log": log, "summary": self._folder / SUMMARY}
+        summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())
         save_summary(summary, self._folder / SUMMARY)
         return summary
-
-    def _report(self) -> None:
-        report(self._tell, self.commands.notices, self.transports)
 
     def figures(self) -> dict[str, Any]:
         """Lateness, load and numbers of commands until now, as plain data."""
@@ -293,6 +258,4 @@ class Session:
             "applied": self._applied,
             "clamped": dict(commands.clamped),
             "dropped": dict(commands.refused),
-            "lost": sum(transport.lost for transport in self.transports),
-            "transports": [transport.where for transport in self.transports],
         }

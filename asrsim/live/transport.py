@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from importlib import import_module
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, Protocol
 
@@ -16,25 +15,14 @@ from asrsim.registry import Registry
 
 
 @dataclass(frozen=True)
-class Outlet:
-    """Topic that a run publishes."""
+class LiveTopic:
+    """Topic that a run publishes or subscribes to."""
 
     name: str
     message: str
     """Message type, such as `sensor_msgs/JointState`."""
-    latched: bool = False
-    """Whether the topic is latched: published once, with the message sent to later subscribers too."""
-
-
-@dataclass(frozen=True)
-class Inlet:
-    """Topic that a run subscribes to."""
-
-    name: str
-    message: str
-    """Message type: `std_msgs/Float64`, `std_msgs/Float64MultiArray`, `sensor_msgs/JointState` or
-    `trajectory_msgs/JointTrajectory`.
-    """
+    latched: bytes = b""
+    """Message (CDR) of a latched topic, which is published once and sent to later subscribers too; empty for other topics."""
 
 
 @dataclass(frozen=True)
@@ -44,35 +32,41 @@ class Received:
     inlet: int
     """Index in `Interface.inlets`."""
     values: Sequence[float] = ()
-    """Values of a Float64 or an array; for a JointState the positions, or the efforts if there are no positions."""
+    """Values of a Float64, Bool or array; for a JointState the positions, or the efforts if there are no positions."""
     names: Sequence[str] | None = None
     """Names of the joints to which the values or the points belong."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
     """Points of a JointTrajectory, each with time from now (s), positions, and velocities (may be empty)."""
     stamp: float = 0.0
     """Time stamp in the header of a JointState, s; 0 if there is no time stamp."""
+    sent: float = 0.0
+    """Time at which the sender published the message, s since 1970; 0 if the transport does not know the time."""
     fault: str = ""
     """Reason why the message cannot be decoded; empty if there is none."""
 
 
-def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
-    """Content of a message object of any library, `decode(*data)`. An error in `decode` is stored as the message's fault."""
+def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
+    """Content of a message object of any library. If the content is not that of a command, the message has a fault."""
     try:
-        message = decode(*data)
         if hasattr(message, "points"):
             points = [
                 (p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec, _numbers(p.positions), _numbers(p.velocities))
                 for p in message.points
             ]
-            return Received(inlet, names=list(map(str, message.joint_names)), points=points)
+            return Received(inlet, names=list(map(str, message.joint_names)), points=points, sent=sent)
         if hasattr(message, "name"):
             values = message.position if len(message.position) else message.effort
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             seconds = getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0)
-            return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=float(seconds))
-        return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]))
-    except Exception as error:  # decoders may raise any error for invalid bytes
-        return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
+            return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=float(seconds), sent=sent)
+        return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
+    except (AttributeError, TypeError, ValueError) as error:
+        return unreadable(inlet, error)
+
+
+def unreadable(inlet: int, error: Exception) -> Received:
+    """Message that cannot be decoded."""
+    return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
 
 
 def _numbers(values: Iterable[Any]) -> list[float]:
@@ -81,26 +75,16 @@ def _numbers(values: Iterable[Any]) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Service:
-    """Action of a run that clients may call."""
-
-    call: Callable[[bool], str]
-    """Function that performs the action and returns the new state in words; its argument, a flag, matters only if `takes_flag`.
-    """
-    takes_flag: bool = False
-
-
-@dataclass(frozen=True)
 class Interface:
-    """Topics and services of a run."""
+    """Topics of a run."""
 
     node: str
-    """Name of the node, including its namespace, which prefixes the services."""
-    outlets: tuple[Outlet, ...]
-    inlets: tuple[Inlet, ...]
-    latched: Mapping[str, bytes]
-    """Message (CDR) of each latched topic, by the name of the topic."""
-    services: Mapping[str, Service] = field(default_factory=dict)
+    """Name of the node, including its namespace."""
+    outlets: tuple[LiveTopic, ...]
+    inlets: tuple[LiveTopic, ...]
+    """A transport takes the waiting messages of later topics first. So if a run has a message of a topic, it has all earlier
+    messages of the topics before it, too.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,14 +104,8 @@ class Access:
 class Transport(Protocol):
     """Exchanges messages with clients. All calls come from the simulation's thread and must not block."""
 
-    where: str
-    """Address at which clients connect, as text for the user."""
     wanted: Sequence[bool]
     """Whether each outlet that is not latched has a subscriber; a change replaces the sequence by a new object."""
-    notices: list[str]
-    """Messages for the user; the live run shows the messages and empties the list."""
-    lost: int
-    """Number of commands that the transport dropped."""
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """Publish one message (CDR) for each outlet that is not latched, in order; an empty message is not published; time in
@@ -135,18 +113,23 @@ class Transport(Protocol):
         """
 
     def poll(self) -> Iterable[Received]:
-        """Messages received since the previous call, at most some hundred. The call also answers service requests."""
+        """Messages received since the previous call, at most some hundred."""
 
     def close(self) -> None:
         """Close the transport."""
+
+
+Tell = Callable[[str], None]
+"""Function that shows a sentence to the user; a transport may call it from any thread."""
+Make = Callable[[Interface, Access, Tell], Transport]
+"""Function that opens a transport and tells the user its address. Raises InputError with advice if it is unavailable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransportEntry:
     """Entry of the registry of transports."""
 
-    make: Callable[[Interface, Access], Transport]
-    """Function that opens the transport; raises InputError with advice if it is unavailable."""
+    make: Make
     doc: str
     module: str
     """Python module that the transport needs."""
@@ -162,61 +145,21 @@ class TransportEntry:
 TRANSPORTS: Registry[TransportEntry] = Registry("transport", entry_point_group="asrsim.transports", instance=TransportEntry)
 
 
-def _lazily(module: str, name: str) -> Callable[[Interface, Access], Transport]:
-    def make(interface: Interface, access: Access) -> Transport:
-        made: Transport = getattr(import_module(module), name)(interface, access)
-        return made
-
-    return make
-
-
-ROS, FOXGLOVE = _lazily("asrsim.live.ros", "RosTransport"), _lazily("asrsim.live.foxglove", "FoxgloveTransport")
-TRANSPORTS.add("ros", TransportEntry(make=ROS, doc="ROS 2 topics, by rclpy", module="rclpy", extra="ros"))
-TRANSPORTS.add(
-    "foxglove",
-    TransportEntry(make=FOXGLOVE, doc="a WebSocket for Foxglove and Lichtblick", module="foxglove", extra="foxglove"),
-)
-
-
-def available(names: Sequence[str]) -> tuple[str, ...]:
-    """Transports with these names. Raises InputError with the installation command if one is not installed."""
-    for name in names:
-        entry = TRANSPORTS.get(name)
-        if not entry.available:
-            message = f"the transport '{name}' needs '{entry.module}', which is not installed"
-            raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
-    return tuple(names)
-
-
 def prefix_of(namespace: str) -> str:
     """Prefix of topic names for a namespace."""
     return f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
 
 @contextmanager
-def opened(
-    names: Sequence[str], interface: Interface, access: Access, tell: Callable[[str], None]
-) -> Iterator[list[Transport]]:  # fmt: skip
-    """Context manager that opens the transports; the function `tell` is called with their addresses. Raises InputError if a
-    transport is unavailable.
-    """
+def opened(names: Sequence[str], interface: Interface, access: Access, tell: Tell) -> Iterator[list[Transport]]:
+    """Context manager that opens the transports. Raises InputError, with the command that installs a missing library."""
     transports: list[Transport] = []
     with ExitStack() as stack:
         for name in names:
-            transports.append(TRANSPORTS.get(name).make(interface, access))
+            entry = TRANSPORTS.get(name)
+            if not entry.available:
+                message = f"the transport '{name}' needs '{entry.module}', which is not installed"
+                raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
+            transports.append(entry.make(interface, access, tell))
             stack.callback(transports[-1].close)
-            tell(f"{name}: {transports[-1].where}")
         yield transports
-
-
-def publish(transports: Sequence[Transport], time: int, messages: Sequence[bytes]) -> None:
-    """Publish the messages of a step on every transport; time in ns."""
-    for transport in transports:
-        transport.publish(time, messages)
-
-
-def report(tell: Callable[[str], None], notices: list[str], transports: Sequence[Transport]) -> None:
-    """Show all notices of commands and transports to the user through the function `tell`."""
-    for each in (notices, *(transport.notices for transport in transports)):
-        while each:
-            tell(each.pop(0))

@@ -46,12 +46,18 @@ def encoded(command: Command, time: float) -> bytes:
 def decoded(data: bytes) -> Command:
     """Command in a message. Raises ValueError or struct.error if the message is no command."""
     place = 4 + 8
-    _, place = _string(data, place)
-    joint, place = _string(data, place)
-    reference, place = _string(data, place)
+    texts = []
+    for _ in range(3):  # frame, joint, reference
+        place += -(place - 4) % 4
+        (length,) = struct.unpack_from("<I", data, place)
+        end = place + 4 + length
+        if length < 1 or end > len(data):
+            raise ValueError("the text of a command is longer than its message")
+        texts.append(data[place + 4 : end - 1].decode())
+        place = end
     place += -(place - 4) % 8
     substep, value = struct.unpack_from("<Qd", data, place)
-    return Command(substep, joint, reference, None if math.isnan(value) else value)
+    return Command(substep, texts[1], texts[2], None if math.isnan(value) else value)
 
 
 class CommandReader:
@@ -75,12 +81,3 @@ class CommandReader:
                     return
                 if number in self._commands:
                     yield decoded(chunk[place - 9 + MESSAGE_HEADER.size : place + length])
-
-
-def _string(data: bytes, place: int) -> tuple[str, int]:
-    place += -(place - 4) % 4
-    (length,) = struct.unpack_from("<I", data, place)
-    if not 1 <= length <= len(data) - place - 4:
-        raise ValueError("the text of a command is longer than its message")
-    end = place + 4 + length
-    return data[place + 4 : end - 1].decode(), end

@@ -6,6 +6,7 @@ import json
 import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -131,6 +132,11 @@ class McapStorage:
 COLUMNS_KEY = "asrsim_columns"
 """Key in a channel's metadata: JSON list of [offset in the message's data, kind, name, part] for each number to read back."""
 
+_SUMMARY = (
+    Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX
+)  # fmt: skip
+"""Kinds of records in the summary, in order."""
+
 Aside = tuple[int, int, bytes]
 """Message outside of the rows: channel, time in ns, data."""
 
@@ -152,27 +158,23 @@ class McapContainer:
         import zstandard
 
         self._compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
-        self._schemas: dict[str, Schema] = {}
-        self._channels: dict[tuple[str, str], Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[tuple[str, str], int] = {}
         self._pending = b""
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        # A single growing buffer: many small objects would fragment the memory that the run's arrays reuse.
-        self._chunk_indexes = bytearray()
-        self._chunks = 0
-        self._index_counts = {Opcode.ATTACHMENT_INDEX: 0, Opcode.METADATA_INDEX: 0}
+        # Single growing buffers: many small objects would fragment the memory that the run's arrays reuse.
+        self._summary = {opcode: bytearray() for opcode in _SUMMARY}
+        self._records: Counter[Opcode] = Counter()
         header = Header(profile="ros2", library=f"asrsim {__version__}")
-        body = b""
-        start = len(MAGIC) + len(encode(header))
-        self._attachment_indexes = self._metadata_indexes = b""
+        start, body = len(MAGIC) + len(encode(header)), b""
         for name, (media_type, data) in attachments.items():
             record = encode(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
             index = AttachmentIndex(
                 offset=start + len(body), length=len(record), log_time=0, create_time=0,
                 data_size=len(data), name=name, media_type=media_type,
             )  # fmt: skip
-            self._attachment_indexes += encode(index)
-            self._index_counts[Opcode.ATTACHMENT_INDEX] += 1
+            self._summarise(Opcode.ATTACHMENT_INDEX, encode(index))
             body += record
         for name, items in metadata.items():
             body += self._metadata(name, items, start + len(body))
@@ -186,14 +188,12 @@ class McapContainer:
             metadata[COLUMNS_KEY] = json.dumps(columns, separators=(",", ":"))
         key = (topic.name, metadata.get(COLUMNS_KEY, ""))
         if key not in self._channels:
-            channel = Channel(
-                id=len(self._channels) + 1, topic=topic.name, message_encoding="cdr",
-                metadata=metadata, schema_id=self._schema(topic.message),
-            )  # fmt: skip
-            self._channels[key] = channel
-            self._counts[channel.id] = 0
-            self._pending += encode(channel)
-        return self._channels[key].id
+            self._channels[key] = number = len(self._channels) + 1
+            self._counts[number] = 0
+            schema = self._schema(topic.message)
+            channel = Channel(id=number, topic=topic.name, message_encoding="cdr", metadata=metadata, schema_id=schema)
+            self._pending += self._summarise(Opcode.CHANNEL, encode(channel))
+        return self._channels[key]
 
     def chunk(self, rows: RowBuffer, asides: Sequence[Aside] = ()) -> None:
         """Write a chunk: new channels, then messages outside of the rows, then the rows."""
@@ -230,15 +230,13 @@ class McapContainer:
         offset = self._storage.size
         self._storage.append(record + index)
         after = offset + len(record)
-        self._chunk_indexes += encode(
-            ChunkIndex(
-                chunk_length=len(record), chunk_start_offset=offset, compression="zstd", compressed_size=len(packed),
-                message_start_time=start, message_end_time=end, message_index_length=len(index),
-                message_index_offsets={channel: after + place for channel, place in index_offsets},
-                uncompressed_size=len(content),
-            )
+        index_record = ChunkIndex(
+            chunk_length=len(record), chunk_start_offset=offset, compression="zstd", compressed_size=len(packed),
+            message_start_time=start, message_end_time=end, message_index_length=len(index),
+            message_index_offsets={channel: after + place for channel, place in index_offsets},
+            uncompressed_size=len(content),
         )  # fmt: skip
-        self._chunks += 1
+        self._summarise(Opcode.CHUNK_INDEX, encode(index_record))
         self._pending = b""
         for channel in rows.channels:
             self._counts[channel] += rows.count
@@ -251,26 +249,14 @@ class McapContainer:
         start = self._storage.size + len(body)
         first, last = self._span or (0, 0)
         statistics = Statistics(
-            attachment_count=self._index_counts[Opcode.ATTACHMENT_INDEX],
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=self._chunks,
-            message_count=sum(self._counts.values()),
-            message_end_time=last,
-            message_start_time=first,
-            metadata_count=self._index_counts[Opcode.METADATA_INDEX],
-            schema_count=len(self._schemas),
-        )
-        groups = {
-            Opcode.SCHEMA: b"".join(map(encode, self._schemas.values())),
-            Opcode.CHANNEL: b"".join(map(encode, self._channels.values())),
-            Opcode.STATISTICS: encode(statistics),
-            Opcode.CHUNK_INDEX: bytes(self._chunk_indexes),
-            Opcode.ATTACHMENT_INDEX: self._attachment_indexes,
-            Opcode.METADATA_INDEX: self._metadata_indexes,
-        }
+            attachment_count=self._records[Opcode.ATTACHMENT_INDEX], channel_count=self._records[Opcode.CHANNEL],
+            channel_message_counts=self._counts, chunk_count=self._records[Opcode.CHUNK_INDEX],
+            message_count=sum(self._counts.values()), message_end_time=last, message_start_time=first,
+            metadata_count=self._records[Opcode.METADATA_INDEX], schema_count=self._records[Opcode.SCHEMA],
+        )  # fmt: skip
+        self._summarise(Opcode.STATISTICS, encode(statistics))
         summary = offsets = b""
-        for opcode, group in groups.items():
+        for opcode, group in self._summary.items():
             if group:
                 offset = SummaryOffset(group_opcode=opcode, group_start=start + len(summary), group_length=len(group))
                 offsets += encode(offset)
@@ -285,16 +271,20 @@ class McapContainer:
         """Close the file without a summary. The file remains readable from the start."""
         self._storage.close()
 
+    def _summarise(self, opcode: Opcode, record: bytes) -> bytes:
+        """Add a record to the final summary. Returns the record."""
+        self._summary[opcode] += record
+        self._records[opcode] += 1
+        return record
+
     def _schema(self, message: str) -> int:
         if message not in self._schemas:
-            data = schema_text(message).encode()
-            schema = Schema(id=len(self._schemas) + 1, data=data, encoding="ros2msg", name=schema_name(message))
-            self._schemas[message] = schema
-            self._pending += encode(schema)
-        return self._schemas[message].id
+            self._schemas[message] = number = len(self._schemas) + 1
+            schema = Schema(id=number, data=schema_text(message).encode(), encoding="ros2msg", name=schema_name(message))
+            self._pending += self._summarise(Opcode.SCHEMA, encode(schema))
+        return self._schemas[message]
 
     def _metadata(self, name: str, items: Mapping[str, str], offset: int) -> bytes:
         record = encode(Metadata(name=name, metadata=dict(items)))
-        self._metadata_indexes += encode(MetadataIndex(offset=offset, length=len(record), name=name))
-        self._index_counts[Opcode.METADATA_INDEX] += 1
+        self._summarise(Opcode.METADATA_INDEX, encode(MetadataIndex(offset=offset, length=len(record), name=name)))
         return record

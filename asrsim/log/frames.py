@@ -31,10 +31,6 @@ class FrameMessages:
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
         """Message with the fixed frames; None where there are none."""
 
-    def due(self, time: float) -> bool:
-        """Whether a message is due for a sample at `time` in s; for callers with single samples."""
-        return bool(self._moving) and time * self._rate + 1e-9 >= self._next
-
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
         """Pairs (time in s, message) for the samples at which a message is due. Calls must follow the order of time."""
         if not self._moving or not len(samples.time):
@@ -60,20 +56,15 @@ class FrameMessages:
 
 def multiplied(a: Array, b: Array) -> Array:
     """Product of quaternions x y z w (..., 4): the rotation b followed by a."""
-    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + _cross(a[..., :3], b[..., :3])
+    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
     scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
     return np.concatenate([vector, scalar], axis=-1)
 
 
 def rotated(turn: Array, vector: Array) -> Array:
     """Vectors (..., 3) rotated by quaternions x y z w (..., 4)."""
-    twice = 2.0 * _cross(turn[..., :3], vector)
-    return np.asarray(vector + turn[..., 3:] * twice + _cross(turn[..., :3], twice))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product of vectors (..., 3), faster than np.cross for few vectors."""
-    return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
+    twice = 2.0 * np.cross(turn[..., :3], vector)
+    return np.asarray(vector + turn[..., 3:] * twice + np.cross(turn[..., :3], twice))
 
 
 def _template(frames: Sequence[Frame]) -> CdrTemplate:

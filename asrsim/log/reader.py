@@ -14,11 +14,10 @@ from mcap.exceptions import McapError
 
 from asrsim.errors import LogError, Problem
 from asrsim.log.cdr import MessageColumn
-from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
 from asrsim.log.commands import CommandReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
-from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_structure
+from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array, Command, RunInfo, Samples, concatenate
 
@@ -178,7 +177,7 @@ class LogReader:
                 for place in places:
                     try:
                         found = decode(read_chunk(file, place))
-                    except (ValueError, struct.error, McapError, EOFError) as error:
+                    except (ValueError, OverflowError, struct.error, McapError, EOFError) as error:
                         if self.truncated and place is self._structure.chunks[-1]:
                             return
                         raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
@@ -192,20 +191,13 @@ class LogReader:
         known = dict.fromkeys(quantity for joint in self.info.joints for quantity in joint.quantities)
         ordered = tuple(sorted(known, key=lambda name: list(QUANTITIES).index(name) if name in QUANTITIES else len(QUANTITIES)))
         members = tuple(joint.name for joint in self.info.joints)
+        wanted = [("quantity", "quantities", name, ordered) for name in quantities or ()]
+        wanted += [("joint", "joints", name, members) for name in joints or ()]
         problems = [
             Problem(
-                f"the log has no {noun} '{name}'",
-                file=self.path,
-                key=key,
-                choices=choices,
-                meant=name,
-                code=f"unknown-{noun}",
+                f"the log has no {noun} '{name}'", file=self.path, key=key, choices=choices, meant=name, code=f"unknown-{noun}"
             )
-            for noun, key, asked, choices in (
-                ("quantity", "quantities", quantities, ordered),
-                ("joint", "joints", joints, members),
-            )
-            for name in asked or ()
+            for noun, key, name, choices in wanted
             if name not in choices
         ]
         if problems:

@@ -1,4 +1,4 @@
-"""Finds the records of an MCAP file by its index, or record by record where a killed run left no index."""
+"""Finds the records of an MCAP file one after another, and reads its chunks. A killed run leaves a file without a summary."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from typing import BinaryIO
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, MetadataIndex
+from mcap.records import Attachment, Channel, Chunk, Metadata
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.errors import LogError, Problem
 from asrsim.log.container import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29
 """Size of the footer record, bytes (MCAP specification, record 0x02)."""
-CHUNK_HEAD = struct.Struct("<QQQI")
-"""First fields of a chunk record: start time, end time, uncompressed size and CRC."""
+CHUNK_TIMES = struct.Struct("<QQ")
+"""First fields of a chunk record: first and last log time, ns."""
+_LARGEST_CHUNK = 1 << 30
+"""Largest accepted size of a chunk, bytes; in a damaged file, the stated size may have any value."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +48,11 @@ class Structure:
     path: Path
     chunks: list[ChunkPlace] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
-    """Channels listed in the index; empty if the file is truncated."""
+    """Channels listed in the summary; empty if the file is truncated."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     truncated: bool = False
-    """True: the file has no index; its writer was killed or is still running, or the file was cut."""
+    """True: the file has no summary; its writer was killed or is still running, or the file was cut."""
 
 
 def corrupt(path: Path, what: str) -> LogError:
@@ -70,10 +72,8 @@ def read_structure(path: Path) -> Structure:
                 raise LogError([other or Problem("this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED)])
             structure = Structure(path=path)
             try:
-                if not _read_index(file, size, structure):
-                    structure.truncated = True
-                    _scan(file, size, structure)
-            except (struct.error, ValueError, McapError, EOFError) as error:
+                _scan(file, structure, *_summary(file, size))
+            except (ValueError, OverflowError, struct.error, McapError, EOFError) as error:
                 raise corrupt(path, str(error) or type(error).__name__) from error
     except OSError as error:
         raise LogError(f"cannot read the log: {error.strerror or error}", file=path, code="unreadable-log") from error
@@ -97,62 +97,48 @@ def stream(data: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(data))
 
 
-def _read_index(file: BinaryIO, size: int, structure: Structure) -> bool:
-    """Read the summary into `structure`. Returns False if the file has no summary."""
+def _summary(file: BinaryIO, size: int) -> tuple[int, bytes]:
+    """Offset and bytes of the summary; the size of the file and no bytes where a killed run left no summary."""
     end = size - _FOOTER_SIZE - len(MAGIC)
     if end < len(MAGIC):
-        return False
+        return size, b""
     file.seek(end)
     tail = file.read(_FOOTER_SIZE + len(MAGIC))
     opcode, length, start, _, crc = struct.unpack_from("<BQQQI", tail)
     if tail[_FOOTER_SIZE:] != MAGIC or (opcode, length) != (Opcode.FOOTER, _FOOTER_SIZE - 9) or not start:
-        return False
+        return size, b""
     if not len(MAGIC) <= start <= end:
-        raise ValueError("the index lies outside the file")
+        raise ValueError("the summary lies outside the file")
     file.seek(start)
     summary = file.read(end - start)
     if crc and zlib.crc32(summary + tail[: _FOOTER_SIZE - 4]) != crc:
-        raise ValueError("the index does not match its checksum")
-    indexed: list[tuple[int, int]] = []
-    for opcode, place, length in split_records(summary):
-        content = summary[place : place + length]
-        if opcode == Opcode.CHANNEL:
-            structure.channels.append(Channel.read(stream(content)))
-        elif opcode == Opcode.CHUNK_INDEX:
-            first, last, offset, chunk_length = struct.unpack_from("<QQQQ", content)
-            if not len(MAGIC) <= offset <= offset + chunk_length <= start:
-                raise ValueError("a chunk lies outside the file")
-            structure.chunks.append(ChunkPlace(offset=offset + 9, length=chunk_length - 9, start=first, end=last))
-        elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
-            kind = AttachmentIndex if opcode == Opcode.ATTACHMENT_INDEX else MetadataIndex
-            index = kind.read(stream(content))
-            indexed.append((index.offset, index.length))
-    for offset, length in indexed:
-        if not len(MAGIC) <= offset <= offset + length <= start:
-            raise ValueError("an attachment lies outside the file")
-        file.seek(offset)
-        record = file.read(length)
-        for opcode, place, inner in split_records(record):
-            _keep(opcode, record[place : place + inner], structure)
-    structure.chunks.sort(key=lambda chunk: chunk.offset)
-    return True
+        raise ValueError("the summary does not match its checksum")
+    return start, summary
 
 
-def _scan(file: BinaryIO, size: int, structure: Structure) -> None:
-    """Read records one after another, up to the end of the data or the last complete record."""
+def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> None:
+    """Find the records before `end`, or up to the last complete record where the file has no summary."""
+    structure.truncated = not summary
+    structure.channels = [
+        Channel.read(stream(summary[place : place + length]))
+        for opcode, place, length in split_records(summary)
+        if opcode == Opcode.CHANNEL
+    ]
     position = len(MAGIC)
-    while position + 9 <= size:
+    while position + 9 <= end:
         file.seek(position)
         opcode, length = struct.unpack("<BQ", file.read(9))
+        if opcode in (0, Opcode.FOOTER) or length > end - position - 9:
+            break
         position += 9
-        if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or length > size - position:
-            return
-        if opcode == Opcode.CHUNK and length >= CHUNK_HEAD.size:
-            start, end, _, _ = CHUNK_HEAD.unpack(file.read(CHUNK_HEAD.size))
-            structure.chunks.append(ChunkPlace(offset=position, length=length, start=start, end=end))
+        if opcode == Opcode.CHUNK and length >= CHUNK_TIMES.size:
+            first, last = CHUNK_TIMES.unpack(file.read(CHUNK_TIMES.size))
+            structure.chunks.append(ChunkPlace(offset=position, length=length, start=first, end=last))
         elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
             _keep(opcode, file.read(length), structure)
         position += length
+    if summary and position != end:
+        raise ValueError("a record has a wrong length")
 
 
 def _keep(opcode: int, content: bytes, structure: Structure) -> None:
@@ -165,3 +151,22 @@ def _keep(opcode: int, content: bytes, structure: Structure) -> None:
     elif opcode == Opcode.METADATA:
         metadata = Metadata.read(stream(content))
         structure.metadata[metadata.name] = metadata.metadata
+
+
+def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
+    """Decompressed and checked messages of a chunk. Raises ValueError or an error of mcap if the chunk is damaged."""
+    import zstandard
+
+    file.seek(place.offset)
+    chunk = Chunk.read(stream(file.read(place.length)))
+    size, packed = chunk.uncompressed_size, chunk.data
+    # A damaged or hostile file may state any size.
+    try:
+        if size > _LARGEST_CHUNK or zstandard.frame_content_size(packed) not in (-1, size):
+            raise ValueError("a chunk differs from its stated length")
+        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+    if len(data) != size or (chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc):
+        raise ValueError("a chunk does not match its checksum")
+    return data

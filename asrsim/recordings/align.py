@@ -232,17 +232,13 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
     if len(t) < 2:
         return np.full(len(grid), np.nan)
     step = float(np.median(np.diff(t)))
-    coarse = float(np.median(np.diff(grid))) if len(grid) > 1 else step
-    if len(t) < 4 or step <= 0.25 * coarse:
-        result = np.interp(grid, t, v)
-    else:
+    result = np.interp(grid, t, v)
+    if len(grid) > 1 and step > 0.25 * np.median(np.diff(grid)):
         from scipy.interpolate import Akima1DInterpolator
 
         result = np.asarray(Akima1DInterpolator(t, v)(np.clip(grid, t[0], t[-1])), dtype=np.float64)
     # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
-    slack = 0.5 * min(step, coarse)
-    result = np.where(grid < t[0], v[0], np.where(grid > t[-1], v[-1], result))
-    outside = (grid < t[0] - slack) | (grid > t[-1] + slack)
+    outside = (grid < t[0] - 0.5 * step) | (grid > t[-1] + 0.5 * step)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
     # Only times strictly between two samples lie in a gap.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])

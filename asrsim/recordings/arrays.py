@@ -1,4 +1,4 @@
-"""Reads named arrays from MATLAB, HDF5, NumPy, Parquet and Feather files. Vectors of equal length in a struct form a table."""
+"""Reads named arrays from MATLAB, NumPy and other files. Vectors of equal length in a struct form a table."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.extras import library
@@ -26,15 +25,15 @@ def read_matlab(path: Path, reading: Reading) -> Content:
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
         h5py = library("h5py", "hdf5")
         with h5py.File(path) as file:
-            return _content("matlab", _of_group(h5py, file), [], reading)
+            return of_tree("matlab", _of_group(h5py, file), [], reading)
     from scipy.io import loadmat
 
     found = loadmat(path, simplify_cells=True)
-    return _content("matlab", {name: value for name, value in found.items() if not name.startswith("__")}, [], reading)
+    return of_tree("matlab", {name: value for name, value in found.items() if not name.startswith("__")}, [], reading)
 
 
 def read_numpy(path: Path, reading: Reading) -> Content:
-    """Content of a NumPy file: named arrays; a structured array becomes a table."""
+    """Content of a NumPy file: named arrays."""
     try:
         loaded = np.load(path)
     except ValueError as error:
@@ -47,13 +46,13 @@ def read_numpy(path: Path, reading: Reading) -> Content:
     found: dict[str, Any] = {}
     for name in arrays:
         try:
-            found |= _fields(arrays[name], name)
+            found[name] = arrays[name]
         except ValueError as error:
             if "pickle" not in str(error):
                 raise
             # Unpickling a Python object would run code from the file.
             findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
-    return _content("numpy", found, findings, reading)
+    return of_tree("numpy", found, findings, reading)
 
 
 def read_arrow(path: Path, reading: Reading) -> Content:
@@ -70,12 +69,7 @@ def read_arrow(path: Path, reading: Reading) -> Content:
     unread = listed([name for name in columns if name not in numbers], 8)
     found = {"time" if name.startswith("__index") else name: values for name, values in numbers.items()}
     note = Problem("text, lists and records are not read", key=unread, code="text-column")
-    return _content("arrow", found, [note] if unread else [], reading)
-
-
-def _fields(array: NDArray[Any], name: str) -> dict[str, Any]:
-    names = array.dtype.names
-    return {name: array} if names is None else {name: {field: array[field] for field in names}}
+    return of_tree("arrow", found, [note] if unread else [], reading)
 
 
 def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
@@ -89,7 +83,8 @@ def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
     return found
 
 
-def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
+def of_tree(form: str, tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
+    """Content made of named arrays and structs of arrays. Raises RecordingError where no array is a series."""
     tables = tuple(_tables([*_leaves(tree, "", findings)], {*reading.time.columns}))
     if not tables:
         raise RecordingError(

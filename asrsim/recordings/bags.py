@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, counted, printable
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
 from asrsim.quantities import QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
-from asrsim.recordings.text import printable
 
 _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
@@ -27,7 +26,6 @@ _LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 _NAMES = ("name", "names", "joint_names")
 """Message fields that name the entries of the other arrays in the message."""
-_REST = ("nanosec", "nsec", "nsecs")
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
@@ -60,10 +58,10 @@ def stamp_of(message: Any) -> int | None:
     """Time stamp of a message, ns, from its header or its own fields; None if the stamp is missing or zero."""
     members = _members(message)
     for stamp in (_members(members.get("header")).get("stamp"), members.get("stamp"), members.get("timestamp")):
-        parts = _members(stamp)
-        whole, rest = ([parts[name] for name in names if name in parts] for names in (("sec", "secs"), _REST))
-        if whole and rest and isinstance(whole[0], int) and isinstance(rest[0], int):
-            return (whole[0] * 1_000_000_000 + rest[0]) or None
+        # Seconds and nanoseconds are called sec and nanosec, secs and nsecs, or sec and nsec, in any order.
+        parts = {name[:1]: part for name, part in _members(stamp).items() if isinstance(part, int)}
+        if {*parts} == {"s", "n"}:
+            return (parts["s"] * 1_000_000_000 + parts["n"]) or None
     return None
 
 
@@ -279,7 +277,7 @@ def _tables(
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
     findings += [
-        Problem(f"{count} messages do not match their type's definition and are skipped", key=topics[id_].name,
+        Problem(f"skipped {counted(count, 'message')} that are not as their type defines", key=topics[id_].name,
                 value=topics[id_].kind, code="broken-message")
         for id_, count in broken.items()
     ]  # fmt: skip

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, listed
 from asrsim.samples import Array
 
 EPOCH = 1e8
@@ -45,6 +45,25 @@ class RawTable:
     columns: tuple[RawColumn, ...]
     lines: NDArray[np.int64] | None = None
     """Line number (n,) of each row in a text file, counted from 1."""
+    time: Array = field(default_factory=lambda: np.empty(0))
+    """Strictly increasing times (n,), s, which `asrsim.recordings.times` finds; empty as returned by a reader."""
+    clock: str = ""
+    """Column and unit of the time, in the syntax of a reading document."""
+
+    def line(self, row: int) -> int | None:
+        """Line number of a row; None outside of text files."""
+        return None if self.lines is None else int(self.lines[row])
+
+    def places(self, rows: NDArray[np.intp]) -> str:
+        """Rows as text, such as `lines 3, 11`, or `samples 2, 10` outside of text files."""
+        numbers, noun = (rows + 1, "sample") if self.lines is None else (self.lines[rows], "line")
+        return f"{noun}{'s' if len(rows) > 1 else ''} {listed(numbers.tolist(), 8)}"
+
+    def selected(self, rows: NDArray[np.bool_]) -> RawTable:
+        """Table with the rows of a mask (n,)."""
+        columns = tuple(replace(column, values=column.values[rows]) for column in self.columns)
+        lines = None if self.lines is None else self.lines[rows]
+        return replace(self, columns=columns, lines=lines, time=self.time[rows])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,24 +75,6 @@ class Content:
     findings: tuple[Problem, ...] = ()
     layout: Mapping[str, str | int] = field(default_factory=dict)
     """Detected layout of a text or sheet, under the keys of a reading document."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RawSeries:
-    """A raw column at strictly increasing times."""
-
-    column: RawColumn
-    time: Array
-    """Times (n,), s; the columns of a table share this array."""
-    values: Array
-    """Values (n,) of the rows that were kept."""
-    clock: str = ""
-    """Column and unit of the time, in the syntax of a reading document."""
-
-    @property
-    def name(self) -> str:
-        """Name of the column."""
-        return self.column.name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,13 +129,11 @@ class Recording:
     format: str
     """Name of the reader in `asrsim.recordings.READERS`, such as text, numpy or bag."""
     time: Array
-    """Times (n,), s, strictly increasing, as in the file. Absolute stamps count from the first one (see `epoch`)."""
+    """Times (n,), s, strictly increasing, as in the file. Dates and Unix times count from the first one."""
     channels: Mapping[str, Column]
     """Columns by name, in the file's order. Each column has its own times; `Recording.time` is from the longest table."""
     findings: tuple[Problem, ...] = ()
-    """Problems of the file: bad rows, gaps, jitter, constant columns, assumed units. Every dropped sample is reported."""
-    epoch: float | None = None
-    """Unix time in s of time 0; None where the file has no absolute stamps."""
+    """Problems of the file: bad rows, gaps, constant columns, assumed units. Every dropped sample is reported."""
     reading: Path | None = field(default=None, repr=False)
     """Document that says how the file is read; None: the columns were interpreted by their names."""
 
@@ -148,12 +147,6 @@ class Recording:
         """Names of the joints with at least one mapped column, in the file's order."""
         names = [column.joint for column in self.channels.values() if column.joint is not None and column.quantity]
         return tuple(dict.fromkeys(names))
-
-    def quantities(self, joint: str) -> tuple[str, ...]:
-        """Names of the quantities recorded for a joint."""
-        return tuple(
-            column.quantity for column in self.channels.values() if column.joint == joint and column.quantity is not None
-        )
 
     def column(self, joint: str, quantity: str) -> Column:
         """Column of a joint's quantity. Raises RecordingError, which lists the columns, where it is missing."""

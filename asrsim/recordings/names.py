@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.data import RawColumn
@@ -51,16 +50,8 @@ _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflectio
 """Words of an ambiguous name about which the user is asked."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Meaning:
-    """Joint and quantity derived from a column's name; if `quantity` is None, the column is not used."""
-
-    joint: str | None = None
-    quantity: str | None = None
-    reason: str = ""
-    """Reason why the column is not used, or why the user is asked about it."""
-    asked: bool = False
-    """True: the column may be a joint's quantity, and the user is asked."""
+class DoubtError(Exception):
+    """The meaning of a column is ambiguous, and the user is asked; the message is the reason."""
 
 
 def tokens_of(name: str) -> list[str]:
@@ -82,12 +73,15 @@ def stated_unit(name: str, beside: str = "") -> Unit | None:
     return unit
 
 
-def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
-    """Meaning of a column, by its name and unit alone. joints: joints of the simulation; None: the name states the joint."""
+def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
+    """Joint and quantity of a column, by its name and unit alone; no quantity if the name means none. Raises DoubtError.
+
+    joints: joints of the simulation; None: the name states the joint.
+    """
     plain = re.sub(r"#\d+$", "", split_header(name)[0])
     head, dot, last = plain.strip("./ ").rpartition(".")
     if dot and ALIASES.get(last, last) in KNOWN:
-        return _of_joint(head, ALIASES.get(last, last), unit, joints)
+        return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)
     joint, rest = find_joint(plain, joints or ())
     *above, tail = [part for part in re.split(r"[./]", rest) if {*tokens_of(part)} - {"data"}] or [""]
     array = re.search(r"[\[(](\d+)[\])]$", tail)
@@ -101,41 +95,40 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
     # Other characters (q', q*, a dot above) are ambiguous.
     if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
-        asked = bool(_DOUBTFUL & {*_words(tokens_of(rest))}) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
-        reason = "its name may or may not be a quantity of a joint"
-        return Meaning(joint=joint, reason=reason, asked=asked and "reference" not in words)
+        doubtful = _DOUBTFUL & {*_words(tokens_of(rest))} or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
+        if doubtful and "reference" not in words:
+            raise DoubtError("its name may or may not be a quantity of a joint")
+        return joint, None
+    quantity = _fitting(quantity, unit)
     owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
     unclear = bool(numbers) and exact in KNOWN
     if unclear and (joint or len(joints or ()) == 1):  # for example reference_1, motor_1_torque
-        return _fitting(joint or (joints or [""])[0], exact, unit)
+        return joint or (joints or [""])[0], exact
     if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
-        return Meaning(reason="the number in its name is ambiguous", asked=True)
+        raise DoubtError("the number in its name is ambiguous")
     if joint is None and not count and _words(tokens_of(owner)):
-        return _of_joint(owner, quantity, unit, joints)  # for example elbow/position, /joint_states/elbow/position
+        return _joint_called(owner, joints), quantity  # for example elbow/position, /joint_states/elbow/position
     if joint is None:
-        place = int(array[1]) if array else numbers[0] if numbers else None
-        joint, doubt = joint_of(place, joints, indexed=array is not None)
-        if doubt:
-            return Meaning(reason=doubt, asked=True)
-    return _fitting(joint, quantity, unit)
+        place = int(array[1]) if array else next(iter(numbers), None)
+        joint = joint_of(place, joints, indexed=array is not None)
+    return joint, quantity
 
 
-def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
-    """Meaning of a column whose name states a joint before the quantity."""
+def _joint_called(name: str, joints: Sequence[str] | None) -> str:
+    """Joint with the name that stands before a quantity. Raises DoubtError."""
     called = find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
     place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
-        return _fitting(called, quantity, unit)
-    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # the named joint belongs to another robot
-    return Meaning(reason=doubt, asked=True) if doubt else _fitting(joint, quantity, unit)
+        return called
+    return joint_of(int(place[1]), joints, indexed=False)  # the named joint belongs to another robot
 
 
-def _fitting(joint: str | None, quantity: str, unit: Unit | None) -> Meaning:
-    """Meaning with this joint and quantity if the unit fits the quantity; else a question to the user."""
+def _fitting(quantity: str, unit: Unit | None) -> str:
+    """The quantity. Raises DoubtError if the unit does not fit it."""
     if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
-        return Meaning(reason=f"its name means {quantity}, but its unit is {unit.symbol}", asked=True)
-    return Meaning(joint=joint, quantity=quantity)
+        raise DoubtError(f"its name means {quantity}, but its unit is {unit.symbol}")
+    return quantity
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
@@ -148,31 +141,30 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
     return None, name
 
 
-def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:
-    """Joint with this number, and the reason if it is ambiguous. indexed: joints are counted from 0, as in an array."""
+def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> str:
+    """Joint with this number. indexed: joints are counted from 0, as in an array. Raises DoubtError if it is ambiguous."""
     if number is None:
         if joints is None or len(joints) == 1:
-            return (joints or ["joint_1"])[0], ""
-        return None, f"its name does not state the joint: {', '.join(joints[:8])}"
+            return (joints or ["joint_1"])[0]
+        raise DoubtError(f"its name does not state the joint: {', '.join(joints[:8])}")
     if joints is None:
-        return f"joint_{number}", ""
+        return f"joint_{number}"
     ends = [re.sub(r".*?(\d*)$", r"\1", joint) for joint in joints]
     counted = [str(i + 1) for i in range(len(joints))]
     if not indexed and ends.count(str(number)) == 1 and (sorted(ends) == counted or number == 0):
-        return joints[ends.index(str(number))], ""
+        return joints[ends.index(str(number))]
     place = number if indexed else number - 1
     if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):
-        return joints[place], ""
-    return None, f"the number {number} in its name fits none of {', '.join(joints[:8])} for certain"
+        return joints[place]
+    raise DoubtError(f"the number {number} in its name fits none of {', '.join(joints[:8])} for certain")
 
 
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
     """Index of a column by its header (with or without unit, in any case), or by its number in the file."""
     labels = [column.name for column in columns]
-    plain = [split_header(label)[0] for label in labels]
-    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
-        for spelling in (wanted, wanted.lower()):
-            if spelling in candidates:
-                return candidates.index(spelling)
+    for spelt in (str, str.lower):
+        for names in (labels, [split_header(label)[0] for label in labels]):
+            if spelt(wanted) in (spellings := [spelt(name) for name in names]):
+                return spellings.index(spelt(wanted))
     numbers = [column.place or i for i, column in enumerate(columns, start=1)]
     return numbers.index(int(wanted)) if wanted.isdecimal() and int(wanted) in numbers else None

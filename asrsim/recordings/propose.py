@@ -8,7 +8,7 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.recordings.data import Recording
-from asrsim.recordings.read import read_series
+from asrsim.recordings.read import read_tables
 from asrsim.recordings.reading import ENDING, Reading, resolve_reading
 
 
@@ -35,7 +35,7 @@ def propose(
     if place.exists() and not force:
         raise OutputError(f"{place} exists already; replace it with --overwrite")
     reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
-    content, series, recording = read_series(path, reading, joints)
+    content, recording = read_tables(path, reading, joints)
     lines = [
         f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
         "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
@@ -45,7 +45,7 @@ def propose(
     ]
     if rate is not None:
         lines.append(_line(f"time: {{rate: {rate:g}}}", "Hz, as stated"))
-    elif clock := series[0].clock:
+    elif clock := content.tables[0].clock:
         doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
         lines.append(_line(f"time: {clock}", f"? {doubt}" if doubt else "its name and unit"))
     lines += _map(recording, reading)
@@ -54,7 +54,7 @@ def propose(
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
-    """Lines of `map`: used columns, ambiguous columns as comments to complete, and problems of the file as comments."""
+    """Lines of `map`: used columns, and ambiguous columns as comments to complete."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
     yield "map:" if any(column.quantity for column in columns) else "map: {}"
@@ -67,10 +67,8 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
         yield _line(f"  # {_text(column.source)}: {target}", f"? {column.question}")
-    others = [column.source for column in columns if not (column.quantity or column.question)]
-    yield from [f"# not used: {', '.join(others)}"] if others else []
-    odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
-    yield from ["# problems of the file:", *odd] if odd else []
+    if others := [column.source for column in columns if not (column.quantity or column.question)]:
+        yield f"# not used: {', '.join(others)}"
 
 
 def _line(text: str, reason: str) -> str:

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Unpack
 
 from asrsim.document.block import block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
-from asrsim.document.kinds import NUMBER, Choice, Integer, Number, Optional, Text
+from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Number, Optional, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, KNOWN
@@ -29,14 +28,16 @@ _TARGET = re.compile(
     rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?"
 )
 """Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
+_TIME = re.compile(r"time(?:\s*\[(?P<unit>[^\[\]]*)\])?")
+"""Pattern of the target of an item for the time, such as `time [ms]`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnMap:
     """Meaning of a column: joint, quantity, unit and conversion."""
 
-    column: str
-    """Header of the column, or its number counted from 1."""
+    column: str = ""
+    """Header of the column, or its number counted from 1; "" for a meaning that the column's name implies."""
     joint: str | None = None
     quantity: str | None = None
     """Quantity in the column; None: the column is not used."""
@@ -58,13 +59,13 @@ class TimeKeys:
     """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
-        Optional(Either(((is_list, ListOf(of=Text(noun="name of a column"), minimum=1)), (lambda _: True, Text())))),
+        Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text())),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
         "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip
-    unit: str | None = declare(Optional(Text(noun="unit of time")), doc="unit of the time", default=None, shown="the header's")
+    unit: str | None = declare(Text(noun="unit of time"), doc="unit of the time", default=None, shown="the header's")
     rate: float | None = declare(
-        Optional(Number(above=0.0)), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
+        Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
         default=None,
     )  # fmt: skip
 
@@ -91,39 +92,39 @@ TIME = block_of(TimeKeys, "time", main="column")
 class Reading:
     """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
 
-    file: str | None = declare(
-        Optional(Text(noun="name of a file")), doc="the recording that this document describes", default=None
-    )
+    file: str | None = declare(Text(noun="name of a file"), doc="the recording that this document describes", default=None)
     time: TimeKeys = declare(TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
-        Optional(Choice(tuple(SEPARATORS))), doc="text: the separator of cells", default=None, shown="detected"
+        Choice(tuple(SEPARATORS)), doc="text: the separator of cells", default=None, shown="detected"
     )
-    decimal: str | None = declare(Optional(Choice((".", ","))), doc="text: the decimal mark", default=None, shown="detected")
+    decimal: str | None = declare(Choice((".", ",")), doc="text: the decimal mark", default=None, shown="detected")
     encoding: str | None = declare(
-        Optional(Text()), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
+        Text(), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
     )
     header: int | None = declare(
-        Optional(Integer(minimum=0)), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
+        Integer(minimum=0), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
         default=None, shown="detected",
     )  # fmt: skip
     sheet: str | None = declare(
-        Optional(Text(noun="name of a sheet")), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
+        Text(noun="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
     missing: float | None = declare(
-        Optional(NUMBER), doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
+        NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",
     )  # fmt: skip
     window: tuple[float | None, ...] | None = declare(
-        Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))),
+        ListOf(of=Optional(NUMBER), length=2, names=("start", "end")),
         doc="start and end of the part that is kept, on the recording's clock",
         unit="s", default=None,
     )  # fmt: skip
     columns: Mapping[str, str] | None = declare(
-        Optional(MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False)), key="map",
+        MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
         doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
     )  # fmt: skip
     maps: tuple[ColumnMap, ...] = ()
     """Meanings of the columns, from `columns` and the items of `--map`."""
+    in_seconds: bool = False
+    """True: a time without a unit is in s, as in scenarios; False: an implausible step is asked about."""
     origin: Path | None = None
 
     def __post_init__(self) -> None:
@@ -133,16 +134,13 @@ class Reading:
                 codecs.lookup(self.encoding)
             except LookupError:
                 problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
-        if self.window is not None and not self.start < self.end:
-            problems.append(Problem("must be a start and a later end", key="window", value=list(self.window), code="range"))
+        if self.span[0] >= self.span[1]:
+            problems.append(Problem("must be a start and a later end", key="window", value=self.window, code="range"))
         known = {one.column for one in self.maps}
         maps: list[ColumnMap] = []
         for column, text in (self.columns or {}).items():
             try:
-                found = parse_item(f"{column}={text}", origin="")
-                if not isinstance(found, ColumnMap):
-                    raise _error(column, "is the time; state its column under `time`")
-                maps += [found] if column not in known else []
+                maps += [parse_meaning(column, text, origin="")] if column not in known else []
             except RecordingError as error:
                 problems += [replace(one, key="columns", message=f"{column}: {one.message}") for one in error.problems]
         if problems:
@@ -150,14 +148,10 @@ class Reading:
         object.__setattr__(self, "maps", (*self.maps, *maps))
 
     @property
-    def start(self) -> float:
-        """Start of the window, s."""
-        return -math.inf if self.window is None or self.window[0] is None else self.window[0]
-
-    @property
-    def end(self) -> float:
-        """End of the window, s."""
-        return math.inf if self.window is None or self.window[1] is None else self.window[1]
+    def span(self) -> tuple[float, float]:
+        """Start and end of the window, s; infinite where the window is open."""
+        start, end = self.window or (None, None)
+        return -math.inf if start is None else start, math.inf if end is None else end
 
     @property
     def items(self) -> list[str]:
@@ -176,6 +170,12 @@ def reading_file(path: Path) -> Path | None:
     """Path of the reading document beside a recording; None if it does not exist."""
     beside = path.with_name(path.name + ENDING)
     return beside if beside.is_file() else None
+
+
+def modified(path: Path) -> tuple[int, int]:
+    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches notice changes by them."""
+    beside = reading_file(path)
+    return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
 def load_reading(path: Path) -> Reading:
@@ -199,17 +199,19 @@ def resolve_reading(
     problems: list[Problem] = []
     maps: list[ColumnMap] = []
     for text in (str(item) for item in items if not is_document(item)):
+        column, _, target = (part.strip() for part in text.rpartition("="))
+        time = _TIME.fullmatch(target)
         try:
-            found = parse_item(text)
+            if not column or not target:
+                raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
+            if column == "window" and ".." in target:
+                reading = replace(reading, window=_window(target))
+            elif time is not None:
+                reading = replace(reading, time=TimeKeys(column=column, unit=time["unit"]))
+            else:
+                maps.append(parse_meaning(column, target))
         except RecordingError as error:
             problems += error.problems
-            continue
-        if isinstance(found, TimeKeys):
-            reading = replace(reading, time=found)
-        elif isinstance(found, tuple):
-            reading = replace(reading, window=found)
-        else:
-            maps.append(found)
     if rate is not None:
         if not (math.isfinite(rate) and rate > 0):
             problems.append(Problem("the sampling rate must be positive", value=rate, code="bad-rate"))
@@ -225,31 +227,21 @@ def is_document(item: str | Path) -> bool:
     return isinstance(item, Path) or (Path(item).suffix.lower() in (".yaml", ".yml") and Path(item).is_file())
 
 
-def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys | tuple[float | None, ...]:
-    """Meaning of an item of `--map`. Raises RecordingError.
+def parse_meaning(column: str, target: str, origin: str = "command line") -> ColumnMap:
+    """Meaning of a column, from `JOINT.QUANTITY [unit]` or `ignore`. Raises RecordingError.
 
-    `COLUMN=JOINT.QUANTITY [unit]` and `COLUMN=ignore` give a `ColumnMap`, `COLUMN=time [ms]` gives `TimeKeys`, and
-    `window=2..12` gives (start, end) in s. A minus or factor before the joint scales: `COLUMN=-JOINT.QUANTITY`,
-    `COLUMN=0.01*JOINT.QUANTITY`. The offset comes last, in SI units: `... [deg] - 0.02`. `unwrapped` before the offset removes
-    jumps by whole turns.
+    A minus or factor before the joint scales: `-JOINT.QUANTITY`, `0.01*JOINT.QUANTITY`. The offset comes last, in SI units:
+    `... [deg] - 0.02`. `unwrapped` before the offset removes jumps by whole turns.
     """
-    column, _, target = (part.strip() for part in text.rpartition("="))
-    if not column or not target:
-        raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
-    if column == "window" and ".." in target:
-        try:
-            return tuple(float(end) if end.strip() else None for end in target.split(".."))
-        except ValueError:
-            raise _error("window", f"must be START..END in s, is {target}") from None
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)
     found = _TARGET.fullmatch(target)
     if found is None:
         raise _error(column, f"'{target}' is not JOINT.QUANTITY")
-    if found["name"] == "time" and found["joint"] is None:
-        return TimeKeys(column=column, unit=found["unit"])
     quantity = ALIASES.get(found["name"], found["name"])
     if found["joint"] is None:
+        if quantity == "time":
+            raise _error(column, "is the time; state its column under `time`")
         raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=f"Did you mean {found['name']}.link_position?")
     if quantity not in KNOWN:
         raise _error(column, f"no quantity is called '{found['name']}'", choices=(*KNOWN, *ALIASES), meant=found["name"])
@@ -259,6 +251,14 @@ def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys 
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
         offset=float((found["offset"] or "0").replace(" ", "")),
     )  # fmt: skip
+
+
+def _window(text: str) -> tuple[float | None, ...]:
+    """Start and end in s, from `2..12` or `2..`. Raises RecordingError."""
+    try:
+        return tuple(float(end) if end.strip() else None for end in text.split(".."))
+    except ValueError:
+        raise _error("window", f"must be START..END in s, is {text}") from None
 
 
 def _error(key: str, message: str, **details: Unpack[Details]) -> RecordingError:

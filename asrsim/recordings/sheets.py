@@ -10,7 +10,10 @@ from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from asrsim.errors import Problem, RecordingError, listed
+from asrsim.recordings.arrays import of_tree
 from asrsim.recordings.data import Content
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
@@ -27,7 +30,7 @@ def is_json(path: Path) -> bool:
 
 
 def read_json(path: Path, reading: Reading) -> Content:
-    """Table of a JSON file: one record per line, a list of records, or an object of lists of equal length.
+    """Table of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
 
     Raises RecordingError where the file is not JSON or contains no records.
     """
@@ -36,12 +39,11 @@ def read_json(path: Path, reading: Reading) -> Content:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
         data = _of_lines(text, error)
-    units = data.get("units") if isinstance(data, dict) else None
     if isinstance(data, dict):
-        lists = {name: one for name, one in data.items() if isinstance(one, list)}
-        length = max(map(len, lists.values()), default=0)
-        lists = {name: one for name, one in lists.items() if len(one) == length}
-        data = [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
+        lists = [one for one in data.values() if isinstance(one, list) and one and isinstance(one[0], dict)]
+        if not lists:
+            return of_tree("json", _arrays(data), [], reading)
+        data = lists[0]
     records = [dict(_flat(one, "")) for one in data]
     if len(records) < 2:
         raise RecordingError(
@@ -49,8 +51,17 @@ def read_json(path: Path, reading: Reading) -> Content:
             hint="Expected records with a time and signals: one per line, a list of records, or an object of lists",
         )  # fmt: skip
     labels = list(dict.fromkeys(label for record in records for label in record))
-    names = [f"{label} [{units[label]}]" if isinstance(units, dict) and label in units else label for label in labels]
-    return read_cells("json", [names, *([record.get(label, "") for label in labels] for record in records)], reading)
+    return read_cells("json", [labels, *([record.get(label, "") for label in labels] for record in records)], reading)
+
+
+def _arrays(data: Any) -> Any:
+    """JSON data in which lists of numbers are arrays; null becomes NaN."""
+    if isinstance(data, dict):
+        return {name: _arrays(one) for name, one in data.items()}
+    try:
+        return np.array(data, dtype=float)
+    except (ValueError, TypeError):
+        return data
 
 
 def _of_lines(text: str, whole: Exception) -> list[Any]:

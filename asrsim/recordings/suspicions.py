@@ -9,24 +9,24 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.errors import Problem, listed
-from asrsim.recordings.data import Column, RawSeries
+from asrsim.recordings.data import Column
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
 """Typical wrong units, as pairs (value in this unit divided by the SI value, name of the unit)."""
 _FEWEST = 20
-"""Smallest number of common samples for a comparison of two columns."""
+"""Smallest number of samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 
 
-def suspicions(columns: Sequence[Column], series: Sequence[RawSeries]) -> list[Problem]:
-    """All suspected errors in the used columns of a recording. series: raw series of the columns, in the file's units."""
+def suspicions(columns: Sequence[Column], raw: Sequence[Array]) -> list[Problem]:
+    """All suspected errors in the used columns of a recording. raw: values of each column in the file's unit."""
     used = {(column.joint, column.quantity): column for column in columns if column.quantity}
-    found = [one for column, raw in zip(columns, series, strict=True) if column.quantity for one in _alone(column, raw.values)]
+    found = [one for column, values in zip(columns, raw, strict=True) if column.quantity for one in _alone(column, values)]
     for (joint, quantity), column in used.items():
         position = used.get((joint, str(quantity).replace("velocity", "position")))
-        if str(quantity).endswith("velocity") and position is not None:
+        if str(quantity).endswith("velocity") and position is not None and position.time is column.time:
             found += _slope(position, column)
     return found
 
@@ -131,8 +131,9 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
 
 def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
     """Problem of a velocity that is not the derivative of the position. Compares integrals, as derivatives amplify noise."""
-    time, angle, speed = _on_one_time(position, velocity)
-    if len(time) < _FEWEST:
+    both = np.isfinite(position.values) & np.isfinite(velocity.values)
+    time, angle, speed = position.time[both], position.values[both], velocity.values[both]
+    if len(time) < _FEWEST or min(np.ptp(angle), np.ptp(speed)) < 1e-9 * max(1.0, float(np.max(np.abs(angle)))):
         return
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     # The integral of a small velocity offset is a straight line, which is removed.
@@ -148,18 +149,6 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
         message = f"is {ratio:.3g} times the slope of '{position.source}': are the units of position, velocity and time right?"
         hint = "57.3: velocity in deg/s; 0.0175: position in deg; 9.55: rpm; 1000: thousandths; other: is one before the gear?"
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-unit")
-
-
-def _on_one_time(first: Column, second: Column) -> tuple[Array, Array, Array]:
-    """Common times and the values of both columns there, (n,) each; empty where one column is constant."""
-    known = np.isfinite(second.values)
-    values = second.values
-    if first.time is not second.time and known.any():
-        values = np.interp(first.time, second.time[known], values[known], left=np.nan, right=np.nan)
-    both = np.isfinite(first.values) & np.isfinite(values)
-    a, b = first.values[both], values[both]
-    moving = len(a) > 0 and min(np.ptp(a), np.ptp(b)) > 1e-9 * max(1.0, float(np.max(np.abs(a))))
-    return (first.time[both], a, b) if moving else (first.time[:0], a[:0], b[:0])
 
 
 def _correlation(a: Array, b: Array) -> float:

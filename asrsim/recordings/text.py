@@ -1,4 +1,4 @@
-"""Reads delimited text and cells of sheets. The first lines decide the layout; then NumPy reads blocks of valid lines."""
+"""Reads delimited text and cells of sheets. The first lines decide the layout; then the columns are converted in blocks."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError, listed
+from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import SEPARATORS, Reading
 from asrsim.samples import Array
@@ -32,14 +31,11 @@ Row = tuple[int, list[str]]
 """Line number and cells of a row."""
 
 
-def printable(text: str) -> str:
-    """Text with "?" in place of control characters and invalid characters, which terminals must not receive."""
-    return text if text.isprintable() else "".join(sign if sign.isprintable() else "?" for sign in text)
-
-
 def split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
-    if separator is not None and '"' in line:
+    if " " not in line and '"' not in line:  # most files: no cell needs more work
+        return line.split(separator)
+    if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip(' "') for cell in line.split(separator)]
 
@@ -75,83 +71,99 @@ def share_of_values(cells: Sequence[str], decimal: str) -> float:
 
 
 @dataclass(kw_only=True)
+class CellColumn:
+    """Column of cells, which are converted to numbers block by block."""
+
+    name: str
+    kind: str
+    """Kind of the cells: number, stamp or text."""
+    zero: int | None = None
+    """First date or time of day in the column, ns."""
+    blocks: list[Array] = field(default_factory=list)
+    faults: list[int] = field(default_factory=list)
+    """Lines of the cells that are not numbers."""
+    example: str = ""
+    """First cell that is not a number."""
+
+    def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
+        """Convert cells; text becomes NaN and is reported with its line."""
+        try:
+            values = [*map(float, cells)] if self.kind == "number" else []
+        except ValueError:
+            values = []
+        values = values or [self._value(cell, line, decimal) for cell, line in zip(cells, lines, strict=True)]
+        self.blocks.append(np.array(values, dtype=float))
+
+    def _value(self, cell: str, line: int, decimal: str) -> float:
+        value = number(cell, decimal) if self.kind == "number" else None
+        if self.kind == "stamp" and (moment := stamp_ns(cell)) is not None:
+            self.zero = moment if self.zero is None else self.zero
+            value = (moment - self.zero) * 1e-9
+        if value is None:
+            self.example = self.example or printable(cell[:30])
+            self.faults.append(line)
+        return float("nan") if value is None else value
+
+
+@dataclass(kw_only=True)
 class Rows:
-    """Layout of a table, and the faults of its lines and cells."""
+    """Table of cells: its layout, and the rows that were read."""
 
     separator: str | None
     """Separator of cells; None: runs of white space."""
     decimal: str
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    """Kind of each column: number, stamp or text."""
     header: int
     """Line of the names; 0: the file has no names."""
     first: int
     """Line of the first row of numbers."""
-    faults: dict[tuple[str, int], tuple[list[int], str]] = field(default_factory=dict)
-    """Faulty lines and text of the first faulty cell, by (code of the problem, column); column -1 stands for whole lines."""
-    zeros: dict[int, int] = field(default_factory=dict)
-    """First date of each column of dates, ns, by index of the column."""
+    columns: tuple[CellColumn, ...]
+    lines: list[int] = field(default_factory=list)
+    ragged: list[Row] = field(default_factory=list)
+    """Skipped rows, which have another number of cells."""
 
-    def read(self, rows: Iterable[Row]) -> tuple[Array, NDArray[np.int64]]:
-        """Numbers and line numbers of the rows. Rows of another length are skipped, text becomes NaN; both are reported."""
-        found: list[list[float]] = []
-        kept: list[int] = []
-        for line, cells in rows:
-            if not any(cell.strip("\0") for cell in cells) or cells[0].startswith(COMMENTS):
-                continue
-            if len(cells) != len(self.names):
-                self._note("ragged-row", line, -1, str(len(cells)))
-                continue
-            found.append([self._value(cell, i, line) for i, cell in enumerate(cells)])
-            kept.append(line)
-        return np.array(found, dtype=float).reshape(len(found), len(self.names)), np.array(kept, dtype=np.int64)
+    def add(self, rows: Iterable[Row]) -> None:
+        """Convert rows. Blank lines and comments are skipped, and rows of another length are skipped and reported."""
+        whole: list[Row] = []
+        for line, row in rows:
+            if any(row) and not row[0].startswith(COMMENTS):
+                (whole if len(row) == len(self.columns) else self.ragged).append((line, row))
+        if not whole:
+            return
+        lines, table = zip(*whole, strict=True)
+        self.lines += lines
+        for column, cells in zip(self.columns, zip(*table, strict=True), strict=True):
+            if column.kind != "text":
+                column.add(cells, lines, self.decimal)
 
-    def fast(self, block: Sequence[str]) -> Array | None:
-        """Numbers of all lines, read by NumPy at once; None where a line is not a plain row of numbers."""
-        if {*self.kinds} != {"number"}:
-            return None
-        try:
-            lines = [line.replace(",", ".") for line in block] if self.decimal == "," else block
-            values = np.loadtxt(lines, delimiter=self.separator, comments=None, ndmin=2)
-        except ValueError:
-            return None
-        # NumPy skips blank lines, which would shift the line numbers.
-        return values if values.shape == (len(block), len(self.names)) else None
-
-    def _value(self, cell: str, column: int, line: int) -> float:
-        kind = self.kinds[column]
-        value = number(cell, self.decimal) if kind == "number" else None
-        if kind == "stamp" and (moment := stamp_ns(cell)) is not None:
-            value = (moment - self.zeros.setdefault(column, moment)) * 1e-9
-        if value is None and kind != "text":
-            self._note("not-a-number", line, column, cell)
-        return float("nan") if value is None else value
-
-    def _note(self, code: str, line: int, column: int, cell: str) -> None:
-        self.faults.setdefault((code, column), ([], printable(cell[:30])))[0].append(line)
-
-    def content(self, form: str, values: Array, lines: NDArray[np.int64]) -> Content:
+    def content(self, form: str) -> Content:
         """Content with the table, and one problem for each kind of fault."""
         findings = []
-        for (code, column), (where, cell) in sorted(self.faults.items()):
-            message = f"{len(where)} cells are not numbers, such as '{cell}', and are read as missing"
-            if column < 0:
-                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields (or another number) are skipped"
-            message += f": line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
-            key = self.names[column] if column >= 0 else None
-            findings.append(Problem(message, line=where[0], key=key, code=code))
-        if texts := [name for name, kind in zip(self.names, self.kinds, strict=True) if kind == "text"]:
+        if self.ragged:
+            rows, first = counted(len(self.ragged), "row"), len(self.ragged[0][1])
+            message = f"skipped {rows} with {first} instead of {len(self.columns)} fields (or another number)"
+            findings.append(_problem(message, [line for line, _ in self.ragged], "ragged-row"))
+        for column in self.columns:
+            if column.faults:
+                cells = counted(len(column.faults), "cell")
+                message = f"read as missing, since not a number: {cells}, such as '{column.example}'"
+                findings.append(_problem(message, column.faults, "not-a-number", column.name))
+        if texts := [column.name for column in self.columns if column.kind == "text"]:
             findings.append(Problem("text is not read", key=listed(texts, 6), code="text-column"))
         if not self.header:
             message = "has no header; columns are called column_1, column_2, ..."
             findings.append(Problem(message, hint="Name them with --map 2=joint_1.link_position", code="no-header"))
         columns = tuple(
-            RawColumn(name=name, values=np.ascontiguousarray(values[:, i]), zero=self.zeros.get(i), place=i + 1)
-            for i, name in enumerate(self.names)
-            if self.kinds[i] != "text"
+            RawColumn(name=column.name, values=np.concatenate(column.blocks), zero=column.zero, place=i)
+            for i, column in enumerate(self.columns, start=1)
+            if column.kind != "text"
         )
-        return Content(format=form, tables=(RawTable(columns=columns, lines=lines),), findings=tuple(findings))
+        table = RawTable(columns=columns, lines=np.array(self.lines, dtype=np.int64))
+        return Content(format=form, tables=(table,), findings=tuple(findings))
+
+
+def _problem(message: str, lines: Sequence[int], code: str, key: str | None = None) -> Problem:
+    places = f"line{'s' if len(lines) > 1 else ''} {listed(lines, 8)}"
+    return Problem(f"{message}: {places}", line=lines[0], key=key, code=code)
 
 
 def read_text(path: Path, reading: Reading) -> Content:
@@ -165,42 +177,38 @@ def read_text(path: Path, reading: Reading) -> Content:
         raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
     separator, decimal = _separator(plain[len(plain) // 2 :], reading)
     rows = layout_of([(i, _cells(line, separator)) for i, line in lines], reading, decimal, separator)
-    blocks: list[tuple[Array, NDArray[np.int64]]] = []
     with path.open(encoding=encoding, errors="replace") as stream:
         numbered = enumerate(itertools.islice(stream, rows.first - 1, None), start=rows.first)
-        while block := list(itertools.islice(numbered, _BLOCK)):
-            values = rows.fast([line for _, line in block])
-            if values is not None:
-                blocks.append((values, np.array([i for i, _ in block], dtype=np.int64)))
-            else:
-                blocks.append(rows.read((i, split(line.strip("\r\n"), separator)) for i, line in block))
-    values, kept = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        while block := [*itertools.islice(numbered, _BLOCK)]:
+            rows.add((i, split(line.strip("\r\n"), separator)) for i, line in block)
     word = next(word for word, sign in SEPARATORS.items() if sign == separator)
     layout: dict[str, str | int] = {"separator": word, "decimal": decimal, "encoding": encoding, "header": rows.header}
-    return replace(rows.content("text", values, kept), layout=layout)
+    return replace(rows.content("text"), layout=layout)
 
 
 def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
     """Content made of rows of cells, from a sheet or a list of records."""
     width = max((len(row) for row in rows), default=0)
-    counted = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
-    if not counted:
+    filled = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
+    if not filled:
         raise RecordingError("holds no rows", code="empty")
-    found = layout_of(counted[:_SAMPLE], reading, ".", ",")
-    return found.content(form, *found.read(row for row in counted if row[0] >= found.first))
+    found = layout_of(filled[:_SAMPLE], reading, ".", ",")
+    found.add(row for row in filled if row[0] >= found.first)
+    return found.content(form)
 
 
 def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: str | None) -> Rows:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
-    columns = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
+    # Lines such as "Samples 400 400" or "Operator Ada" above the header are no rows of the table, which begins with a time.
+    shapes = Counter((len(cells), kind_of(cells[0], decimal) == "text") for _, cells in rows[len(rows) // 2 :])
+    (columns, label), _ = shapes.most_common(1)[0]
 
     def share(row: Row) -> float | None:
-        """Fraction of the row's cells that are values; None for comments and rows of another length."""
+        """Fraction of the row's cells that are values; None for comments and rows of another shape."""
         line, cells = row
         whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
-        return share_of_values(cells, decimal) if whole else None
+        return share_of_values(cells, decimal) if whole and (kind_of(cells[0], decimal) == "text") == label else None
 
-    # A line such as "Samples 400 400" above the header is no row of numbers, as text follows.
     shares = [*map(share, rows)]
     below = [*shares[1:], None]
     place = next((i for i, both in enumerate(zip(shares, below, strict=True)) if _begins(*both)), None)
@@ -210,7 +218,9 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
-    fitting = [row for row in above if len(row[1]) == columns and share_of_values(row[1], decimal) < 0.5]
+    # Some programs end each row, but not the header, with a separator.
+    blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
+    fitting = [row for row in above if len(row[1]) in (columns, columns - blank) and share_of_values(row[1], decimal) < 0.5]
     header, names = fitting[-1] if fitting else (0, [""] * columns)
     if place and not fitting and reading.header is None and len(rows[place - 1][1]) > 2:
         line, names = rows[place - 1]
@@ -219,10 +229,11 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
             hint="Repair that line, or state `header: 0` in the document beside the file and name the columns by their numbers",
         )  # fmt: skip
     kinds = [Counter(kind_of(cells[i], decimal) for _, cells in rows[place:] if len(cells) == columns) for i in range(columns)]
-    return Rows(
-        separator=separator, decimal=decimal, names=_unique(names), header=header, first=rows[place][0],
-        kinds=tuple(max(("number", "stamp", "text"), key=lambda kind: counts[kind]) for counts in kinds),
-    )  # fmt: skip
+    common = [max(("number", "stamp", "text"), key=lambda kind: counts[kind]) for counts in kinds]
+    members = tuple(
+        CellColumn(name=name, kind=kind) for name, kind in zip(_unique([*names, ""][:columns]), common, strict=True)
+    )
+    return Rows(separator=separator, decimal=decimal, header=header, first=rows[place][0], columns=members)
 
 
 def _begins(share: float | None, below: float | None) -> bool:
@@ -253,20 +264,20 @@ def _encoding(path: Path) -> str:
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
     """Separator and decimal mark that make most cells numbers; a separator or mark stated in `reading` is kept."""
-    best: tuple[float, str | None, str] = (-1.0, None, ".")
-    for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
+
+    def score(separator: str | None, decimal: str) -> float:
+        """Fraction of the lines' cells that are values; a layout with one column is chosen only if no other fits."""
         rows = [split(line, separator) for line in lines]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
-        for decimal in (reading.decimal,) if reading.decimal else (".", ","):
-            if decimal == separator and not reading.decimal:
-                continue
-            # A separator at the end of each line makes a blank last cell, which must not lower the score.
-            whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
-            good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
-            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # a layout with one column is chosen only if no other fits
-            if score > best[0]:
-                best = score, separator, decimal
-    return best[1], best[2]
+        # A separator at the end of each line makes a blank last cell, which must not lower the score.
+        whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
+        good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
+        return round(good - (0.4 if columns == 1 else 0.0), 3)
+
+    separators = [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values()
+    marks = (reading.decimal,) if reading.decimal else (".", ",")
+    layouts = [(separator, mark) for separator in separators for mark in marks if mark != separator or reading.decimal]
+    return max(layouts, key=lambda layout: score(*layout))
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, listed
-from asrsim.recordings.data import EPOCH, Content, RawColumn, RawSeries, RawTable
+from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
 from asrsim.recordings.names import find_raw, tokens_of
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
@@ -20,6 +21,7 @@ TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "el
               "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "header", "field", "zeit", "s", "ms",
               "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
+_SYMBOLS = ("s", "ms", "us", "ns")
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
 """Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
@@ -29,50 +31,37 @@ _GAP = 1.7
 """Ratio to the usual time step above which a step contains missing samples."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Clock:
-    """Time of a table, and the columns that contain the time."""
+def with_times(content: Content, reading: Reading, findings: list[Problem]) -> Content:
+    """Content whose tables have strictly increasing times and no time columns.
 
-    name: str
-    seconds: Array
-    """Times (n,), s; NaN where a row has no time."""
-    zero: int = 0
-    """Clock reading at which `seconds` is 0, ns; 0 for times that are neither dates nor stamps."""
-    used: frozenset[int] = frozenset()
-    """Indices of the columns that are times, not signals."""
-    described: str = ""
-    """Column and unit of the time, in the syntax of a reading document."""
-
-
-def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tuple[list[RawSeries], float | None]:
-    """All columns at strictly increasing times, and the Unix time of time 0 in s (None without dates).
-
-    Dates count from the earliest date in the file. Raises RecordingError where no table has a time.
+    Dates count from the earliest date in the file. Raises RecordingError where no table
+    has a time and a signal.
     """
     faults: list[Problem] = []
-    found: list[tuple[RawTable, Clock, NDArray[np.bool_]]] = []
+    tables: list[RawTable] = []
+    zeros: list[int] = []
     for table in content.tables:
         try:
-            clock = _of_columns(table, reading, findings)
-            name = table.name or clock.name
-            found.append((table, clock, clean_time(clock.seconds, table.lines, name=name, findings=findings)))
+            timed, name, zero = _timed(table, reading, findings)
+            found = _cleaned(timed, table.name or name, findings)
         except RecordingError as error:
             faults += error.problems
-    starts = [clock.zero + round(clock.seconds[keep][0] * 1e9) for _, clock, keep in found if clock.zero > EPOCH * 1e9]
-    first = min(starts, default=0)
-    series: list[RawSeries] = []
-    for table, clock, keep in found:
-        time = clock.seconds[keep] + (clock.zero - first if clock.zero > EPOCH * 1e9 else 0) * 1e-9
-        series += [
-            RawSeries(column=column, time=time, values=column.values[keep], clock=clock.described)
-            for i, column in enumerate(table.columns) if i not in clock.used
-        ]  # fmt: skip
-    if not series:
+            continue
+        if found.columns:
+            tables.append(found)
+            zeros.append(zero if zero > EPOCH * 1e9 else 0)
+    if not tables:
         message = "has only a time column; expected a time and at least one signal"
         hint = "For a signal without a time give the sampling rate with --rate"
         raise RecordingError(faults or Problem(message, code="one-column", hint=hint))
     findings += [replace(one, message=f"table is not read: {one.message}", code="unread") for one in faults]
-    return series, first * 1e-9 if starts else None
+    starts = [zero + round(table.time[0] * 1e9) for table, zero in zip(tables, zeros, strict=True) if zero]
+    first = min(starts, default=0)
+    tables = [
+        replace(table, time=table.time + (zero - first if zero else 0) * 1e-9)
+        for table, zero in zip(tables, zeros, strict=True)
+    ]
+    return replace(content, tables=tuple(tables))
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
@@ -85,9 +74,14 @@ def is_time(name: str, unit: Unit | None = None) -> bool:
 
 
 def is_named_time(column: RawColumn) -> bool:
-    """Whether a column is a time, by its name and unit, or because its cells are dates."""
+    """Whether a column is a time, by its name and unit, or because its cells are dates.
+
+    The last part of a path counts, as in `run.time`, but the `s` of `rad.s` is part of a unit.
+    """
     name, unit = split_header(column.name)
-    return column.zero is not None or is_time(re.split(r"[./]", name)[-1] or name, find_unit(column.unit) or unit)
+    last = re.split(r"[./]", name)[-1] or name
+    named = is_time(last, find_unit(column.unit) or unit) and (last == name or last not in _SYMBOLS)
+    return column.zero is not None or named
 
 
 def unit_of_time(column: RawColumn) -> Unit | None:
@@ -103,14 +97,18 @@ def unit_of_time(column: RawColumn) -> Unit | None:
     return UNITS[("s", "ms", "us", "ns")[min(int(np.log10(size / EPOCH) / 3), 3)]] if size > EPOCH else None
 
 
-def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
-    """Time of a table: the columns that the user states, else the first column with the name of a time."""
+def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[RawTable, str, int]:
+    """Table with its times in s and without its time columns, the name of the time, and the clock reading at time 0 in ns.
+
+    The time is in the columns that the user states, or else in the first column with the name of a time. Times that are
+    neither dates nor Unix times have the clock reading 0.
+    """
     columns, names = table.columns, [column.name for column in table.columns]
     mapped = {find_raw(one.column, columns) for one in reading.maps}
     named = [i for i, column in enumerate(columns) if is_named_time(column) and i not in mapped]
     if reading.time.rate is not None:
-        seconds = np.arange(len(columns[0].values)) / reading.time.rate
-        return Clock(name="time", seconds=seconds, used=frozenset(named))
+        signals = tuple(column for i, column in enumerate(columns) if i not in named)
+        return replace(table, columns=signals, time=np.arange(len(columns[0].values)) / reading.time.rate), "time", 0
     stated = {name: find_raw(name, columns) for name in reading.time.columns}
     missing = [name for name, place in stated.items() if place is None]
     if missing and not table.name:  # for topics without the stated column, the times of the messages are used
@@ -122,21 +120,24 @@ def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> C
             hint="Name the time with --map COLUMN=time [unit], or give the sampling rate with --rate",
         )  # fmt: skip
     if len(named) > 1 and not stated:
-        first, second = named[:2]
-        hint = f"State the time of all columns: --map '{names[second]}=time'"
-        # In a table such as `time, q1, time, q2`, each time belongs to the signals that follow it.
-        if second > first + 1 and _stem(names[first]) == _stem(names[second]):
-            message = f"is a second time column; state one, and ignore the columns with another time: {listed(names, 20)}"
-            raise RecordingError(message, key=names[second], code="second-time", hint=hint)
-        message = f"is a second time column; '{names[first]}' is used"
-        findings.append(Problem(message, key=names[second], hint=hint, code="second-time"))
-    parts = [_clock(columns[place], reading, findings, alone=len(places) == 1) for place in places]
-    label = json.dumps(names[places[0]] if len(places) == 1 else [names[place] for place in places], ensure_ascii=False)
-    unit = f", unit: {parts[0].described}" if len(places) == 1 and parts[0].described else ""
-    return Clock(
-        name=names[places[0]], seconds=np.sum([part.seconds for part in parts], axis=0), zero=sum(part.zero for part in parts),
-        used=frozenset((*places, *named)), described=f"{{column: {label}{unit}}}",
-    )  # fmt: skip
+        _check_second_time(names, named[0], named[1], findings)
+    alone = len(places) == 1
+    seconds, zeros, units = zip(*(_seconds(columns[place], reading, findings, alone=alone) for place in places), strict=True)
+    label = json.dumps(names[places[0]] if alone else [names[place] for place in places], ensure_ascii=False)
+    unit = f", unit: {units[0]}" if alone and units[0] else ""
+    signals = tuple(column for i, column in enumerate(columns) if i not in (*places, *named))
+    timed = replace(table, columns=signals, time=np.sum(seconds, axis=0), clock=f"{{column: {label}{unit}}}")
+    return timed, names[places[0]], sum(zeros)
+
+
+def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:
+    """Report a second time column. Raises RecordingError in a table such as `time, q1, time, q2`, which has two clocks."""
+    hint = f"State the time of all columns: --map '{names[second]}=time'"
+    message = "is a second time column"
+    if second > first + 1 and _stem(names[first]) == _stem(names[second]):
+        message += f"; state one, and ignore the columns with another time: {listed(names, 20)}"
+        raise RecordingError(message, key=names[second], code="second-time", hint=hint)
+    findings.append(Problem(f"{message}; '{names[first]}' is used", key=names[second], hint=hint, code="second-time"))
 
 
 def _stem(name: str) -> list[str]:
@@ -144,14 +145,17 @@ def _stem(name: str) -> list[str]:
     return [word for word in tokens_of(name) if not word.isdecimal()]
 
 
-def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> Clock:
-    """Time in s from one column; `Clock.described` names the column's unit."""
+def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> tuple[Array, int, str]:
+    """Times of a column in s, the clock reading at time 0 in ns, and the unit of the column ("" for dates).
+
+    alone: Whether this column is the whole time, not one of two columns that are added.
+    """
     name, values = column.name, column.values
     if column.zero is not None:
-        return Clock(name=name, seconds=values, zero=column.zero)
+        return values, column.zero, ""
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
-    unit = unit_of_time(column)
+    unit = unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
     factor = reading.time.factor or (None if unit is None else unit.factor)
     if factor is None and not alone:
         raise RecordingError(
@@ -159,9 +163,8 @@ def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alon
         )
     if reading.time.factor is None:
         _check_steps(values, factor, name=name, findings=findings)
-    seconds, date = _since_first_date(values, factor or 1.0, float(np.nanpercentile(values, 50, method="nearest")))
     word = reading.time.unit or ("s" if unit is None else unit.symbol)
-    return Clock(name=name, seconds=seconds, zero=date, described=word)
+    return *_since_first_date(values, factor or 1.0, float(np.nanpercentile(values, 50, method="nearest"))), word
 
 
 def _check_steps(values: Array, factor: float | None, *, name: str, findings: list[Problem]) -> None:
@@ -171,7 +174,7 @@ def _check_steps(values: Array, factor: float | None, *, name: str, findings: li
     if FASTEST <= step <= SLOWEST:
         return
     message = f"its samples are {step:g} {'s' if factor else 'units'} apart: is the time in another unit than s?"
-    hint = f"State the unit: --map '{name}=time [ms]' (s, ms, us, ns, min, h, days), or give --rate if the column counts rows"
+    hint = f"State the unit (s, ms, us, ns, min, h, days): `{name} [ms]` in the header, or --map '{name}=time [ms]'"
     problem = Problem(message, key=name, hint=hint, code="suspected-time" if factor else "time-unit")
     if factor is None:
         raise RecordingError(problem)
@@ -191,28 +194,25 @@ def _since_first_date(values: Array, factor: float, size: float) -> tuple[Array,
     return np.round((values - zero) * factor, digits), round(zero * factor * 1e9)
 
 
-def clean_time(
-    time: Array, lines: NDArray[np.int64] | None, *, name: str, findings: list[Problem]
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Mask of the samples to keep, with strictly increasing times. Removed samples are reported.
+def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
+    """Table with the samples whose times strictly increase. Removed samples and gaps are reported.
 
     Of samples with equal stamps the first is kept. Raises RecordingError where many samples are removed or the time jumps far,
-    as with two time bases or two recordings in one file.
+    as with two time bases or two recordings in one file. name: name of the time in messages.
     """
-    where = np.arange(1, len(time) + 1) if lines is None else lines
-    noun = "sample" if lines is None else "line"
+    time = table.time
     keep = np.ones(len(time), dtype=bool)
 
-    def leave_out(bad: NDArray[np.int64], what: str, code: str, most: float, why: str) -> None:
+    def leave_out(bad: NDArray[np.intp], what: str, code: str, most: float, why: str) -> None:
         """Remove the samples `bad`. Raises RecordingError where more than the fraction `most` of all samples is bad."""
         if not len(bad):
             return
         keep[bad] = False
-        message, line = f"{len(bad)} {what}", None if lines is None else int(where[bad[0]])
+        message, line = f"{len(bad)} {what}", table.line(bad[0])
         if len(bad) > max(2, most * len(time)):
-            message += f", the first is {noun} {where[bad[0]]} with {time[bad[0]]:g} s: {why}"
+            message += f", the first is {table.places(bad[:1])} with {time[bad[0]]:g} s: {why}"
             raise RecordingError(message, key=name, line=line, hint="Split the file, or give --rate", code=code)
-        findings.append(Problem(f"{message}, left out: {noun} {listed(where[bad], 8)}", key=name, code=code, line=line))
+        findings.append(Problem(f"{message}, left out: {table.places(bad)}", key=name, code=code, line=line))
 
     leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "times are not numbers", "bad-time", 1.0, "")
     stamps = np.round(time, _DIGITS)
@@ -226,11 +226,12 @@ def clean_time(
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "time stamps that do not rise", "two-time-bases", 0.1, "two time bases, or two recordings")
+    leave_out(odd, "time stamps that do not rise", "falling-time", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:
         message = f"{int(keep.sum())} samples have increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")
-    t, steps = time[keep], np.diff(time[keep])
+    found = table.selected(keep)
+    t, steps = found.time, np.diff(found.time)
     worst = int(np.argmax(steps))
     if len(steps) > 2 and steps[worst] > max(3600.0, 1e3 * (np.sum(steps) - steps[worst])):
         message = f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s: two time bases, or two recordings"
@@ -238,9 +239,5 @@ def clean_time(
     typical = float(np.median(steps))
     if (missing := int(np.sum(np.round(steps[steps > _GAP * typical] / typical) - 1))) > 0:
         message = f"{missing} samples are missing; the longest gap is {steps[worst]:.4g} s at t = {t[worst]:.6g} s"
-        line = None if lines is None else int(where[keep][worst])
-        findings.append(Problem(message, key=name, line=line, code="dropped-samples"))
-    if (jitter := float(np.std(steps[steps <= _GAP * typical]))) > 0.01 * typical:
-        message = f"samples are {typical * 1e3:.4g} ms apart with a jitter of {jitter * 1e3:.2g} ms (standard deviation)"
-        findings.append(Problem(message, key=name, code="jitter"))
-    return keep
+        findings.append(Problem(message, key=name, line=found.line(worst), code="dropped-samples"))
+    return found

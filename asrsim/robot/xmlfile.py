@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.errors import Problem, RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024

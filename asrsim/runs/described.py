@@ -22,7 +22,6 @@ from asrsim.robot import Robot, load_robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.joint_keys import EQUILIBRIUM
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -34,6 +33,10 @@ _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
     "resolved", "lines", "joint_order", "namespace", "desired",
 }  # fmt: skip
+
+
+_OTHER_FORM = ("log_every", "world")
+"""Fields whose value has another form than the value of their key."""
 
 
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
@@ -57,12 +60,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
             value = getattr(scenario, name)
             if not _alike(value, getattr(as_read, name)):
                 try:
-                    if name.startswith("initial_"):
-                        _start(resolved, scenario)
-                    elif name == "log_every":
-                        resolved["log_rate"] = 1.0 / (scenario.step * value)
-                    else:
-                        _named(resolved, name, value, files)
+                    _named(resolved, name, value, files)
                 except TypeError:
                     lost.append(name)
         if not scenario.expect:
@@ -119,28 +117,21 @@ def _alike(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _signal(signal: Signal, files: dict[str, bytes]) -> Any:
-    """Signal as plain data of a document. Raises TypeError for a kind that documents cannot contain."""
-    if isinstance(signal, Sampled):
-        name = f"computed_{len(files) + 1}.csv"
-        files[name] = csv_text(("time", "value"), np.column_stack([signal.times, signal.samples])).encode()
-        return {"playback": {"file": name, "column": "value"}}
-    if not is_dataclass(signal) or not declared_keys(type(signal)):
-        raise TypeError(f"a document cannot contain {type(signal).__name__}")
-    names = {field.name for field in fields(signal) if field.init}
-    items = {
-        key.name: _value(getattr(signal, key.argument), files) for key in declared_keys(type(signal)) if key.argument in names
-    }
-    return {signal.kind: {key: value for key, value in items.items() if value is not None}}
-
-
 def _value(value: Any, files: dict[str, bytes]) -> Any:
+    """Value of a scenario as plain data of a document. Raises TypeError for a value that documents cannot contain."""
     return mapped(value, lambda leaf: _leaf(leaf, files))
 
 
 def _leaf(value: Any, files: dict[str, bytes]) -> Any:
-    if isinstance(value, Signal):
-        return _signal(value, files)
+    if isinstance(value, Sampled):
+        name = f"computed_{len(files) + 1}.csv"
+        files[name] = csv_text(("time", "value"), np.column_stack([value.times, value.samples])).encode()
+        return {"playback": {"file": name, "column": "value"}}
+    if is_dataclass(value) and (keys := declared_keys(type(value))):
+        names = {field.name for field in fields(value) if field.init}
+        items = {key.name: _value(getattr(value, key.argument), files) for key in keys if key.argument in names}
+        items = {name: item for name, item in items.items() if item is not None}
+        return {value.kind: items} if isinstance(value, Signal) else items
     if isinstance(value, Path):
         files[value.name] = value.read_bytes()
         return value.name
@@ -156,35 +147,16 @@ def _by_joint(modes: Any) -> dict[str, int]:
 
 
 def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
-    """Write a field's value under its declared key, inside the key's group if it has one."""
-    declared = next((field.metadata["key"].name for field in fields(Scenario) if field.name == name and field.metadata), "")
-    group, dot, key = (declared or name).partition(".")
-    if isinstance(value, Mapping):
-        value = {joint: _plain(one) for joint, one in value.items()}
+    """Write a field's value under its declared key, inside the key's group if it has one.
+
+    Raises TypeError for a field without a key of its own, and for a value that documents cannot contain.
+    """
+    metadata = next(field.metadata for field in fields(Scenario) if field.name == name)
+    if "key" not in metadata or metadata["key"].spread or name in _OTHER_FORM:
+        raise TypeError(f"no key of a document sets {name} alone")
+    group, dot, key = (metadata["key"].name or name).partition(".")
     if dot:
         whole = resolved.get(group, {})
         resolved[group] = {**(whole if isinstance(whole, Mapping) else {"file": whole}), key: _value(value, files)}
     else:
         resolved[group] = _value(value, files)
-
-
-def _plain(one: Any) -> Any:
-    """Entry of a table as plain data: a block becomes a mapping of its keys that are set."""
-    if is_dataclass(one) and not isinstance(one, Signal | type):
-        return {key: value for key, value in vars(one).items() if value is not None and value != {}}
-    return one
-
-
-def _start(resolved: dict[str, Any], scenario: Scenario) -> None:
-    """Write the initial state, five fields of the scenario, under the key `initial`."""
-    if scenario.initial_equilibrium:
-        resolved["initial"] = EQUILIBRIUM
-        return
-    tables = {
-        "position": scenario.initial_positions, "velocity": scenario.initial_velocities,
-        "motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities,
-    }  # fmt: skip
-    joints = dict.fromkeys(joint for table in tables.values() for joint in table)
-    resolved["initial"] = {
-        joint: {name: _value(table[joint], {}) for name, table in tables.items() if joint in table} for joint in joints
-    }

@@ -49,16 +49,12 @@ class Repetition:
 
     def as_dict(self) -> dict[str, Any]:
         """Fields as plain values for JSON."""
+        plain = {name: value for name, value in vars(self).items() if isinstance(value, str | int)}
         return {
             "ok": self.identical,
             "identical": self.identical,
             "log": str(self.path),
-            "variant": self.variant,
-            "logged_status": self.logged_status,
-            "status": self.status,
-            "logged_samples": self.logged_samples,
-            "samples": self.samples,
-            "missing": self.missing,
+            **plain,
             "differences": [difference.as_dict() for difference in self.differences],
             "versions": {name: list(pair) for name, pair in self.versions.items()},
         }

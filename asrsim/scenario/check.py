@@ -5,26 +5,35 @@ To add an error, write a generator and list it in `CHECKS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.document.kinds import Integer, attempt, walk
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST
-from asrsim.robot.mounting import reference_names
-from asrsim.scenario.apply import laid_on
-from asrsim.scenario.data import Scenario
+from asrsim.robot.model import UNREAD
+from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
+from asrsim.scenario.blocks import prescribes_motion, released_order
+from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
-from asrsim.scenario.kinds import prescribes_motion, released_order
+from asrsim.scenario.load import whole
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
+PLAIN_FIELDS = (
+    "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
+    "engine", "stepping", "substeps", "motor_substeps", "substep_cap", "compiled", "velocity_cutoff",
+)  # fmt: skip
+"""Fields of the scenario that hold what the file states: numbers, vectors and choices."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
@@ -63,6 +72,8 @@ def check_against_robot(
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
         return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
+    if not scenario.unread and (wrong := [*_fields(scenario)]):
+        return [*robot.faults, *wrong], []
     changed, faults = laid_on(scenario, robot)
     errors = [*robot.faults, *faults]
     # Only actuators with a known mode can be checked.
@@ -77,6 +88,63 @@ def check_against_robot(
 
     warnings = [scenario.placed(problem) for problem in doubts(scenario, robot, changed)]
     return [], [*warnings, *holding_findings(scenario, changed, propose=propose)]
+
+
+def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
+    """Robot with the scenario's actuators, modes, parameters (origin `scenario`) and namespace in its actuator blocks.
+
+    Raises ScenarioError with every unknown joint, mode or parameter and every value out of range.
+    """
+    changed, problems = laid_on(scenario, robot)
+    if problems:
+        raise ScenarioError(problems)
+    return changed
+
+
+def laid_on(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
+    """Robot with the valid changes of the scenario, and the problems of the other changes."""
+    given = scenario.actuators
+    own = {joint: one.parameters for joint, one in given.items() if one.parameters}
+    changed, problems = mounted(robot, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
+    unread = set(changed.unread)
+    parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
+    for section, *rest in scenario.unread:
+        if section == "parameters" and len(rest) == 2:
+            parameters.setdefault(rest[0], {})[rest[1]] = UNREAD
+        elif section in ("actuators", "modes", "parameters"):
+            joint = rest[0] if rest else "*"
+            unread |= {one.name for one in robot.moving_joints} if joint == "*" else {joint}
+    changed, faults = overridden(replace(changed, unread=frozenset(unread)), scenario.modes, parameters)
+    problems += faults
+    for fault in block_faults(changed, robot):
+        section, _, joint = (fault.key or "").partition(".")
+        table = {"modes": scenario.modes, "parameters": parameters}.get(section, {})
+        set_there = fault.file is not None or joint in table or "*" in table
+        problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
+    if scenario.namespace is not None:
+        blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
+        changed = replace(changed, actuators=blocks)
+    return changed, [scenario.placed(problem) for problem in problems]
+
+
+def _fields(scenario: Scenario) -> Iterator[Problem]:
+    """Errors: numbers, vectors and choices that a file could not contain. Code can set them by `dataclasses.replace`."""
+    reading = DocumentReading()
+    keys = {field.name: field.metadata["key"] for field in fields(Scenario) if field.name in PLAIN_FIELDS}
+    for name, key in keys.items():
+        kind = Integer(minimum=1) if name == "log_every" else key.kind
+        attempt(kind, node_from_data(getattr(scenario, name)), (key.name or name,), reading)
+    yield from reading.problems
+    for joint, own in scenario.parameters.items():
+        for name, value in own.items():
+            if not isinstance(value, int | float | np.number):
+                yield Problem("must be a number", key=f"parameters.{joint}.{name}", value=value, code="type")
+    if scenario.motion and not prescribes_motion(scenario.engine):
+        message = f"prescribed motion needs 'engine: bench', but the engine is {scenario.engine}"
+        yield Problem(message, key="motion", code="motion")
+    if not reading.problems and whole(scenario.duration / scenario.step) is None:
+        message = f"must be a whole number of steps of {scenario.step:g} s"
+        yield Problem(message, key="duration", value=scenario.duration, code="duration")
 
 
 def nothing_moves(robot: Robot) -> Problem:
@@ -126,15 +194,11 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
-    left = [(key, scenario.resolved[key]) for key in PLAIN_NUMBERS if key in scenario.resolved]
-    while left:
-        key, value = left.pop(0)
-        if isinstance(value, Mapping):
-            left += [(f"{key}.{name}", part) for name, part in value.items()]
-        elif isinstance(value, list | tuple):
-            left += [(f"{key}.{index}", part) for index, part in enumerate(value)]
-        elif isinstance(value, float | int) and abs(value) > LARGEST:
-            yield Problem(f"is larger than {LARGEST:g}, which no robot has", key=key, value=value, code="out-of-range")
+    numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
+    for path, _, node in walk(SCENARIO, node_from_data(numbers)):
+        if isinstance(node.value, float | int) and abs(node.value) > LARGEST:
+            message = f"is larger than {LARGEST:g}, which no robot has"
+            yield Problem(message, key=".".join(path), value=node.value, code="out-of-range")
 
 
 def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

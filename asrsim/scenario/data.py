@@ -7,41 +7,56 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from asrsim.document.block import REQUIRED, Block, Key, declare, declared_keys
-from asrsim.document.composite import MapOf
-from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
+from asrsim.document.block import Block, block_of, declare, declared_keys
+from asrsim.document.kinds import (
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    REQUIRED,
+    Boolean,
+    Choice,
+    File,
+    Integer,
+    Key,
+    ListOf,
+    MapOf,
+    Optional,
+    Text,
+)
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.samples import Array, grid
-from asrsim.scenario.goal_keys import CLAIMS, LEARNING, TASK, CartesianPose, CartesianTask, Expectation, Learning
-from asrsim.scenario.joint_keys import (
-    ACTUATORS_BY_JOINT,
-    DAMPING_BY_JOINT,
+from asrsim.scenario.blocks import (
     EFFECTS_BY_JOINT,
     INITIAL,
     MODE,
-    PARAMETERS,
-    RANGES_BY_JOINT,
-    REFERENCES,
-    Effects,
-    GivenActuator,
-    LinkDamping,
-)
-from asrsim.scenario.kinds import (
     ORIGIN,
+    PARAMETERS,
     POSITION,
     RPY,
     SIGNALS_BY_JOINT,
+    WORLD,
+    CartesianPose,
+    CartesianTask,
+    Effects,
+    Expectation,
     FolderName,
+    GivenActuator,
     Keys,
+    Learning,
+    LinkDamping,
     ManagerFile,
+    Range,
     Vector,
+    World,
+    WorldObject,
+    Wrench,
     default_engine,
     engines,
     steppings,
 )
-from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
+from asrsim.signals.parse import SIGNAL
 
 __all__ = [
     "CartesianPose",
@@ -67,11 +82,9 @@ _COUNT = Optional(Integer(minimum=1), word="auto")
 class Scenario:
     """One resolved variant of a scenario, with all that a run needs. Keys of tables are joints, or `"*"` for all joints."""
 
-    name: str = declare(
-        Optional(FolderName()), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED
-    )
+    name: str = declare(FolderName(), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED)
     variant: str = declare(
-        Optional(FolderName()),
+        FolderName(),
         default=None,
         doc="name of this variant, in a file without variants",
         shown="default",
@@ -94,7 +107,7 @@ class Scenario:
     fixed_base: bool = declare(Boolean(), key="base.fixed", default=True, doc="false: the robot floats")
     gravity: Vector = declare(POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="gravity in the world's frame")
     actuators: Mapping[str, GivenActuator] = declare(
-        ACTUATORS_BY_JOINT,
+        MapOf(of=block_of(GivenActuator, "actuator", main="type"), bare=True),
         default={},
         doc="actuators of joints, in place of those in the robot file",
         shown="the robot file's",
@@ -128,7 +141,7 @@ class Scenario:
     duration: float = declare(POSITIVE, unit="s", doc="simulated time, a whole number of steps", field_default=1.0)
     step: float = declare(POSITIVE, default=1e-3, unit="s", doc="time step of the simulation")
     log_every: int = declare(
-        Optional(POSITIVE),
+        POSITIVE,
         key="log_rate",
         default=None,
         unit="Hz",
@@ -175,7 +188,7 @@ class Scenario:
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
-        Optional(ManagerFile(noun="manager YAML")),
+        ManagerFile(noun="manager YAML"),
         key="manager",
         spread=True,
         default=None,
@@ -186,7 +199,7 @@ class Scenario:
     namespace: str | None = None
     """Namespace from the manager file, which replaces the namespace in the actuator blocks."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
-        REFERENCES,
+        MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)),
         default={},
         doc="the actuators' references, by the names of their mode; a missing reference stays at its start",
     )
@@ -203,7 +216,7 @@ class Scenario:
         doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
     )
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
-        RANGES_BY_JOINT,
+        MapOf(of=MapOf(of=Range(of=NUMBER, length=2, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
         "library): beyond, they are clamped; substeps are chosen for them",
@@ -212,7 +225,9 @@ class Scenario:
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="external torques on the links, about the joints"
     )
-    wrenches: tuple[Wrench, ...] = declare(WRENCHES, default=(), doc="forces and torques on links")
+    wrenches: tuple[Wrench, ...] = declare(
+        ListOf(of=block_of(Wrench, "load on a link")), default=(), doc="forces and torques on links"
+    )
     command_effects: Mapping[str, Effects] = declare(
         EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="imperfections of the references"
     )
@@ -220,12 +235,18 @@ class Scenario:
         EFFECTS_BY_JOINT, key="effects.sensors", default={}, doc="imperfections of the sensors that the PID controllers read"
     )
     link_damping: Mapping[str, LinkDamping] = declare(
-        DAMPING_BY_JOINT, default={}, doc="link damping that changes with the stiffness"
+        MapOf(of=block_of(LinkDamping, "damping law")), default={}, doc="link damping that changes with the stiffness"
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
-    task: CartesianTask | None = declare(Optional(TASK), default=None, doc="a Cartesian path for computed references")
-    learning: Learning | None = declare(LEARNING, key="ilc", default=None, doc="iterative learning control, for `asrsim ilc`")
-    expect: tuple[Expectation, ...] = declare(CLAIMS, default=(), doc="claims that the run must meet")
+    task: CartesianTask | None = declare(
+        block_of(CartesianTask, "Cartesian task"), default=None, doc="a Cartesian path for computed references"
+    )
+    learning: Learning | None = declare(
+        block_of(Learning, "learning"), key="ilc", default=None, doc="iterative learning control, for `asrsim ilc`"
+    )
+    expect: tuple[Expectation, ...] = declare(
+        ListOf(of=block_of(Expectation, "claim")), default=(), doc="claims that the run must meet"
+    )
     path: Path | None = None
     text: str = field(default="", repr=False)
     """Text of the file, with all variants."""
@@ -283,7 +304,7 @@ def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T
 
 def _group(name: str, doc: str, main: str = "", **options: Any) -> Key:
     """Key with a mapping whose keys are fields of the scenario."""
-    block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main, partial=True)
+    block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main)
     return Key(name=name, kind=block, doc=doc, spread=True, **options)
 
 
@@ -297,9 +318,7 @@ KEYS: tuple[Key, ...] = declared_keys(
 )
 """All keys of a variant, in the order of the documentation."""
 
-SCENARIO: Block[Keys] = Block(
-    keys=KEYS, build=dict, noun="scenario", may_be_empty=False, partial=True, read_before=("variants",)
-)
+SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False, read_before=("variants",))
 """Block of one variant."""
 
 VARIANT: Block[Keys] = Block(

@@ -17,8 +17,8 @@ from asrsim.robot import Robot
 from asrsim.robot.doubts import block_doubts
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
+from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
@@ -119,9 +119,10 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=key, code="late-reference")
 
 
-def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Warnings: sines above half the rate of the steps, which the steps sample as a slower motion."""
-    most = 0.5 / scenario.step
+def undersampled(scenario: Scenario, _robot: Robot | None = None) -> Iterator[Problem]:
+    """Warnings: sines above half the rate of the substeps, which the substeps sample as a slower motion. If the number of
+    substeps is automatic, one substep in each step is assumed."""
+    most = 0.5 * (scenario.substeps or 1) / scenario.step
     for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
         frequency = 0.0
         if isinstance(signal, Sinusoid):
@@ -131,7 +132,9 @@ def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         elif isinstance(signal, Multisine):
             frequency = max(signal.frequencies)
         if frequency > most:
-            message = f"has {frequency:g} Hz, more than half the rate of the steps ({most:g} Hz): they sample a slower motion"
+            message = (
+                f"has {frequency:g} Hz, more than half the rate of the substeps ({most:g} Hz): they sample a slower motion"
+            )
             yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
 
 
@@ -226,10 +229,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
             yield Problem(message, key=f"link_damping.{name}", value=damping.ratio, code="ratio-without-inertia")
-    for index, claim in enumerate(scenario.expect):
-        if claim.tolerance and claim.comparison != "==":
-            message = f"has no effect with {claim.comparison}: it applies to == only"
-            yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
     for name, effects in scenario.sensor_effects.items():
         modes = {block.mode for block in robot.actuators if name in ("*", block.joint)}
         if effects.active and modes and not any(MODES[mode].controller for mode in modes):
@@ -247,6 +246,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _too_fast, _beyond_limits,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, undersampled, _beyond_limits,
     _missing_references,
 )  # fmt: skip

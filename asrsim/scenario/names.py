@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from asrsim.document.composite import MapOf
-from asrsim.document.kinds import Kind, Text
+from asrsim.document.kinds import MapOf, Text, walk
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.mounting import reference_names
@@ -16,6 +17,12 @@ MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges"
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
 """Keys whose joints are checked when the scenario is applied to the robot."""
+TABLES = {
+    "initial_positions": "initial", "initial_velocities": "initial", "initial_motor_positions": "initial",
+    "initial_motor_velocities": "initial", "external_torques": "external_torques", "desired": "desired", "motion": "motion",
+    "references": "references", "reference_ranges": "reference_ranges", "link_damping": "link_damping",
+}  # fmt: skip
+"""Fields of the scenario that code may set, with their keys in a file; their names are checked also without a file."""
 BY_NAME = ("references", "parameters")
 """Tables in which the entry for all joints completes the entry of a joint."""
 
@@ -26,9 +33,11 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
     found = [
-        *dict.fromkeys(_names(SCENARIO, scenario.resolved, ())),
+        *_names(scenario),
         *((("manager",), name, "joint") for name in scenario.joint_order),
     ]
+    for field, key in TABLES.items():
+        found += [entry for name in getattr(scenario, field) if (entry := ((key, name), name, "joint")) not in found]
     for path, name, noun in found:
         all_moving = path[0] in (*MOVING, "manager")
         known = links if noun == "link" else moving if all_moving else actuated
@@ -38,25 +47,14 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=".".join(path), choices=known, meant=name, code=f"unknown-{noun}")
 
 
-def _names(kind: Kind[Any], data: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str, str]]:
-    """Tuple (path, name, `joint` or `link`) for every name of a joint or link in plain data of a kind."""
-    if isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and isinstance(data, str | int):
-        # Only keys of mappings have lines; entries of lists are reported at their list.
-        yield path if not path[-1].isdecimal() else path[:-1], str(data), kind.noun.rpartition(" ")[2]
-    if isinstance(kind, MapOf) and kind.noun == "joint" and isinstance(data, Mapping):
-        yield from (((*path, name), name, "joint") for name in data)
-    for place, part in kind.parts:
-        items: Iterator[tuple[str, Any]] = iter(())
-        if place == "[]" and isinstance(data, list):
-            items = ((str(index), item) for index, item in enumerate(data))
-        elif place.startswith(".<") and isinstance(data, Mapping):
-            items = iter(data.items())
-        elif place.startswith(".") and isinstance(data, Mapping) and place[1:] in data:
-            items = iter([(place[1:], data[place[1:]])])
-        elif not place:
-            yield from _names(part, data, path)
-        for name, item in items:
-            yield from _names(part, item, (*path, name))
+def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
+    """Tuple (path, name, `joint` or `link`) for every name of a joint or link in the scenario."""
+    for path, kind, node in walk(SCENARIO, node_from_data(scenario.resolved)):
+        if isinstance(kind, MapOf) and kind.noun == "joint" and kind.fits(node):
+            yield from (((*path, name), name, "joint") for name, _ in node.items())
+        elif isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and node.value is not None:
+            # Only keys of mappings have lines; entries of lists are reported at their list.
+            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), kind.noun.rpartition(" ")[2]
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
@@ -83,7 +81,7 @@ def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
 
 def shadowed_entries(scenario: Scenario, robot: Robot) -> Iterator[str]:
     """Keys of the entries for all joints without effect."""
-    for path, name, _ in dict.fromkeys(_names(SCENARIO, scenario.resolved, ())):
+    for path, name, _ in _names(scenario):
         if name == "*" and path[0] not in ("actuators", "expect", "ilc", "task"):
             inner = [(*path, name) for name in _table(scenario, path)] if path[0] in BY_NAME else [path]
             yield from (".".join(one) for one in inner if shadowed(one, scenario, robot))

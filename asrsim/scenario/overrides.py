@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
-from asrsim.document.block import key_at
+from asrsim.document.kinds import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError, did_you_mean

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -57,6 +58,17 @@ def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
     return f"references.{block.joint if name in scenario.references.get(block.joint, {}) else '*'}.{name}"
 
 
+def not_a_number(signal: Signal) -> str:
+    """Name of a field of the signal, or of its parts, that is NaN; empty if there is none."""
+    for name, value in vars(signal).items():
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, float) and math.isnan(part):
+                return name
+            if isinstance(part, Signal) and (inner := not_a_number(part)):
+                return inner
+    return ""
+
+
 def signal_faults(scenario: Scenario) -> Iterator[Problem]:
     """Errors: signals that raise errors, are not finite, are too large, or jump too often."""
     steps = scenario.duration / scenario.step
@@ -73,7 +85,9 @@ def signal_faults(scenario: Scenario) -> Iterator[Problem]:
             yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
             continue
         jumps = len(time) - POINTS - 1
-        if bad.size:
+        if name := not_a_number(signal):
+            yield Problem(f"'{name}' of the signal is not a number (NaN)", key=key, code="signal")
+        elif bad.size:
             yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal")
         elif (largest := float(np.abs(values).max())) > bound:
             yield Problem(f"is larger than {bound:g}, {where}", key=key, value=largest, code="signal")

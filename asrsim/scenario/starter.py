@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.document.kinds import File, walk
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
 from asrsim.errors import OutputError, Problem, RobotError
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.schema import schema_text
 
@@ -347,25 +350,18 @@ def write_new(path: Path, text: str, *, force: bool) -> None:
 
 def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:
     """Copy of a scenario's data for a file in another folder: with changed paths, and without name, variant and claims."""
-    # The attachments contain the files of an attached folder, such as a ROS 2 bag, but not the folder.
-    folders = {name.partition("/")[0]: path.parent for name, path in scenario.attachments.items() if "/" in name}
-    files = {**folders, **scenario.attachments}
-
-    def place(name: str) -> str:
-        return relative_path(files[name], folder) if name in files else name
-
-    data = _placed({key: value for key, value in scenario.resolved.items() if key not in ("name", "variant", "expect")}, place)
-    return {**data, "robot": robot_key(scenario.robot, folder, scenario.xacro_arguments, scenario.package_paths)}
-
-
-def _placed(data: Any, place: Callable[[str], str]) -> Any:
-    """Copy of data with the paths of all files changed by the function `place`."""
-    if isinstance(data, Mapping):
-        return {
-            key: place(value) if key in ("file", "manager", "mesh") and isinstance(value, str) else _placed(value, place)
-            for key, value in data.items()
-        }
-    return [_placed(value, place) for value in data] if isinstance(data, list) else data
+    root = node_from_data({key: value for key, value in scenario.resolved.items() if key not in ("name", "variant", "expect")})
+    reading = DocumentReading(base=scenario.path.parent if scenario.path else Path(), files=scenario.attachments)
+    paths: dict[int, object] = {
+        id(node): relative_path(reading.locate(str(node.value), folder=kind.folder), folder)
+        for _, kind, node in walk(SCENARIO, root)
+        if isinstance(kind, File)
+    }
+    # Robot and packages are not among the attachments.
+    return {
+        **root.plain(paths),
+        "robot": robot_key(scenario.robot, folder, scenario.xacro_arguments, scenario.package_paths),
+    }
 
 
 def relative_path(target: Path, folder: Path) -> str:

@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.composite import ListOf
-from asrsim.document.kinds import NOT_NEGATIVE, NUMBER
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, ListOf
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import between, require, rounded

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.document.block import REQUIRED, declare
-from asrsim.document.kinds import NUMBER
+from asrsim.document.block import declare
+from asrsim.document.kinds import NUMBER, REQUIRED
 from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 

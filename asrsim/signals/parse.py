@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from asrsim.document.block import Block, declared_keys
-from asrsim.document.kinds import Kind, Schema, attempt
+from asrsim.document.kinds import Key, Kind, Schema, attempt, merge_items
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
@@ -68,14 +68,16 @@ class SignalKind(Kind[Signal]):
 
     def merge(self, base: Node, over: Node) -> Node:
         """Signal of `base` with the keys of `over`, if both have the same kind; otherwise `over`."""
+        kinds = [name for name, _ in base.items()]
+        return merge_items(base, over, self.part) if len(kinds) == 1 and kinds == [name for name, _ in over.items()] else over
+
+    def fits(self, node: Node) -> bool:
+        return not isinstance(node.value, list)
+
+    def part(self, name: str) -> Key | None:
         from asrsim.signals import SIGNALS
 
-        if isinstance(base.value, dict) and isinstance(over.value, dict) and len(base.value) == 1:
-            kind = next(iter(base.value))
-            if [*over.value] == [kind] and kind in SIGNALS:
-                inner = block_of(SIGNALS.get(kind)).merge(base.value[kind], over.value[kind])
-                return Node({kind: inner}, over.line, over.key_lines, over.file)
-        return over
+        return Key(name="", kind=block_of(SIGNALS.get(name))) if name in SIGNALS else None
 
 
 SIGNAL = SignalKind()

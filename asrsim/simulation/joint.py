@@ -20,6 +20,7 @@ from asrsim.simulation.layout import (
     CONTROLLERS,
     CURRENT,
     D_CONSTANT,
+    D_DAMPING,
     D_HIGH,
     D_LOW,
     D_MOST,
@@ -32,6 +33,7 @@ from asrsim.simulation.layout import (
     FIRST_DRIFT,
     FIRST_DRIVE,
     FIRST_MOTOR,
+    FRICTION,
     GOALS,
     HYSTERESIS,
     IMPLICITNESS,
@@ -43,10 +45,12 @@ from asrsim.simulation.layout import (
     LAST_ENGINE_VELOCITY,
     LAST_HYSTERESIS,
     LAW,
+    LOAD,
     MEAN_VELOCITY,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
+    MOTOR_WORKS,
     MOTORS,
     ON_LINK,
     P_BRAKE,
@@ -77,6 +81,7 @@ from asrsim.simulation.layout import (
     READ_PUSH,
     RING,
     RINGS,
+    ROW_WORK,
     SPRING_LAW,
     SPRINGS,
     SPRUNG,
@@ -88,6 +93,7 @@ from asrsim.simulation.layout import (
     VOLTAGE,
     WEIGHT_LAST,
     WEIGHT_NOW,
+    WORK,
 )  # fmt: skip
 
 
@@ -129,20 +135,19 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
         s[m + READ_PUSH] = -gain * (s[ring + 2 * size + 2] - speed)
 
 
-def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
+def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bool, whole: bool) -> None:
     """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set s[TORQUE].
 
-    note: first of the columns in which the torques on each motor are stored; 0: no torques are stored. With DRIVE_TORQUE, the
-    other recorded values are stored too. With motor substeps, the stored values are those of the middle motor substep. With h =
-    0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
+    noted: whether the recorded values of the motors are stored; with motor substeps, these are the values of the middle motor
+    substep. With h = 0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
     """
     kind = k[KIND]
     if k[JOINT_STEP]:
-        joint_step(k[JOINT_STEP], s, p, k, u, h, note)
+        joint_step(k[JOINT_STEP], s, p, k, u, h, int(noted))
         if whole and kind == SPRUNG:
             find_state(s, p, k)
     elif kind == SPRUNG:
-        _advance_springs(s, p, k, z, u, h, note, whole)
+        _advance_springs(s, p, k, z, u, h, noted, whole)
     elif kind == CONTROLLED:
         # A PID controller on the rigid link (paper eq. 11); its derivative action acts as damping: see `limit`.
         error = u[GOALS] - s[FIRST_MOTOR + READ_ERROR] - s[POSITION]
@@ -155,17 +160,19 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
         s[TORQUE] = 0.0
 
 
-def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
+def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bool, whole: bool) -> None:
     """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
 
     During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
     torque bounded.
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
-    turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
-    # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
-    turns += 1 - turns % 2
-    step = h / turns
+    turns, step = 1, h
+    if p[P_SUBSTEPS] > 1.0:
+        turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
+        # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
+        turns += 1 - turns % 2
+        step = h / turns
     before = z[FIRST_DRIFT] * step
     q, total = s[POSITION], 0.0
     for turn in range(turns):
@@ -175,21 +182,19 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
                 s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
             else:
                 s[thetas + i] = u[GOALS + i]
-        column = note if turn == turns // 2 else 0
-        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, int(whole and column != 0))
+        now = noted and turn == turns // 2
+        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, int(whole and turn == turns // 2))
         if p[P_LEVEL] > 0.0:
             for i in range(k[SPRINGS]):
                 s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
         for i in range(motors):
             total += s[torques + i]
         for i in range(dynamic):
-            _kick(s, p, k, z, u[GOALS + i], i, step, before, column)
-        if column != 0:
+            _kick(s, p, k, z, u[GOALS + i], i, step, before, now)
+        if now:
             for i in range(motors):
                 m = FIRST_MOTOR + i * PER_MOTOR
-                s[m + column + 2] = s[torques + i]
-                if column == DRIVE_TORQUE:
-                    s[m + KICK_POSITION] = s[thetas + i]
+                s[m + LOAD], s[m + KICK_POSITION] = s[torques + i], s[thetas + i]
     s[TORQUE] = total / turns
 
 
@@ -197,27 +202,37 @@ def _between(value: float, low: float, high: float) -> float:
     return high if value > high else low if value < low else value
 
 
-def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, note: int) -> None:
-    """Compute the kick of motor i and the drift that follows it."""
+def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, noted: bool) -> None:
+    """Compute the kick of motor i, the drift that follows it, and their works: half of the displacement precedes the kick."""
     m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
-    x, pushed = s[k[THETAS] + i], s[m + READ_PUSH]
+    x, speed, load, pushed = s[k[THETAS] + i], s[m + MOTOR_VELOCITY], s[k[TORQUES] + i], s[m + READ_PUSH]
     slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
     velocity, mean, anchor, integral, drive, friction = motor_kick(
-        x, s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] + pushed, goal - s[m + READ_ERROR],
-        s[k[TORQUES] + i], slowest, fastest, step, z[IMPLICITNESS], numbers(p, d),
+        x, speed, s[m + ANCHOR], s[m + MOTOR_INTEGRAL] + pushed, goal - s[m + READ_ERROR],
+        load, slowest, fastest, step, z[IMPLICITNESS], numbers(p, d),
     )  # fmt: skip
     s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
     s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
         s[m + AT_LIMIT] = 1.0
-    if note != 0:
-        s[m + note], s[m + note + 1] = drive, friction
-    if note == DRIVE_TORQUE:
+    resistance = friction + p[d + D_DAMPING] * (speed + z[IMPLICITNESS] * (velocity - speed))
+    _add_works(s, m, 0.5 * step * speed, drive, resistance, load)
+    if noted:
+        for c in range(MOTOR_WORKS):
+            s[m + ROW_WORK + c], s[m + WORK + c] = s[m + WORK + c], 0.0
         constant = p[d + D_CONSTANT]
-        s[m + MEAN_VELOCITY] = mean
+        s[m + DRIVE_TORQUE], s[m + FRICTION], s[m + MEAN_VELOCITY] = drive, friction, mean
         if constant > 0.0:
             s[m + CURRENT] = drive / constant
             s[m + VOLTAGE] = p[d + D_RESISTANCE] * s[m + CURRENT] + constant * mean
+    _add_works(s, m, 0.5 * step * velocity, drive, resistance, load)
+
+
+def _add_works(s: Any, m: int, way: float, drive: float, resistance: float, load: float) -> None:
+    """Add the works of torques in N m on the motor at column m, which moves by `way` rad."""
+    s[m + WORK] += drive * way
+    s[m + WORK + 1] += resistance * way
+    s[m + WORK + 2] += load * way
 
 
 def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:

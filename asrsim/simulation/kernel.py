@@ -18,10 +18,6 @@ from asrsim.simulation.layout import (
     CONTROLLERS,
     DAMPING,
     DRAG,
-    DRIVE_BEFORE,
-    DRIVE_NEXT,
-    DRIVE_PIECE,
-    DRIVE_TORQUE,
     DYNAMIC,
     E_DAMPING,
     E_FRICTION,
@@ -30,7 +26,6 @@ from asrsim.simulation.layout import (
     E_VELOCITY,
     ENGINE_VELOCITY,
     EXTERNAL,
-    FIRST_MOTOR,
     FREE,
     FREE_AFTER,
     FREE_BEFORE,
@@ -38,14 +33,11 @@ from asrsim.simulation.layout import (
     LAST_ENGINE_VELOCITY,
     LAW_ENERGY,
     LINK_IMPLICITNESS,
-    MOTOR_PUSHES,
-    MOTORS,
     NO_VALUE,
     P_BRAKE,
     P_DAMPING_RATIO,
     P_EFFORT,
     P_LEVEL,
-    PER_MOTOR,
     PLACED,
     POSITION,
     PUSH,
@@ -107,20 +99,20 @@ def run(
                 if k[CONTROLLERS]:
                     read_sensors(s, p, k, z, u_all[step][j])
                 if jumped:
-                    _clear_means(s, k)
+                    _clear_means(s)
                 total = torque = applied = push = drag = stiffness = energy = 0.0
                 # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing
                 # moves.
                 for turn in range(begin, end + 1 if jumped else end):
-                    row, h, note = turn, z[STEP], DRIVE_TORQUE
+                    row, h, noted = turn, z[STEP], True
                     whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
                     if jumped and turn == on_time:
                         h = 0.0
                     elif jumped:
                         row = turn - 1 if turn > on_time else turn
-                        h, note, whole = float(own_lengths[row]) * z[STEP], DRIVE_PIECE, p[P_DAMPING_RATIO] != 0.0
+                        h, noted, whole = float(own_lengths[row]) * z[STEP], False, p[P_DAMPING_RATIO] != 0.0
                     u = u_all[row][j]
-                    advance(s, p, k, z, u, h, note, whole)
+                    advance(s, p, k, z, u, h, noted, whole)
                     s[BRAKE] = limit(s, p, v)
                     s[PUSH] = push_of(s, p, u[EXTERNAL])
                     s[DRAG] = damping_of(s, p)
@@ -134,7 +126,7 @@ def run(
                         torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
                         stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
                     elif jumped:
-                        _add_piece(s, p, k, 2.0 * float(own_lengths[row]), turn > on_time)
+                        _add_piece(s, p, 2.0 * float(own_lengths[row]), turn > on_time)
                 if jumped:
                     s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
                     s[STIFFNESS], s[LAW_ENERGY], s[BRAKE] = stiffness, energy, p[P_BRAKE]
@@ -175,28 +167,20 @@ def run(
                 last_references[w, j, c] = references[own_set][recorded][j][c]
 
 
-def _clear_means(s: Any, k: Any) -> None:
+def _clear_means(s: Any) -> None:
     """Set the mean torques over the half kicks before and after the time of the substep to 0."""
     for c in range(PUSHES):
         s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
-    for i in range(k[MOTORS]):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        for c in range(MOTOR_PUSHES):
-            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
     s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
 
 
-def _add_piece(s: Any, p: Any, k: Any, share: float, late: bool) -> None:
+def _add_piece(s: Any, p: Any, share: float, late: bool) -> None:
     """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece as a fraction of a half
     kick; late: whether the piece follows the time of the substep."""
-    side, motor_side = (APPLIED_NEXT, DRIVE_NEXT) if late else (APPLIED_BEFORE, DRIVE_BEFORE)
+    side = APPLIED_NEXT if late else APPLIED_BEFORE
     s[side] += share * s[APPLIED]
     s[side + 1] += share * s[TORQUE]
     s[side + 3] += share * s[PUSH]
-    for i in range(k[MOTORS]):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        for c in range(MOTOR_PUSHES):
-            s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
     if s[BRAKE] == p[P_BRAKE]:
         s[FREE_AFTER if late else FREE_BEFORE] += share
 

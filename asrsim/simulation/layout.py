@@ -69,7 +69,7 @@ from __future__ import annotations
 PUSHES = 4
 """Number of columns in a block of torques that do work on the link: applied, torque, damping, push."""
 
-# S: columns of a motor. The torques that do work on the motor form blocks of three columns.
+# S: columns of a motor.
 (
     MOTOR_POSITION,  # position of the motor at the beginning of the next substep, rad
     MOTOR_VELOCITY,  # velocity of the motor after the last kick, rad/s
@@ -80,16 +80,10 @@ PUSHES = 4
     DRIVE_TORQUE,  # torque of the motor after its limit, N m
     FRICTION,  # friction torque on the motor, N m
     LOAD,  # torque of the motor's spring, N m
-    DRIVE_BEFORE,  # means over the half kick before the whole substep, N m: drive, friction, load
+    WORK,  # work since the last whole substep, J: of the motor's torque, lost to friction and damping, against the spring
     _,
     _,
-    DRIVE_NEXT,  # means over the half kick after the whole substep, N m: drive, friction, load
-    _,
-    _,
-    DRIVE_LAST,  # DRIVE_NEXT of the previous kick, N m: drive, friction, load
-    _,
-    _,
-    DRIVE_PIECE,  # values in one piece of a kick that is split by a jump of an input, N m: drive, friction, load
+    ROW_WORK,  # WORK at the last whole substep, J: work between this whole substep and the one before it
     _,
     _,
     LAST_KICK_POSITION,  # position of the motor at the previous kick, rad
@@ -106,9 +100,9 @@ PUSHES = 4
     READ_ERROR,  # position error of the motor's sensor, rad: measured minus true position
     READ_PUSH,  # torque caused by the error of the measured velocity, in units of the command, N m
     PER_MOTOR,  # number of columns per motor
-) = range(35)
-MOTOR_PUSHES = 3
-"""Number of columns in a block of torques that do work on a motor: drive, friction, load."""
+) = range(29)
+MOTOR_WORKS = 3
+"""Number of columns in a block of works of a motor: of its torque, lost, against the spring."""
 
 LOGGED = {
     POSITION: "link_position",

@@ -17,7 +17,6 @@ from asrsim.simulation.layout import (
     APPLIED_NEXT,
     AT_LIMIT,
     CURRENT,
-    D_DAMPING,
     D_HIGH,
     D_INERTIA,
     D_LOW,
@@ -27,9 +26,6 @@ from asrsim.simulation.layout import (
     DAMPING_LOSS,
     DEFLECTION,
     DEFLECTION_COUNT,
-    DRIVE_BEFORE,
-    DRIVE_LAST,
-    DRIVE_NEXT,
     DRIVE_TORQUE,
     DYNAMIC,
     EFFORT_COUNT,
@@ -55,7 +51,6 @@ from asrsim.simulation.layout import (
     LINK_WORK,
     MEAN_VELOCITY,
     MOTOR_ENERGY,
-    MOTOR_PUSHES,
     MOTOR_SPEED_COUNT,
     MOTOR_STOP_COUNT,
     MOTOR_WORK,
@@ -74,6 +69,7 @@ from asrsim.simulation.layout import (
     POSITION,
     PUSHES,
     RESIDUAL,
+    ROW_WORK,
     SATURATION_COUNT,
     SPRING_ENERGY,
     SPRING_LAW,
@@ -108,8 +104,7 @@ def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, r
     the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
     of the present state are needed.
     """
-    before, motor_before = (APPLIED_BEFORE, DRIVE_BEFORE) if jumped else (APPLIED, DRIVE_TORQUE)
-    following, motor_following = (APPLIED_NEXT, DRIVE_NEXT) if jumped else (APPLIED, DRIVE_TORQUE)
+    before, following = (APPLIED_BEFORE, APPLIED_NEXT) if jumped else (APPLIED, APPLIED)
     sprung, dynamic = k[KIND] == SPRUNG, k[DYNAMIC]
     kinematic = sprung and dynamic < k[PLACED]
     energy_before = s[SPRING_ENERGY]
@@ -124,10 +119,10 @@ def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, r
         work = link
         if sprung:
             lost = _hysteresis_loss(s, p, k)
-            work = _motors(s, p, dynamic, motor_before, z[STEP])
+            work = _motors(s, p, dynamic, z[STEP])
             if kinematic:
                 jump = jumped or s[JUMPED] != 0.0
-                work += _kinematic(s, p, k, before, motor_before, s[SPRING_ENERGY] - energy_before + lost, jump)
+                work += _kinematic(s, p, k, before, s[SPRING_ENERGY] - energy_before + lost, jump)
             s[HYSTERESIS_LOSS] += lost
             s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
         s[LINK_WORK] += link
@@ -146,28 +141,23 @@ def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, r
         resistance = p[FIRST_DRIVE + i * PER_DRIVE + D_RESISTANCE]
         if resistance != 0.0:
             s[m + LAST_POWER] = resistance * s[m + CURRENT] * s[m + CURRENT]
-        for c in range(MOTOR_PUSHES):
-            s[m + DRIVE_LAST + c] = s[m + motor_following + c]
     for c in range(PUSHES):
         s[APPLIED_LAST + c] = s[following + c]
 
 
-def _motors(s: Any, p: Any, dynamic: int, before: int, step: float) -> float:
+def _motors(s: Any, p: Any, dynamic: int, step: float) -> float:
     """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
     total = lost = 0.0
     for i in range(dynamic):
         m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
-        b, a = m + before, m + DRIVE_LAST
-        way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
-        half = 0.5 * way
-        work = (s[a] + s[b]) * half
+        work = s[m + ROW_WORK]
         total += work
         if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
             # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
             now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
-            lost += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
+            lost += work - s[m + ROW_WORK + 2] - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
         else:
-            lost += (s[a + 1] + s[b + 1]) * half + p[d + D_DAMPING] * way * way / step
+            lost += s[m + ROW_WORK + 1]
         if p[d + D_RESISTANCE] != 0.0:
             power = p[d + D_RESISTANCE] * s[m + CURRENT] * s[m + CURRENT]
             s[WINDING_LOSS] += 0.5 * step * (power + s[m + LAST_POWER])
@@ -175,7 +165,7 @@ def _motors(s: Any, p: Any, dynamic: int, before: int, step: float) -> float:
     return total
 
 
-def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, jump: bool) -> float:
+def _kinematic(s: Any, p: Any, k: Any, before: int, absorbed: float, jump: bool) -> float:
     """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
     positions at their means. If an input jumps, the work is the energy that the springs absorbed (J) plus their work on the
     link."""
@@ -183,9 +173,7 @@ def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed:
     if jump:
         work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
         for i in range(k[DYNAMIC]):
-            m = FIRST_MOTOR + i * PER_MOTOR
-            way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
-            work -= 0.5 * (s[m + DRIVE_LAST + 2] + s[m + motor_before + 2]) * way
+            work -= s[FIRST_MOTOR + i * PER_MOTOR + ROW_WORK + 2]
         return work
     middle = 0.5 * (s[POSITION] + s[LAST_POSITION])
     now = _energy_at(s, p, k, middle, KICK_POSITION)

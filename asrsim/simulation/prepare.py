@@ -60,6 +60,7 @@ def prepare(
     the number of substeps is chosen for these ranges.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.scenario.doubts import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     declared = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
@@ -87,6 +88,8 @@ def prepare(
             drives = at_equilibrium(scenario, drives, engine.model)
         resolution = _resolve(scenario, drives, engine, declared)
         substep = scenario.step / resolution.substeps
+        sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
+        warnings = [problem for problem in warnings if problem.code != "undersampled-sine" or problem.key in sampled]
         sensors = tuple(
             sensor_of(drive, for_joint(scenario.sensor_effects, drive.name), substep=substep, index=index, seed=scenario.seed)
             for index, drive in enumerate(drives)

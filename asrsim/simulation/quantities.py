@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.actuators.base import MOST_MOTORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
@@ -61,6 +62,12 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
+def unknown_quantity(name: str, choices: Sequence[str]) -> Problem:
+    """Problem for the name of a quantity that no joint records."""
+    hint = did_you_mean(name, choices)
+    return Problem(f"no joint records '{name}'", choices=tuple(choices), hint=hint, code="unknown-quantity")
+
+
 class QuantitySelection:
     """Quantities of several joints, taken from rows of the state and from inputs."""
 
@@ -69,31 +76,35 @@ class QuantitySelection:
         recorded = [recorded_quantities(drive) for drive in drives]
         places, given = columns_of(motors), inputs_of(motors)
         known = dict.fromkeys(name for own in recorded for name in own)
+        possible = columns_of(MOST_MOTORS) | inputs_of(MOST_MOTORS)
+        problems = [unknown_quantity(name, tuple(known)) for name in names or () if name not in possible]
+        if problems:
+            raise InputError(problems)
         self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
         stated = [name for name in self.names if name in places]
         self.columns: NDArray[np.int64] = np.array([places[name] for name in stated], dtype=np.int64)
         """Selected columns of S."""
         self._stated = {name: place for place, name in enumerate(stated)}
         self._given = {name: given[name] for name in self.names if name in given}
+        self._find_absent(recorded)
+
+    def _find_absent(self, recorded: Sequence[Sequence[str]]) -> None:
+        """Find the joints that do not record all quantities. recorded: quantities that each joint records."""
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
         """Numbers of the joints that do not record a quantity, by quantity."""
+        absent = [(j, column) for name, column in self._stated.items() for j in self.lacking[name]]
+        self._absent = np.array(absent, dtype=np.int64).reshape(-1, 2).T
+        """Joints and columns of the rows that contain no quantity of the joint, shape (2, n)."""
 
     def of(self, drives: Sequence[SteppedJoint]) -> QuantitySelection:
         """This selection for joints with other parameters; such joints may record other quantities."""
         other = copy.copy(self)
-        recorded = [recorded_quantities(drive) for drive in drives]
-        other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        other._find_absent([recorded_quantities(drive) for drive in drives])
         return other
 
     def check(self, names: Sequence[str]) -> None:
         """Raise InputError for names that are not selected."""
-        problems = [
-            Problem(
-                f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity"
-            )
-            for name in names
-            if name not in self.names
-        ]
+        problems = [unknown_quantity(name, self.names) for name in names if name not in self.names]
         if problems:
             raise InputError(problems)
 
@@ -101,12 +112,17 @@ class QuantitySelection:
         """Quantities (rows, joints) by name, all or only the named quantities; NaN where a joint does not record a quantity.
         The arrays may be views of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
         wanted = self.names if names is None else names
+        joints, columns = self._absent
+        if len(joints):
+            out = out.copy()
+            out[:, joints, columns] = np.nan
         return {name: self._values_of(name, out, references) for name in wanted}
 
     def _values_of(self, name: str, out: Array, references: Array) -> Array:
-        found = references[self._given[name]].T if name in self._given else out[:, :, self._stated[name]]
-        if not self.lacking[name]:
-            return found
-        kept = found.copy()
-        kept[:, self.lacking[name]] = np.nan
-        return kept
+        if name in self._stated:
+            return out[:, :, self._stated[name]]
+        given: Array = references[self._given[name]].T
+        if self.lacking[name]:
+            given = given.copy()
+            given[:, self.lacking[name]] = np.nan
+        return given

@@ -55,6 +55,7 @@ from asrsim.simulation.layout import (
     PER_DRIVE,
     PER_MOTOR,
     POSITION,
+    ROW_WORK,
     SPRING_LAW,
     SPRUNG,
     THETAS,
@@ -126,11 +127,15 @@ def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: 
     elif position - s[m + ANCHOR] < -slip:
         s[m + ANCHOR] = position + slip
     friction = FRICTION_STIFFNESS * (position - s[m + ANCHOR])
+    before = position
     velocity = velocity + (push - load - friction - p[d + D_DAMPING] * velocity) / p[d + D_INERTIA] * h
     position = position + velocity * h
     if position > p[d + D_HIGH] or position < p[d + D_LOW]:
         position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
         velocity, push = 0.0, math.nan
         s[m + AT_LIMIT] = 1.0
+    way = position - before
+    s[m + ROW_WORK] = 0.5 * (s[m + DRIVE_TORQUE] + push) * way
+    s[m + ROW_WORK + 1] = (0.5 * (s[m + FRICTION] + friction) + p[d + D_DAMPING] * velocity) * way
     s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + MEAN_VELOCITY] = position, velocity, velocity
     s[m + DRIVE_TORQUE], s[m + FRICTION] = push, friction

@@ -15,7 +15,7 @@ class Stepping:
 
     name: str
     order: int
-    """Order of convergence where forces are smooth; 1 with Coulomb friction or impacts."""
+    """Order of convergence where forces are smooth; 1 with impacts, and with friction in worlds with contacts."""
     doc: str
     implicitness: float = 0.5
     """Implicitness of damping and derivative action: 1/2 for the midpoint rule, 0 for the explicit rule."""

@@ -4,45 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from asrsim.errors import counted
 from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
-
-@dataclass(frozen=True, kw_only=True)
-class TableColumn:
-    """Column of the table: its heading and a cell for each joint."""
-
-    heading: str
-    cells: tuple[str, ...]
-    right: bool = True
+Column = tuple[str, tuple[str, ...], bool]
+"""Heading of a table's column, a cell for each joint, and whether the cells are right-aligned."""
 
 
-def measure_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
+def measure_columns(summary: RunSummary) -> tuple[Column, ...]:
     """Columns of the table of joints: names, actuators and measures."""
     joints = summary.joints
+    measures = [joint.measures for joint in joints]
     length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
     return (
-        TableColumn(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
-        TableColumn(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
-        TableColumn(heading=f"steady\n{length}", cells=cells([joint.measures.steady_state for joint in joints])),
-        TableColumn(heading=f"error\n{length}", cells=cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
-        TableColumn(heading="over-\nshoot %", cells=cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
-        TableColumn(heading="settling\ns", cells=cells([joint.measures.settling for joint in joints], "{:.3f}")),
-        TableColumn(
-            heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")
-        ),
+        ("joint", tuple(joint.name for joint in joints), False),
+        ("actuator", tuple(_actuator(joint) for joint in joints), False),
+        (f"steady\n{length}", cells([one.steady_state for one in measures]), True),
+        (f"error\n{length}", cells([one.steady_state_error for one in measures], "{:.3g}"), True),
+        ("over-\nshoot %", cells([100.0 * one.overshoot for one in measures], "{:.1f}"), True),
+        ("settling\ns", cells([one.settling for one in measures], "{:.3f}"), True),
+        (f"peak defl.\n{length}", cells([one.peak_deflection for one in measures], "{:.3g}"), True),
     )
 
 
-def limit_columns(summary: RunSummary) -> tuple[TableColumn, ...]:
+def limit_columns(summary: RunSummary) -> tuple[Column, ...]:
     """Columns of the limits that a joint reached, with each joint's share of the substeps."""
     return tuple(
-        TableColumn(
-            heading=heading.replace(" ", "\n"),
-            cells=tuple(share(joint.limits[kind], summary.total_substeps) for joint in summary.joints),
-        )
+        (heading.replace(" ", "\n"), tuple(share(joint.limits[kind], summary.total_substeps) for joint in summary.joints), True)
         for kind, heading in LIMITS.items()
         if any(joint.limits[kind] for joint in summary.joints)
     )
@@ -56,7 +46,7 @@ def headline(summary: RunSummary) -> str:
     time = f"{summary.simulated_time:.6g} s{of}" if summary.status == "complete" or of else ""
     speed = f"{summary.speed:.3g} x real time" if math.isfinite(summary.speed) else ""
     parts = [f"{status}{time} simulated in {summary.wall_time:.2g} s ({speed})", f"step {summary.step * 1e3:g} ms"]
-    parts.append(_plural(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
+    parts.append(counted(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
     parts += [summary.stepping, f"{summary.engine}, {summary.loop} loop"]
     return ", ".join(parts)
 
@@ -88,7 +78,3 @@ def share(count: int, total: int) -> str:
     if percent < 0.01:
         return "< 0.01 %"
     return f"{percent:.2g} %" if percent < 99.5 else "100 %"
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.document.block import key_at
+from asrsim.document.kinds import key_at
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.metrics import JointSummary
 from asrsim.quantities import LIMITS, linear_unit

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.document.mistaken import mistaken
+from asrsim.document.file import mistaken
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
 from asrsim.plain import misfit
@@ -50,9 +50,16 @@ class Joint:
 
     def from_scores(self, scores: Array) -> Array:
         """Values (m, n) of the drawn keys, computed from independent standard normal numbers (m, n)."""
-        drawn = self.mean + scores @ self.root.T
-        drawn[:, self.logarithmic] = np.exp(drawn[:, self.logarithmic])
-        return np.clip(drawn, self.low, self.high)
+        return self._values(self.mean + scores @ self.root.T)
+
+    def interval(self, width: float) -> Array:
+        """Both ends (2, n) of the interval of each drawn key, from -width to width standard deviations around the mean."""
+        deviations = np.linalg.norm(self.root, axis=1)
+        return self._values(self.mean + width * np.array([[-1.0], [1.0]]) * deviations)
+
+    def _values(self, rows: Array) -> Array:
+        """Values (m, n) of the keys within their bounds, from values or logarithms (m, n)."""
+        return np.clip(np.where(self.logarithmic, np.exp(rows), rows), self.low, self.high)
 
     def assign(self, row: Array) -> dict[str, float]:
         """Value of each key, tied keys included, from the values (n,) of the drawn keys."""

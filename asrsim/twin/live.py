@@ -6,25 +6,34 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Sequence
+import time as clock
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from operator import itemgetter
 
 import numpy as np
 
 from asrsim.live.commands import CommandInput
 from asrsim.live.pace import Pace
-from asrsim.live.transport import Access, Inlet, Interface, Outlet, Received, Transport, opened, prefix_of, publish, report
+from asrsim.live.publisher import APPLIED
+from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.ranges import ranges_of, with_ranges
-from asrsim.twin.twin import Twin, TwinStep
+from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 """Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
 """Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
-LONGEST_GAP = 0.1
-"""Longest time between the stamps of two messages over which positions are interpolated, s."""
+PAUSE = 5.0
+"""Time between the stamps of two messages above which the robot was paused or started anew, s."""
+WAIT = 0.02
+"""Time for which a message waits for messages that were published earlier, s."""
+MOST_COMMANDS = 1000
+"""Largest number of commands that wait for the next positions."""
 QUIET = 0.5
 """Time without an alarm after which the next alarm of a joint is reported, s."""
 
@@ -42,19 +51,20 @@ class LiveTwin:
         prepared = with_ranges(scenario)
         prefix = prefix_of(namespace)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
-        self._commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=prefix)
-        source = Inlet(f"{prefix}/joint_states", "sensor_msgs/JointState")
-        outlets = [
-            Outlet(f"{prefix}/twin/{joint}/{field}", "std_msgs/Float64") for joint in self._twin.joints for field in FIELDS
-        ]
-        self.interface = Interface(
-            node=f"{prefix}/asrsim_twin", outlets=tuple(outlets), inlets=(*self._commands.inlets, source), latched={},
-        )  # fmt: skip
+        self._commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=prefix, tell=tell)
+        sources = [LiveTopic(prefix + name, "sensor_msgs/JointState") for name in (APPLIED, "/joint_states")]
+        names = [f"{prefix}/twin/{joint}/{field}" for joint in self._twin.joints for field in FIELDS]
+        outlets = tuple(LiveTopic(name, "std_msgs/Float64") for name in names)
+        self.interface = Interface(f"{prefix}/asrsim_twin", outlets, (*self._commands.inlets, *sources))
         self._names, self._access = transports, access or Access()
-        self._received: list[tuple[float, Array]] = []
-        """Time stamps in s, and positions that the twin has not followed yet."""
+        ranges = ranges_of(prepared).items()
+        self._references = [(joint, name) for joint, own in ranges for name in own if name != EXTERNAL_TORQUE]
+        self._applied = np.full(len(self._references), np.nan)
+        """Commands that the robot has applied, for each reference; NaN if the robot does not publish them."""
+        self._waiting: list[tuple[float, Received]] = []
+        """Time of publication of each waiting message, s, and the message."""
         self._last: tuple[float, Array] | None = None
-        """Time stamp and positions that the twin followed last."""
+        """Time stamp of the last positions, and the positions followed by the applied commands."""
         self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
@@ -70,36 +80,74 @@ class LiveTwin:
             stack.callback(self._twin.close)
             transports = stack.enter_context(opened(self._names, self.interface, self._access, self._tell))
             self._tell(f"waiting for positions on {self.interface.inlets[-1].name}")
+            commands = deque[Received](maxlen=MOST_COMMANDS)
             while not stop() and (self._duration is None or pace.ticks * self._step < self._duration):
                 if pace.wait(self._step) is None:
                     continue
-                commands: dict[str, dict[str, float]] = {}
-                received = self._without_positions(transports)
-                values = self._commands.listen(received, self._twin.simulation, self.time, self._step)
-                for (joint, reference), value in values.items():
-                    commands.setdefault(joint, {})[reference] = value
-                for positions in self._due():
-                    found = self._twin.step(positions, commands)
-                    self.steps += 1
-                    publish(transports, round(self.time * 1e9), _messages(found))
-                    self._report_alarms(found)
-                    report(self._tell, [*found.notes], [])
-                report(self._tell, self._commands.notices, transports)
+                for message in self._in_order(transports):
+                    if message.inlet < len(self._commands.inlets):
+                        commands.append(message)
+                    elif self.interface.inlets[message.inlet].name.endswith(APPLIED):
+                        self._applied = _values(message, map(".".join, self._references))
+                    else:
+                        for row in self._due(message):
+                            self._follow(row, commands, transports)
+                            commands.clear()
 
-    def _due(self) -> Iterator[Array]:
-        """Positions at the twin's steps, interpolated between the time stamps of the messages, so that varying delays have no
-        effect. A message without a stamp, or after a gap, is a single step.
+    def _in_order(self, transports: Sequence[Transport]) -> Iterator[Received]:
+        """Messages in the order of their publication, so that positions meet the commands that the robot had received.
+
+        On a busy machine messages of one program may arrive later than those of another. A message therefore waits for `WAIT`
+        seconds, unless the robot itself publishes the commands that belong to its positions.
         """
-        while self._received:
-            stamp, positions = self._received.pop(0)
-            before, start = self._last or (stamp, positions)
-            steps = round((stamp - before) / self._step)
-            if not (stamp and 0 <= steps <= LONGEST_GAP / self._step):
-                steps = 1
-            if steps or self._last is None:
-                self._last = stamp, positions
-            for k in range(1, steps + 1):
-                yield start + (positions - start) * k / steps
+        now = clock.time()
+        arrived = (message for transport in transports for message in transport.poll())
+        self._waiting += [(message.sent or now, message) for message in arrived]
+        self._waiting.sort(key=itemgetter(0))
+        wait = WAIT if np.isnan(self._applied).all() else 0.0
+        newest = self._waiting[-1][0] if self._waiting else 0.0
+        while self._waiting and self._waiting[0][0] <= newest - wait:
+            yield self._waiting.pop(0)[1]
+
+    def _due(self, message: Received) -> Iterator[Array]:
+        """Positions and applied commands at the twin's steps, interpolated between the time stamps of the messages, so that
+        varying delays have no effect. In a gap the positions are unknown (NaN). A message without a stamp, or after a pause, is
+        a single step.
+        """
+        positions = _values(message, self._twin.joints)
+        if not np.isfinite(positions).any():
+            return
+        row = np.concatenate([positions, self._applied])
+        before, start = self._last or (message.stamp, row)
+        steps = round((message.stamp - before) / self._step)
+        if not (message.stamp and 0 <= steps <= PAUSE / self._step):
+            steps = 1
+        if steps or self._last is None:
+            self._last = message.stamp, row
+        for k in range(1, steps + 1):
+            between = start + (row - start) * k / steps
+            if k < steps and steps > LONGEST_GAP / self._step:
+                between[: len(positions)] = np.nan
+            yield between
+
+    def _follow(self, row: Array, messages: Sequence[Received], transports: Sequence[Transport]) -> None:
+        """Let the twin do a step, and publish its estimates. row: positions and applied commands; messages: commands that count
+        if the robot does not publish the commands that it applied.
+        """
+        positions, applied = np.split(row, [len(self._twin.joints)])
+        values = dict(zip(self._references, applied.tolist(), strict=True))
+        if np.isnan(applied).all():
+            values = self._commands.listen(messages, self._twin.worlds, self.time, self._step)
+        commands: dict[str, dict[str, float]] = {}
+        for (joint, reference), value in values.items():
+            commands.setdefault(joint, {})[reference] = value
+        found = self._twin.step(positions, commands)
+        self.steps += 1
+        for transport in transports:
+            transport.publish(round(self.time * 1e9), _messages(found))
+        self._report_alarms(found)
+        for note in found.notes:
+            self._tell(note)
 
     def _report_alarms(self, found: TwinStep) -> None:
         """Report alarms of joints that had no alarm for a while."""
@@ -109,17 +157,11 @@ class LiveTwin:
                 self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[joint]}")
             self._alarm_ends[joint] = self.time
 
-    def _without_positions(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Received messages with commands; received messages with positions are stored for the next steps."""
-        for transport in transports:
-            for message in transport.poll():
-                if message.inlet < len(self._commands.inlets):
-                    yield message
-                    continue
-                known = dict(zip(message.names or (), message.values, strict=False))
-                positions = np.array([known.get(joint, math.nan) for joint in self._twin.joints])
-                if np.isfinite(positions).any():
-                    self._received.append((message.stamp, positions))
+
+def _values(message: Received, names: Iterable[str]) -> Array:
+    """Values of a JointState for the given names; NaN for missing names."""
+    known = dict(zip(message.names or (), message.values, strict=False))
+    return np.array([known.get(name, math.nan) for name in names])
 
 
 def _messages(found: TwinStep) -> list[bytes]:

@@ -31,7 +31,7 @@ FASTER = {
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
-def texts_of_examples(name: str) -> list[str]:
+def texts_of_examples(name):
     """The examples in the help of a command."""
     from typer.main import get_command
 
@@ -39,7 +39,7 @@ def texts_of_examples(name: str) -> list[str]:
     return [text.removeprefix("Example: ") for text in texts if text.startswith("Example: ")]
 
 
-def examples_of_the_help() -> list[str]:
+def examples_of_the_help():
     """Examples in the help texts of all commands, ordered so that input files are written before they are read."""
     names = dict.fromkeys(["run", *COMMANDS])
     return [text for name in names if name not in LONG for text in texts_of_examples(name)]
@@ -101,21 +101,3 @@ def test_sample_recordings_are_those_of_their_script(tmp_path):
     runpy.run_path(str(place / "record.py"), run_name="sample")["main"](place)
     for name in ("two_joints.csv", "bench_motion.csv"):
         assert (place / name).read_text() == (ROOT / "examples" / "recordings" / name).read_text()
-
-
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("run examples/scenarios/step_2dof.yaml --variant s", ["soft", "stiff"]),
-        ("run nothing.yaml --variant s", []),
-        ("live examples/scenarios/step_2dof.yaml --plugin x.py --variant so", ["soft"]),
-    ],
-)
-def test_the_shell_completes_variants(line: str, offered: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a request of bash, the option has no value yet, so that the arguments after it are not parsed."""
-    from typer.testing import CliRunner
-
-    monkeypatch.chdir(ROOT)
-    words = ["asrsim", *line.split()]
-    asked = {"_ASRSIM_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1)}
-    assert CliRunner().invoke(app, env=asked, prog_name="asrsim").output.split() == offered

@@ -70,7 +70,7 @@ PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANG
 
 
 @pytest.mark.parametrize("network", [False, True])
-def test_fast_dds_listens_on_loopback_unless_configured(tmp_path, monkeypatch, network):
+def test_fast_dds_listens_on_loopback_unless_configured(monkeypatch, network):
     for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
         monkeypatch.delenv(name, raising=False)
     with fast_dds(network=network):
@@ -82,11 +82,6 @@ def test_fast_dds_listens_on_loopback_unless_configured(tmp_path, monkeypatch, n
     assert ("interfaceWhiteList" in said) == ("initialPeersList" in said) == (not network)
     assert set(os.environ).isdisjoint({PROFILES, RANGE})
     assert not path.exists()
-    (tmp_path / "libfastrtps.so").write_text("")
-    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
-    with fast_dds(network=network):
-        assert PROFILES not in os.environ
-    monkeypatch.delenv("LD_LIBRARY_PATH")
     monkeypatch.setenv(PROFILES, "mine.xml")
     with fast_dds(network=network):
         assert os.environ[PROFILES] == "mine.xml"
@@ -161,14 +156,14 @@ def test_ros_node_receives_every_topic_and_moves_the_arm(server, peers, name):
     process, folder = server
     assert listening(process) == {"0100007F"}
     seen = watch(peers(name), 4.0, 100)
-    assert len(seen["outlets"]) >= 20
+    assert len(seen["outlets"]) >= 18
     assert set(seen["outlets"]) - {"/robot_description"} == set(seen["counts"])
     assert not seen["gaps"]
     assert seen["description"]["/robot_description"] > 1000
     assert seen["inlets"]
     assert max(map(abs, seen["positions"].values())) > 0.01
-    assert set(seen["preset"].values()) == {0.25}
-    assert [answer[0] for answer in seen["answers"]] == [True, True, True]
+    assert [seen["applied"][f"joint_{i}.stiffness_preset"] for i in (1, 2)] == [0.25, 0.25]
+    assert seen["while_paused"] == 0
     out = ended(process)
     assert "asrsim rerun" in out
     commands = list(open_log(folder / "log.mcap").commands())

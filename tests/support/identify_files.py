@@ -89,12 +89,12 @@ class Model:
         self.channels, self.onset, self.data = (channel,), 0.0, SimpleNamespace(held=False, name="a", duration=1.0, commands=())
         self._left, self._layout = left, layout
 
-    def predictions(self, tables, playing, until=None):
+    def predictions(self, tables, playing, until):
         for table in tables:
             left = self._left(np.array([one.place(table[one.parameter.key]) for one in self._layout.entries]))
-            yield None if left is None else [left + self.channels[0].values]
+            yield [(np.nan if left is None else left) + channel.values for channel in self.channels]
 
-    def predict(self, values, playing, until=None):
+    def predict(self, values, playing, until):
         return next(self.predictions([values], playing, until))
 
 

@@ -1,5 +1,5 @@
-"""ROS node of a user, run by a Python with rclpy but without asrsim. It reads every topic, sends commands, calls services
-and prints what it observed as JSON.
+"""ROS node of a user, run by a Python with rclpy but without asrsim. It reads every topic, sends commands, pauses the
+run, and prints what it observed as JSON.
 
 Arguments: duration in s, ROS domain, rate of the commands in Hz.
 """
@@ -17,8 +17,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Float64, Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
+from std_msgs.msg import Bool, Float64, Float64MultiArray
 
 SECONDS, DOMAIN, RATE = float(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
 
@@ -52,15 +51,6 @@ def subscribe(node, name, kind):
     return node.create_subscription(kind, name, lambda message: None, quality)
 
 
-def call(node, kind, name, request):
-    client = node.create_client(kind, name)
-    if not client.wait_for_service(timeout_sec=10):
-        return None
-    future = client.call_async(request)
-    rclpy.spin_until_future_complete(node, future, timeout_sec=10)
-    return [future.result().success, future.result().message] if future.done() else None
-
-
 def main():
     rclpy.init(domain_id=DOMAIN)
     node = rclpy.create_node("user")
@@ -77,6 +67,21 @@ def main():
             if name == "/robot_description":
                 latched[name] = len(taken[0].data)
     counts, gaps, numbers, last = {}, {}, {}, {}
+
+    def read():
+        """Take all waiting messages; return whether there was one."""
+        found = False
+        for name, (subscription, kind) in listening.items():
+            while (taken := subscription.handle.take_message(kind, False)) is not None:
+                found = True
+                message, about = taken
+                counts[name] = counts.get(name, 0) + 1
+                number = about["publication_sequence_number"]
+                if name in numbers and number > numbers[name] + 1:
+                    gaps[name] = gaps.get(name, 0) + number - numbers[name] - 1
+                numbers[name], last[name] = number, message
+        return found
+
     equilibria = [name for name in inlets if name.endswith("equilibrium_position")]
     presets = [name for name in inlets if name.endswith("reference_2") and topics[name].endswith("MultiArray")]
     began = due = time.time()
@@ -88,29 +93,22 @@ def main():
                 publishers[name].publish(Float64(data=value))
             for name in presets:
                 publishers[name].publish(Float64MultiArray(data=[0.25] * len(equilibria)))
-        quiet = True
-        for name, (subscription, kind) in listening.items():
-            while (taken := subscription.handle.take_message(kind, False)) is not None:
-                quiet = False
-                message, about = taken
-                counts[name] = counts.get(name, 0) + 1
-                number = about["publication_sequence_number"]
-                if name in numbers and number > numbers[name] + 1:
-                    gaps[name] = gaps.get(name, 0) + number - numbers[name] - 1
-                numbers[name], last[name] = number, message
-        if quiet:
+        if not read():
             time.sleep(1e-4)
-    answers = [
-        call(node, SetBool, "/asrsim/pause", SetBool.Request(data=True)),
-        call(node, Trigger, "/asrsim/release", Trigger.Request()),
-        call(node, SetBool, "/asrsim/pause", SetBool.Request(data=False)),
-    ]
-    state = last.get("/joint_states")
+    publishers["/asrsim/pause"].publish(Bool(data=True))
+    time.sleep(0.5)
+    read()
+    before = counts["/clock"]
+    time.sleep(0.5)
+    read()
+    publishers["/asrsim/pause"].publish(Bool(data=False))
+    publishers["/asrsim/pause"].wait_for_all_acked()
+    state, applied = last.get("/joint_states"), last.get("/applied_commands")
     print(json.dumps({
         "topics": topics, "outlets": outlets, "inlets": inlets, "counts": counts, "gaps": gaps,
-        "description": latched, "answers": answers,
+        "description": latched, "while_paused": counts["/clock"] - before,
         "positions": dict(zip(state.name, state.position, strict=True)) if state is not None else {},
-        "preset": {name: message.data for name, message in last.items() if name.endswith("applied/stiffness_preset")},
+        "applied": dict(zip(applied.name, applied.position, strict=True)) if applied is not None else {},
     }))  # fmt: skip
     node.destroy_node()
     rclpy.shutdown()

@@ -1,4 +1,4 @@
-"""Engines and steppings of other installed packages: `engine:` and `stepping:` take them, on the command line too."""
+"""Engines and steppings of other installed packages: `engine:` and `stepping:` take them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 
@@ -43,7 +42,7 @@ xyz="0 1 0"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value
 
 
 @pytest.fixture
-def installed(tmp_path: Path) -> Path:
+def installed(tmp_path):
     """A folder on the path with an installed package that registers two engines, one that is none, and a stepping."""
     (tmp_path / "elsewhere.py").write_text(MODULE)
     info = tmp_path / "elsewhere-1.0.dist-info"
@@ -51,51 +50,47 @@ def installed(tmp_path: Path) -> Path:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(POINTS)
     (tmp_path / "r.urdf").write_text(URDF)
-    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 0.2\n")
     return tmp_path
 
 
-def asrsim(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])}
-    command = [sys.executable, "-m", "asrsim", *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+SCRIPT = """
+import json
+import asrsim
+from asrsim.errors import AsrsimError
+from asrsim.runs.repeat import repeat
+
+def outcome(**keys):
+    try:
+        result = asrsim.run(asrsim.make_scenario("r.urdf", duration=0.2, **keys), out="out", overwrite=True)
+    except AsrsimError as error:
+        return str(error)
+    return [float(result["j"].link_position[-1]), repeat("out/log.mcap").identical]
+
+engines = {name: outcome(engine=name) for name in ("weightless", "missing", "nothing")}
+print(json.dumps({**engines, "halfway": outcome(stepping="halfway")}))
+"""
 
 
-def run(folder: Path, *arguments: str) -> dict:
-    done = asrsim(folder, "run", "s.yaml", "--no-plot", "--json", "-o", "out", *arguments)
-    return json.loads(done.stdout)
+def test_engines_and_steppings_of_other_packages_run_or_are_named(installed):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(installed)])}
+    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=installed, env=environment, capture_output=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["weightless"] == [0.0, True]
+    falls, identical = found["halfway"]
+    assert falls > 0.1
+    assert identical
+    assert "needs 'no_such_library', which is not installed" in found["missing"]
+    assert "nothing" in found["nothing"]
+    assert "weightless" in found["nothing"], "the choices name the other engines"
 
 
-def test_an_engine_of_another_package_runs(installed: Path) -> None:
-    (summary,) = run(installed, "--engine", "weightless")["runs"]
-    assert summary["engine"] == "weightless"
-    assert summary["joints"][0]["steady_state"] == 0.0, "it falls, so this is another engine"
-    again = asrsim(installed, "rerun", "out/log.mcap")
-    assert again.returncode == 0, again.stderr
-    assert "identical" in again.stdout
-
-
-def test_a_stepping_of_another_package_runs(installed: Path) -> None:
-    (summary,) = run(installed, "--set", "stepping=halfway")["runs"]
-    assert summary["stepping"] == "halfway"
-    assert summary["ok"]
-
-
-def test_a_missing_or_wrong_engine_is_named(installed: Path) -> None:
-    (error,) = run(installed, "--engine", "missing")["errors"]
-    assert "needs 'no_such_library', which is not installed" in json.dumps(error)
-    answer = json.dumps(run(installed, "--engine", "nothing"))
-    assert "nothing" in answer
-    assert "weightless" in answer, "the choices name the others"
-
-
-def test_the_first_question_finds_what_is_installed(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
     """Whichever it is: entry, membership, names."""
     monkeypatch.syspath_prepend(installed)
     points = [EntryPoint(name, f"elsewhere:{name}", "asrsim.engines") for name in ("weightless", "missing", "nothing")]
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == "asrsim.engines" else [])
 
-    def fresh() -> Registry[EngineEntry]:
+    def fresh():
         return Registry("engine", "asrsim.engines", instance=EngineEntry)
 
     assert fresh().get("weightless").doc == "MuJoCo without gravity"

@@ -15,16 +15,15 @@ from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 from asrsim import identify
-from asrsim.identification.causes import presliding
+from asrsim.identification.causes import Extension, extended, presliding
 from asrsim.identification.combinations import Combination, combinations
-from asrsim.identification.extensions import Extension, extended
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
+from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
-from asrsim.identification.verdicts import estimates
 from asrsim.robot import load_robot, with_overrides
 from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT

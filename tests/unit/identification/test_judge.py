@@ -15,7 +15,7 @@ from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_noise, foreign, praise, verdict
-from asrsim.identification.verdicts import Estimate
+from asrsim.identification.result import Estimate
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 NAN = float("nan")
@@ -68,12 +68,11 @@ def test_the_held_out_error_may_be_as_large_as_the_estimates_let_it() -> None:
 @pytest.mark.parametrize("still", [False, True])
 def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still: bool) -> None:
     time, generator = np.arange(0.0, 4.0, 2e-3), np.random.default_rng(0)
-    values = np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + 1e-3 * generator.normal(size=len(time))
-    track = SimpleNamespace(channels=[channel(values)], data=SimpleNamespace(held=False, name="a"))
+    values = 1e3 * np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + generator.normal(size=len(time))
     for sign in (1.0, -1.0):
-        left = [sign * values - values]
-        problem: Any = SimpleNamespace(tracks=[track], ends=[3.0])
-        (found,) = channel_fits(problem, [left], [left], [None])
+        left = sign * values - values
+        problem = replace(modelled(lambda _, left=left: left, 1, len(time), recorded=values), ends=(0.75,))
+        (found,) = channel_fits(problem, [left], np.zeros(1))
         assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
         assert ("no channel moves" in praise([found])) == still
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import random
 import struct
 import time
@@ -24,16 +23,14 @@ from support.paths import EXAMPLES
 
 
 class Script:
-    """A transport that sends what it was given to send, a message a poll, and keeps what it hears."""
+    """Transport that sends one of the given messages in each poll, and keeps the messages that the run publishes."""
 
-    where, lost = "in this process", 0
+    def __init__(self, messages=()):
+        self.messages = list(messages)
+        """Topic, values, and further fields of `Received`."""
+        self.heard, self.polls, self.closed = [], 0, False
 
-    def __init__(self, messages, calls=()):
-        self.messages, self.calls = list(messages), dict(calls)
-        """Received, or a function of the interface that makes it; poll -> (service, flag)."""
-        self.heard, self.polls, self.closed, self.answers, self.notices = [], 0, False, [], []
-
-    def make(self, interface, access):
+    def make(self, interface, access, tell):
         self.interface = interface
         self.inlets = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
         self.wanted = [not outlet.latched for outlet in interface.outlets if not outlet.latched]
@@ -44,27 +41,27 @@ class Script:
 
     def poll(self):
         self.polls += 1
-        if self.polls in self.calls:
-            name, flag = self.calls[self.polls]
-            self.answers.append(self.interface.services[name].call(flag))
-        count = len(self.messages) // 400 + 1
-        for _ in range(min(count, len(self.messages))):
-            name, values, *names = self.messages.pop(0)
-            yield Received(self.inlets[name], values, *names)
+        if self.messages:
+            name, values, *more = self.messages.pop(0)
+            yield Received(self.inlets[name], values, *more)
 
     def close(self):
         self.closed = True
 
 
-def run_live(folder, script, scenario=EXAMPLES / "scenarios" / "step_2dof.yaml", *, duration=0.4, changes=None, **settings):
+def arm(**changes):
+    (one,) = asrsim.load_scenario(STEP, variant="soft", overrides={**PLAIN, **changes})
+    return one
+
+
+def run_live(folder, script, *, scenario=None, duration=0.4, tell=lambda text: None, **settings):
     TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
-    (one,) = asrsim.load_scenario(scenario, variant="soft" if "2dof" in str(scenario) else None, overrides=changes or {})
     settings = Settings(duration=duration, transports=["script"], **{"speed": math.inf, **settings})
-    session = Session(one, folder, settings)
-    summary = session.run(stop=lambda: False)
-    return session, summary
+    session = Session(scenario or arm(), folder, settings, tell=tell)
+    return session, session.run(stop=lambda: False)
 
 
+STEP = EXAMPLES / "scenarios" / "step_2dof.yaml"
 PLAIN = {"compiled": False, "expect": [], "reference_ranges": {"*": {"external_torque": [-0.3, 0.3]}}}
 
 
@@ -74,12 +71,10 @@ def random_commands(seed, count=300):
         joint = chance.choice(("joint_1", "joint_2"))
         kind, spread = chance.choice((("equilibrium_position", 1.0), ("stiffness_preset", 0.4), ("external_torque", 0.3)))
         yield f"/{joint}/{kind}", [chance.uniform(-spread, spread)]
-        if chance.random() < 0.1:
-            yield "/reference_1", [chance.uniform(-1, 1), chance.uniform(-1, 1)]
 
 
 def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
-    _, summary = run_live(tmp_path / "run", Script(random_commands(1)), changes=PLAIN)
+    _, summary = run_live(tmp_path / "run", Script(random_commands(1)))
     assert summary.ok
     assert summary.live["applied"] > 100
     commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
@@ -92,45 +87,34 @@ def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
 
 
 def test_topics_are_published_half_as_often_when_the_run_is_behind(tmp_path, monkeypatch):
-    script = Script([])
+    script = Script()
     monkeypatch.setattr(Pace, "is_behind", lambda pace: script.polls in (50, 60))
     monkeypatch.setattr("asrsim.live.session.TOPICS_SHARE", 0.0)
-    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.2, speed=1.0)
+    _, summary = run_live(tmp_path / "run", script, duration=0.2, speed=1.0)
     assert summary.live["rate"] == 250.0
     np.testing.assert_allclose(np.diff([at for at, _ in script.heard][-5:]), 4e6)
 
 
-def test_a_live_run_takes_the_substeps_of_a_run(tmp_path):
-    scenario = EXAMPLES / "scenarios" / "box_push_5dof.yaml"
-    one = asrsim.load_scenario(scenario, overrides={"expect": []})[0]
-    session = Session(one, tmp_path, Settings())
-    with asrsim.Simulation(one) as offline:
-        assert session.simulation.substeps == offline.substeps
-    session.simulation.close()
-
-
 def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):
-    run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
+    run_live(tmp_path / "run", Script(), duration=0.1)
     before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
 
-    class Taken(Script):
-        def make(self, interface, access):
-            raise asrsim.AsrsimError("the port is taken")
+    def taken(*_):
+        raise asrsim.AsrsimError("the port is taken")
 
-    script = Script([])
-    TRANSPORTS.add("first", TransportEntry(make=script.make, doc="", module="json"), replace=True)
-    TRANSPORTS.add("taken", TransportEntry(make=Taken([]).make, doc="", module="json"), replace=True)
-    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
-    session = Session(one, tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["first", "taken"]))
+    script = Script()
+    TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
+    TRANSPORTS.add("taken", TransportEntry(make=taken, doc="", module="json"), replace=True)
+    session = Session(arm(), tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["script", "taken"]))
     with pytest.raises(asrsim.AsrsimError, match="the port is taken"):
         session.run(stop=lambda: False)
     assert script.closed
     assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
 
 
-def test_what_is_said_is_what_the_log_holds(tmp_path):
-    script = Script([("/joint_1/equilibrium_position", [0.5]), ("/joint_2/stiffness_preset", [0.2])])
-    session, _ = run_live(tmp_path / "run", script, changes={**PLAIN, "initial": {"joint_1": 0.3}}, duration=0.1)
+def test_published_numbers_are_those_of_the_log(tmp_path):
+    script = Script([("/joint_1/equilibrium_position", [0.5]), ("/joint_2/external_torque", [0.2])])
+    session, _ = run_live(tmp_path / "run", script, scenario=arm(initial={"joint_1": 0.3}), duration=0.1)
     samples = read_log(tmp_path / "run" / "log.mcap").samples
     assert [time for time, _ in script.heard] == [round(t * 1e9) for t in samples.time]
     types = get_typestore(Stores.ROS2_HUMBLE)
@@ -148,8 +132,12 @@ def test_what_is_said_is_what_the_log_holds(tmp_path):
         for topic, quantity in (("stiffness", "stiffness"), ("torque_el2_state", "elastic_torque_2")):
             (value,) = struct.unpack_from("<d", said[f"/joint_1/{topic}"], 4)
             assert value == samples.values[quantity][row, 0]
-    (echo,) = struct.unpack_from("<d", said["/joint_1/applied/equilibrium_position"], 4)
-    assert echo == 0.5
+        applied = types.deserialize_cdr(said["/applied_commands"], "sensor_msgs/msg/JointState")
+        assert applied.header.stamp == state.header.stamp
+        values = dict(zip(applied.name, applied.position, strict=True))
+        assert values["joint_1.equilibrium_position"] == samples.values["reference_1"][row, 0]
+        assert values["joint_2.external_torque"] == samples.values["external_torque"][row, 1]
+    assert (values["joint_1.equilibrium_position"], values["joint_2.external_torque"]) == (0.5, 0.2)
     assert script.closed
 
 
@@ -169,13 +157,9 @@ NONSENSE = [
 ]
 
 
-def test_nonsense_is_counted_said_once_and_dropped(tmp_path):
+def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     said = []
-    TRANSPORTS.add("script", TransportEntry(make=Script(NONSENSE * 3).make, doc="", module="json"))
-    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
-    settings = Settings(speed=math.inf, duration=0.2, transports=["script"])
-    session = Session(one, tmp_path / "run", settings, tell=said.append)
-    summary = session.run(stop=lambda: False)
+    session, summary = run_live(tmp_path / "run", Script(NONSENSE * 3), duration=0.2, tell=said.append)
     assert sum(summary.live["dropped"].values()) == 3 * 10
     assert summary.live["clamped"] == {"joint_1.equilibrium_position": 3}
     told = [text for text in said if "further ones are only counted" in text]
@@ -184,13 +168,12 @@ def test_nonsense_is_counted_said_once_and_dropped(tmp_path):
     assert (command.joint, command.reference) == ("joint_1", "equilibrium_position")
     assert command.value == session.simulation.prepared.range_of("joint_1", "equilibrium_position")[1]
     assert low.joint == "joint_2"
-    assert repeat(tmp_path / "run" / "log.mcap").identical
 
 
 def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
     names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
     script = Script([("/ros2_control/joint_commands", [0.3, math.nan, math.nan, 0.1], names)])
-    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.05)
+    _, summary = run_live(tmp_path / "run", script, duration=0.05)
     assert not summary.live["dropped"]
     commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert [(c.joint, c.reference, c.value) for c in commands] == [
@@ -231,7 +214,7 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
     """Straight lines, or with velocities cubic pieces, from the reference on; the run is repeated bit for bit."""
     points = [(time, positions, velocities if smooth else []) for time, positions, velocities in POINTS]
     script = Script([("/joint_trajectory", [], ["joint_1", "joint_2"], points)])
-    run_live(tmp_path / "run", script, changes={**PLAIN, "references": STILL}, duration=0.2)
+    run_live(tmp_path / "run", script, scenario=arm(references=STILL), duration=0.2)
     samples = read_log(tmp_path / "run" / "log.mcap").samples
     wanted = {0: (0.1, -0.1), 50: (0.2, -0.1), 75: (0.25625, 0.0) if smooth else (0.25, 0.0), 150: (0.3, 0.1)}
     for row, references in wanted.items():
@@ -249,27 +232,25 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
     ],
 )
 def test_a_wrong_trajectory_is_refused(tmp_path, names, points, why):
-    _, summary = run_live(tmp_path / "run", Script([("/joint_trajectory", [], names, points)]), changes=PLAIN, duration=0.05)
+    _, summary = run_live(tmp_path / "run", Script([("/joint_trajectory", [], names, points)]), duration=0.05)
     (reason,) = summary.live["dropped"]
     assert why in reason
     assert summary.live["applied"] == 0
 
 
-def test_pause_and_release(tmp_path):
-    script = Script(
-        [("/joint_1/equilibrium_position", [0.4])], {3: ("pause", True), 9: ("pause", False), 14: ("release", False)}
-    )  # fmt: skip
-    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.1)
-    assert script.answers[:2] == ["paused", "running"]
+def test_a_paused_run_listens_and_resumes(tmp_path):
+    pause = [("/asrsim/pause", [1.0])] * 5 + [("/asrsim/pause", [0.0])]
+    script = Script([("/joint_1/equilibrium_position", [0.4]), *pause])
+    _, summary = run_live(tmp_path / "run", script, duration=0.1)
     assert summary.simulated_time == pytest.approx(0.1)
-    log = tmp_path / "run" / "log.mcap"
-    assert [command.value for command in open_log(log).commands()] == [0.4, None]
-    assert repeat(log).identical
+    assert script.polls == 100 + len(pause) - 1
+    assert repeat(tmp_path / "run" / "log.mcap").identical
 
 
 def test_a_killed_run_is_repeated_up_to_its_end(tmp_path, tiny):
     commands = [("/elbow/equilibrium_position", [0.5 * math.sin(0.1 * k)]) for k in range(400)]
-    run_live(tmp_path / "run", Script(commands), tiny.scenario, duration=5.0, changes={"compiled": False})
+    (one,) = asrsim.load_scenario(tiny.scenario, overrides={"compiled": False})
+    run_live(tmp_path / "run", Script(commands), scenario=one, duration=5.0)
     whole = (tmp_path / "run" / "log.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: int(0.7 * len(whole))])
     found = repeat(tmp_path / "cut.mcap")
@@ -290,26 +271,11 @@ def test_a_diverging_run_is_reported_and_has_a_whole_log(tmp_path, monkeypatch):
         advance_to(self, end)
 
     monkeypatch.setattr(Simulation, "advance_to", breaks)
-    _, summary = run_live(tmp_path / "run", Script([]), changes=PLAIN)
+    _, summary = run_live(tmp_path / "run", Script())
     assert summary.status == "diverged"
     assert not summary.ok
     assert "joint_1" in summary.message
     assert open_log(tmp_path / "run" / "log.mcap").status == "diverged"
-
-
-@pytest.mark.parametrize(
-    ("ranges", "message"),
-    [
-        ({"joint_1": {"equilibrium_position": [1, -1]}}, "must not exceed the second"),
-        ({"joint_1": {"equilibrium": [0, 1]}}, "no such reference"),
-        ({"elbow": {"equilibrium_position": [0, 1]}}, "no moving joint 'elbow'"),
-        ({"joint_1": {"equilibrium_position": [0]}}, "must be"),
-        ({"*": {"equilibrium_position": [0, ".inf"]}}, "must be"),
-    ],
-)
-def test_wrong_ranges_are_refused(ranges, message):
-    with pytest.raises(asrsim.AsrsimError, match=message):
-        asrsim.Simulation(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={"reference_ranges": ranges})
 
 
 def test_the_command_ends_by_its_duration(asrsim_command, tiny):
@@ -371,8 +337,7 @@ def test_a_run_is_behind_only_if_it_is_late_for_two_seconds():
 
 
 def test_a_run_stops_within_a_second_of_long_ticks(tmp_path):
-    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, "step": 0.01})
-    session = Session(one, tmp_path / "run", Settings(speed=0.001))
+    session = Session(arm(step=0.01), tmp_path / "run", Settings(speed=0.001))
     asked = []
 
     def stop():
@@ -381,29 +346,3 @@ def test_a_run_stops_within_a_second_of_long_ticks(tmp_path):
 
     assert session.run(stop=stop).ok
     assert asked[-1] - asked[0] < 1.0
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")
-@pytest.mark.parametrize(("granted", "nice"), [(True, 0), (True, 5), (False, 0)])
-def test_real_time_priority_is_taken_and_left_by_slow_runs(tmp_path, monkeypatch, granted, nice):
-    policies = [os.SCHED_OTHER]
-
-    def set_policy(pid, policy, parameter):
-        if not granted:
-            raise PermissionError
-        policies.append(policy)
-
-    monkeypatch.setattr(os, "sched_setscheduler", set_policy)
-    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: policies[-1])
-    monkeypatch.setattr(os, "nice", lambda more: nice)
-    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
-    session = Session(one, tmp_path / "run", Settings(duration=0.03))
-    wait = session.pace.wait
-
-    def late(simulated):
-        session.pace.slips += session.pace.ticks == 9
-        return wait(simulated)
-
-    session.pace.wait = late
-    assert session.run(stop=lambda: False).ok
-    assert policies == ([os.SCHED_OTHER, os.SCHED_RR, os.SCHED_OTHER] if granted and not nice else [os.SCHED_OTHER])

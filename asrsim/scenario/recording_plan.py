@@ -1,33 +1,22 @@
-"""A scenario from a recording: its commands are played, and its motion is compared with that of the simulation."""
+"""Plan for a recording and a robot: which columns are played as commands, and which are compared with the simulation."""
 
 from __future__ import annotations
 
-import io
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.electric import missing_constants
-from asrsim.actuators.modes import Mode
-from asrsim.actuators.user import command_line
 from asrsim.errors import RecordingError
-from asrsim.quantities import is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import beyond_stops, condense
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import overridden, reference_names
-from asrsim.scenario.starter import SCHEMA_FILE, Comments, Lines, mounted, starter_joint
-from asrsim.signals.playback import since
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
-WIDE = 1e4
-"""Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
 LATEST = 1.0
 """Latest start of a recording on its own clock, s; recordings that start later, or before 0, are played from 0."""
 STAIRS = 0.5
@@ -86,11 +75,12 @@ class RecordingPlan:
         )
 
 
-def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> RecordingPlan:
+def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence[str] | None = None) -> RecordingPlan:
     """Columns of the recording that are played into the robot, and columns that are compared.
 
-    strict: play only columns that are commands, and accept a recording without commands. Raises RecordingError, with the
-    columns of the recording, where it has no joint of the robot or no command.
+    idle: play only commands, or the recorded motor positions of these joints, and accept a recording without commands. None:
+    replace a missing command by any recorded quantity. Raises RecordingError, with the columns of the recording,
+    where it has no joint of the robot or no command.
     """
     pairing, found = match_joints([joint.name for joint in robot.moving_joints], recording)
     remarks = [problem.message for problem in found]
@@ -103,7 +93,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
     for block in robot.actuators:
-        command = _command(columns, block, remarks, strict=strict)
+        command = _command(columns, block, remarks, idle)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
             if command.quantity == "motor_1_position":
@@ -120,7 +110,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
                 played.append(_played(block.joint, 1, second))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque))
-    if not strict and not any(one.slot == 0 for one in played):
+    if idle is None and not any(one.slot == 0 for one in played):
         if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
             raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
         remarks.append(
@@ -154,11 +144,13 @@ def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[st
 
 
 def _command(
-    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], *, strict: bool
+    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], idle: Sequence[str] | None
 ) -> Column | None:
+    """Column that is the command of a joint, or that replaces a missing command; None if there is no such column."""
+    fallbacks = FALLBACKS if idle is None else _motors(columns, block) if block.joint in idle else ()
     mode, own = MODES[block.mode], [TORQUES[block.mode]] if block.mode in TORQUES else []
     reference = columns.get((block.joint, "reference_1"))
-    order = ["reference_1", *own, *(() if strict else FALLBACKS)]
+    order = ["reference_1", *own, *fallbacks]
     if mode.direct and reference is not None and reference.unit not in (*mode.units, "N"):
         # A torque-controlled motor takes its recorded torque rather than a position.
         order = [*own, *order]
@@ -166,15 +158,23 @@ def _command(
         column = columns.get((block.joint, quantity))
         if column is None or not np.isfinite(column.values).any():
             continue
-        if strict and column.unit in ("V", "A") and column.unit != mode.units[0]:
+        if idle is not None and column.unit in ("V", "A") and column.unit != mode.units[0]:
             remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
             continue
         if quantity != "reference_1":
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
         return column
-    if not strict and any(joint == block.joint for joint, _ in columns):
+    if idle is None and any(joint == block.joint for joint, _ in columns):
         remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
     return None
+
+
+def _motors(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock) -> Sequence[str]:
+    """Quantity that replaces the command of springs, if the positions of all their motors were recorded."""
+    actuator = ACTUATORS.get(block.actuator)
+    motors = range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)
+    known = MODES[block.mode].spring and all((block.joint, f"motor_{i}_position") in columns for i in motors)
+    return ("motor_1_position",) if known else ()
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
@@ -240,157 +240,3 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
         hint=f"Name the command's column: --map COLUMN={robot.actuators[0].joint}.reference_1, or .motor_1_position for "
         "springs on a bench. `asrsim plot LOG --experiment FILE` compares a recording without commands with a run",
     )  # fmt: skip
-
-
-STEP = 0.001
-"""Time step of the scenario, s."""
-SHARE = 0.1
-"""Largest RMSE that a claim allows, as a fraction of the recorded range."""
-
-
-def command_tables(plan: RecordingPlan, name: str) -> dict[str, list[PlayedRecording]]:
-    """Commands by file name, one file for each time base; the first file is called `name`."""
-    groups: dict[int, list[PlayedRecording]] = {}
-    for one in plan.played:
-        groups.setdefault(id(one.column.time), []).append(one)
-    stem, dot, ending = name.rpartition(".")
-    return {f"{stem}{f'_{i}' if i > 1 else ''}{dot}{ending}": members for i, members in enumerate(groups.values(), start=1)}
-
-
-def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str:
-    """CSV of commands in SI units, on the simulation's clock. Missing samples are interpolated."""
-    time = members[0].column.time
-    values = np.column_stack([since(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
-    for i in range(1, values.shape[1]):
-        good = np.isfinite(values[:, i])
-        values[:, i] = np.interp(time, time[good], values[good, i])
-    text = io.StringIO()
-    header = ",".join(["time [s]", *(f'"{one.label}"' for one in members)])
-    np.savetxt(text, values, delimiter=",", header=header, comments="", fmt="%.12g")
-    return text.getvalue()
-
-
-def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Parameters of motors and controllers with unknown values, by joint: limits that nothing reaches, constants of 1 where the
-    mode needs them, and derivative gains of 0, since these act like damping, which is fitted.
-    """
-    found: dict[str, dict[str, float]] = {}
-    for block in robot.actuators:
-        motors, mode = range(1, ACTUATORS.get(block.actuator).motors + 1), MODES[block.mode]
-        if block.joint in joints:
-            limits = [f"motor_{i}_max_{what}" for i in motors for what in ("torque", "velocity") if mode.motor]
-            constants = missing_constants(block.values(), len(motors), mode) if mode.motor else ()
-            gains = [f"controller_{i}_derivative" for i in motors if mode.controller and (mode.motor or i == 1)]
-            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
-    return found
-
-
-@dataclass(frozen=True, kw_only=True)
-class Files:
-    """Files of a scenario from a recording, as the scenario names them, and the options with which the recording is read."""
-
-    scenario: str
-    robot: Any
-    """Value of the key `robot`."""
-    recording: str
-    commands: str
-    plugins: tuple[str, ...] = ()
-    mapping: tuple[str, ...] = ()
-    rate: float | None = None
-
-    @property
-    def reading(self) -> dict[str, Any]:
-        """Options with which the recording is read: `map` and `rate`."""
-        mapping = {"map": list(self.mapping)} if self.mapping else {}
-        return mapping | ({"rate": self.rate} if self.rate else {})
-
-
-def recording_data(
-    plan: RecordingPlan, files: Files, *, mode: int | None, joints: Sequence[str], parameters: Mapping[str, Mapping[str, float]]
-) -> tuple[dict[str, Any], Comments]:
-    """Scenario as plain data, and its comments.
-
-    mode: from the command line. joints: joints whose actuator the scenario gives, with `parameters` that replace defaults.
-    """
-    data: dict[str, Any] = {"robot": files.robot, "duration": _exact(plan.duration), "step": STEP}
-    comments: Comments = {("duration",): "s, of the recording", ("step",): "s"}
-    if plan.on_bench:
-        data["engine"] = "bench"
-        comments["engine",] = "no motion of a link was recorded: links are locked"
-    if joints:
-        data["actuators"] = mounted(plan.robot, joints, parameters)
-        comments["actuators",] = (
-            "wide limits, constants of 1 and derivative gains of 0 stand for unknown values; springs hold the arm"
-        )
-    modes = {block.joint: block.mode for block in plan.robot.actuators if mode is not None or block.joint in plan.modes}
-    if modes := {joint: number for joint, number in modes.items() if joint not in joints}:
-        data["modes"] = modes
-    if plan.initial:
-        data["initial"] = Lines(plan.initial)
-        comments["initial",] = "rad, m; first recorded positions"
-    references: dict[str, dict[str, Any]] = {}
-    for block in plan.robot.actuators:
-        drive = starter_joint(plan.robot, block)
-        levels = drive.levels(plan.initial.get(block.joint, 0.0), 0.0, drive.presets[0])
-        references[block.joint] = {name: value for name, _, value in levels}
-        comments |= {path: f"{text}, not recorded" for path, text in drive.comments().items() if len(path) > 2}
-    data["references"] = references
-    torques: dict[str, Any] = {}
-    for file, members in command_tables(plan, files.commands).items():
-        for one in members:
-            kind = "hold" if one.hold else "smooth"
-            playback = {"playback": {"file": file, "column": one.label, "interpolation": kind}}
-            if one.slot is None:
-                torques[one.joint] = playback
-                continue
-            name = list(references[one.joint])[one.slot]
-            references[one.joint][name] = playback
-            comments["references", one.joint, name] = one.column.source
-    if torques:
-        data["external_torques"] = torques
-    against = {"against": files.recording, "options": {"lag": _exact(plan.lag), **files.reading}}
-    data["expect"] = [
-        {"joint": joint, "quantity": column.quantity, "measure": "rmse", "comparison": "<", "value": limit, **against}
-        for joint, column in plan.compared
-        if (limit := _limit(plan, joint, column))
-    ]
-    comments["expect",] = f"{100 * SHARE:g} % of the recorded range: state how accurate the model should be"
-    return data, comments
-
-
-def _limit(plan: RecordingPlan, joint: str, column: Column) -> float:
-    """Largest RMSE that a claim about the column allows; 0: nothing to compare."""
-    quantity = str(column.quantity)
-    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
-    simulated = is_comparable(quantity) and _is_simulated(quantity, modes.get(joint))
-    return float(f"{SHARE * np.ptp(column.values[np.isfinite(column.values)]):.2g}") if simulated else 0.0
-
-
-def recording_heading(plan: RecordingPlan, files: Files) -> Iterator[str]:
-    """Comment lines above the scenario."""
-    log = shlex.quote(f"out/{files.scenario.rpartition('.')[0]}/default/log.mcap")
-    options = [f"--map {shlex.quote(text)}" for text in files.mapping] + ([f"--rate {files.rate:g}"] if files.rate else [])
-    yield f"yaml-language-server: $schema={SCHEMA_FILE}"
-    yield f"Scenario from the recording {files.recording}, written by `asrsim init --experiment`. Units are SI."
-    yield f"It plays the recorded commands ({files.commands}) and compares the simulated with the recorded motion."
-    yield f"  {command_line('run', files.scenario, files.plugins)}"
-    lag = f"--lag {_exact(plan.lag)!r}"
-    yield f"  asrsim plot {log} --experiment {shlex.quote(files.recording)} {' '.join([lag, *options])}"
-    if plan.remarks:
-        yield "Assumptions, and peculiarities of the file:"
-    yield from (f"  - {' '.join(text.split())}" for text in plan.remarks)
-    if plan.lag:
-        yield f"The recording starts at {_exact(plan.lag)!r} s of its own clock, which is 0 here."
-
-
-def _is_simulated(quantity: str, mode: Mode | None) -> bool:
-    """Whether a run in this mode has the quantity: ideal motors have a position only, and rigid joints have no motor."""
-    if quantity.startswith("motor_") and not quantity.endswith("_position"):
-        return mode is not None and mode.motor
-    elastic = quantity.startswith(("motor_", "elastic_torque", "stiffness", "deflection", "equilibrium"))
-    return not elastic or (mode is not None and mode.spring)
-
-
-def _exact(value: float) -> float:
-    """Number with twelve digits, which times of long recordings need."""
-    return float(f"{value + 0.0:.12g}")
