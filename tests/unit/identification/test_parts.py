@@ -109,18 +109,18 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path)
         "joint_1.link_position [rad]": 0.3 + moved**2 + noise[0],
         "joint_1.motor_1_position [rad]": 0.2 + moved**3 + noise[1],
     }
-    for free, starts, uncertain in (
-        ("joint_1.damping", (0.3, 0.2), {"position", "motor_1_position"}),
-        ("joint_1.motor_1_position.offset", (0.3, 0.3), {"position"}),
-        ("joint_1.link_position.offset", (0.0, 0.2), {"motor_1_position"}),
+    for free, link, motors in (
+        ("joint_1.damping", 0.3, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
+        ("joint_1.motor_1_position.offset", 0.3, {}),
+        ("joint_1.link_position.offset", 0.0, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
     ):
         with ExitStack() as stack:
             setup = setup_of(stack, tmp_path, columns, {"mode": 6}, [free])
             (track,) = setup.problem.tracks
-            initial = [track.initial[f"joint_1.initial_{name}"] for name in ("position", "motor_1_position")]
-            assert initial == pytest.approx(starts, abs=1e-3)
-            keys = {entry.parameter.key for entry in setup.problem.layout.entries}
-            assert keys - {free} == {f"joint_1.initial_{name}" for name in uncertain}
+            assert track.initial["joint_1.initial_position"] == pytest.approx(link, abs=1e-3)
+            assert track.motors == motors
+            keys = [entry.parameter.key for entry in setup.problem.layout.entries]
+            assert ("joint_1.initial_position" in keys) == (link == 0.3)
 
 
 def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_deviation() -> None:
