@@ -28,8 +28,24 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def key_table(keys: Iterable[Key]) -> str:
     """Key, value, unit, default and meaning, a row a key."""
-    rows = [(f"`{key.name}`", key.kind.text, key.unit, key.default_text.strip(), key.doc) for key in keys]
+    rows = [(f"`{key.name}`", key.kind.text, key.unit, default_text(key).strip(), key.doc) for key in keys]
     return markdown_table(("key", "value", "unit", "default", "meaning"), rows)
+
+
+def default_text(key: Key) -> str:
+    """Text of a key's default."""
+    if key.required:
+        return "required"
+    if key.shown:
+        return key.shown
+    value = key.default
+    if value is None or value in ({}, ()):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{item:g}' for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _blocks() -> dict[str, Block[Any]]:

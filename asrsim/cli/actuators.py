@@ -8,6 +8,7 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
+from asrsim.cli.options import Texts, argument, option
 
 if TYPE_CHECKING:
     from asrsim.actuators import Actuator
@@ -15,14 +16,12 @@ if TYPE_CHECKING:
 
 @command(None)
 def actuators(
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this actuator in full.", show_default=False)] = None,
+    name: Annotated[str | None, argument("NAME", "Show this actuator in full.")] = None,
     urdf: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--urdf", metavar="JOINT", help="Print the URDF block that mounts the actuator on this joint; may be repeated."
-        ),
+        Texts,
+        option("Print the URDF block that mounts the actuator on this joint; may be repeated.", "--urdf", metavar="JOINT"),
     ] = None,
-    mode: Annotated[int, typer.Option("--mode", min=0, max=8, help="Operation mode of the block.")] = 6,
+    mode: Annotated[int, option("Operation mode of the block.", "--mode", min=0, max=8)] = 6,
 ) -> Done:
     """List the actuators, or show a single one: laws, parameters with units, defaults, URDF tags and sources.
 

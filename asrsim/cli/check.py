@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.options import Arguments, Packages, folders, pairs
+from asrsim.cli.options import Arguments, Files, Packages, argument, folders, option, pairs
 
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
 """File suffixes of scenarios (True) and robots (False); a file with another suffix is recognised by its first character."""
@@ -17,10 +17,8 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 
 @command("Print problems only, no tables.")
 def check(
-    files: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FILE]...", help="URDF, xacro and scenario files.", show_default=False)
-    ] = None,
-    actuator: Annotated[str | None, typer.Option(help="Check this actuator's laws instead of files.")] = None,
+    files: Annotated[Files, argument("[FILE]...", "URDF, xacro and scenario files.")] = None,
+    actuator: Annotated[str | None, option("Check this actuator's laws instead of files.")] = None,
     argument: Arguments = None,
     package: Packages = None,
     *,
@@ -45,6 +43,8 @@ def check(
         )
     if not files:
         raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
+    if (argument or package) and all(map(_is_scenario, files)):
+        raise typer.BadParameter("belongs to robots; a scenario states it under `robot`", param_hint="--arg or --package")
     arguments, packages = pairs(argument, "--arg"), folders(package, "--package")
     reports = [
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)
@@ -52,7 +52,7 @@ def check(
     ]
     good = not any(report.errors for report in reports)
     return Done(
-        data={"ok": good, "files": [report.as_dict() for report in reports]},
+        data={"ok": good, "files": reports},
         always=lambda: print_reports(reports, quiet=quiet),
         code=int(not good),
     )

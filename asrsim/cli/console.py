@@ -92,8 +92,13 @@ def complain(text: str, style: str = "") -> None:
 
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Print a JSON document on stdout. The data must not contain NaN or infinity."""
-    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)))
+    """Print a JSON document on stdout. The data may contain paths and objects with `as_dict`, but no NaN and no infinity."""
+    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False, default=_encoded)))
+
+
+def _encoded(value: Any) -> Any:
+    """Path, or object with the method `as_dict`, as data for JSON."""
+    return value.as_dict() if hasattr(value, "as_dict") else os.fspath(value)
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
@@ -189,7 +194,7 @@ def error_as_dict(error: AsrsimError) -> dict[str, Any]:
     """Error as data for `--json`."""
     items: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, InputError):
-        items["problems"] = [problem.as_dict() for problem in error.problems]
+        items["problems"] = error.problems
     return items
 
 

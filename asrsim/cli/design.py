@@ -5,36 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import Overrides, Plot, Variant
+from asrsim.cli.options import Files, Overrides, Plot, Texts, Variant, argument, option
 
 
 @command()
 def design(
-    scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="Scenario of the robot, or a fit file.", show_default=False)
-    ],
-    limits: Annotated[Path, typer.Option(metavar="FILE", help="Limits of joints, noise of sensors, gains to choose from.")],
-    seconds: Annotated[float, typer.Option(metavar="SECONDS", help="Length of the experiment.")] = 10.0,
+    scenario: Annotated[Path, argument("SCENARIO", "Scenario of the robot, or a fit file.")],
+    limits: Annotated[Path, option("Limits of joints, noise of sensors, gains to choose from.", metavar="FILE")],
+    seconds: Annotated[float, option("Length of the experiment.", metavar="SECONDS")] = 10.0,
     free: Annotated[
-        list[str] | None,
-        typer.Option("--free", metavar="KEY", help="Parameter to identify, as in `identify`; may be repeated."),
+        Texts,
+        option("Parameter to identify, as in `identify`; may be repeated.", "--free", metavar="KEY"),
     ] = None,
-    tie: Annotated[list[str] | None, typer.Option("--tie", metavar="KEY=[FACTOR*]KEY", help="As in `identify`.")] = None,
-    after: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="An existing recording; may be repeated.")] = None,
+    tie: Annotated[Texts, option("As in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")] = None,
+    after: Annotated[Files, option("An existing recording; may be repeated.", metavar="FILE")] = None,
     robust: Annotated[
-        int, typer.Option(min=0, help="Further draws of the free numbers, within a factor of 2, that the motion is made for.")
+        int, option("Further draws of the free numbers, within a factor of 2, that the motion is made for.", min=0)
     ] = 0,
     variant: Variant = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are written beside it.")
-    ] = Path("excite.csv"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 0,
+    out: Annotated[Path, option("CSV of the motion; scenario and picture are written beside it.", metavar="FILE")] = Path(
+        "excite.csv"
+    ),
+    seed: Annotated[int, option("Seed of the search.", min=0)] = 0,
     plot: Plot = True,
     *,
     plugin: list[Path],
@@ -71,7 +67,7 @@ def design(
 
     intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
     data = {
-        "ok": not found.interrupted, "files": [str(path) for path in files],
+        "ok": not found.interrupted, "files": files,
         "findings": [{"message": remark} for remark in found.remarks], "intervals": mapped(intervals, finite_or_none),
     }  # fmt: skip
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
-from asrsim.cli.options import into_folder
+from asrsim.cli.options import into_folder, option
 
 
 @command("Print nothing.", plugins=False)
 def examples(
     out: Annotated[Path, into_folder("Folder for the copies.")] = Path("examples"),
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files with these names.")] = False,
+    overwrite: Annotated[bool, option("Replace existing files with these names.", "--overwrite")] = False,
 ) -> Done:
     """Copy the bundled examples: robots, scenarios, recordings, and a custom actuator.
 
@@ -27,6 +25,6 @@ def examples(
     written = copy_examples(out, overwrite=overwrite)
     run = command_line("run", out / "scenarios" / "step_2dof.yaml")
     return Done(
-        data={"ok": True, "files": [str(path) for path in written]},
+        data={"ok": True, "files": written},
         text=lambda: say(f"wrote {len(written)} files into {out}; run one: {run}"),
     )

@@ -9,28 +9,24 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
-from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file
+from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file, option
 
 
 @command()
 def export(
     scenario: Scenario,
-    to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
+    to: Annotated[str, option("Format of the file.", "--to", metavar="mjcf")] = "mjcf",
     out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(
         "soft.xml"
     ),
     knots: Annotated[
         int | None,
-        typer.Option(
-            min=0, max=50, help="Knots on each side of the spline of a spring's law.", show_default="error below 0.1 mrad"
-        ),
+        option("Knots on each side of the spline of a spring's law.", min=0, max=50, default="error below 0.1 mrad"),
     ] = None,
-    timestep: Annotated[
-        float | None, typer.Option(help="Time step of the model, s.", show_default="the scenario's step")
-    ] = None,
+    timestep: Annotated[float | None, option("Time step of the model, s.", default="the scenario's step")] = None,
     fit: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="fit.json of `identify`: the model gets its values, and ranges are written."),
+        option("fit.json of `identify`: the model gets its values, and ranges are written.", metavar="FILE"),
     ] = None,
     variant: Variant = None,
     overrides: Overrides = None,

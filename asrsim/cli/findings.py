@@ -59,8 +59,8 @@ class FileReport:
             }
         if self.substeps is not None:
             data["substeps"] = self.substeps
-        data["errors"] = [problem.as_dict() for problem in self.errors]
-        data["warnings"] = [problem.as_dict() for problem in self.warnings]
+        data["errors"] = self.errors
+        data["warnings"] = self.warnings
         return mapped(data, number)  # type: ignore[no-any-return]
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Variant, into_folder
+from asrsim.cli.options import ColumnMap, Files, Overrides, Plot, Rate, Texts, Variant, argument, into_folder, option
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
@@ -20,43 +18,37 @@ if TYPE_CHECKING:
 def identify(
     scenario: Annotated[
         Path,
-        typer.Argument(
-            metavar="SCENARIO", help="Scenario of the robot, or a fit file (with `experiments:`).", show_default=False
-        ),
+        argument("SCENARIO", "Scenario of the robot, or a fit file (with `experiments:`)."),
     ],
-    experiment: Annotated[
-        list[Path] | None, typer.Option("--experiment", "-e", metavar="FILE", help="A recording to fit; may be repeated.")
-    ] = None,
+    experiment: Annotated[Files, option("A recording to fit; may be repeated.", "--experiment", "-e", metavar="FILE")] = None,
     validate: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE", help="A recording that is predicted but not fitted. Default: the last part of each recording."
-        ),
+        Files,
+        option("A recording that is predicted but not fitted. Default: the last part of each recording.", metavar="FILE"),
     ] = None,
     free: Annotated[
-        list[str] | None,
-        typer.Option(
+        Texts,
+        option(
+            "A parameter, or a pattern: 'joint_1.spring_*', link_1.izz, "
+            "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
             "--free",
             metavar="KEY[=START]",
-            help="A parameter, or a pattern: 'joint_1.spring_*', link_1.izz, "
-            "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
         ),
     ] = None,
     tie: Annotated[
-        list[str] | None,
-        typer.Option(
+        Texts,
+        option(
+            "A parameter that is a multiple of another; * matches the same text on both sides.",
             "--tie",
             metavar="KEY=[FACTOR*]KEY",
-            help="A parameter that is a multiple of another; * matches the same text on both sides.",
         ),
     ] = None,
     own: Annotated[
-        list[str] | None,
-        typer.Option("--own", metavar="KEY", help="A free parameter with a separate value for each recording."),
+        Texts,
+        option("A free parameter with a separate value for each recording.", "--own", metavar="KEY"),
     ] = None,
     compare: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT.QUANTITY", help="Compare only this quantity; may be repeated.", show_default="all"),
+        Texts,
+        option("Compare only this quantity; may be repeated.", metavar="JOINT.QUANTITY", default="all"),
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
@@ -64,43 +56,36 @@ def identify(
     overrides: Overrides = None,
     hold_out: Annotated[
         float | None,
-        typer.Option(
-            min=0.0,
-            max=0.9,
-            help="Fraction at the end of each recording that is predicted but not fitted.",
-            show_default="0.25",
-        ),
+        option("Fraction at the end of each recording that is predicted but not fitted.", min=0.0, max=0.9, default="0.25"),
     ] = None,
     starts: Annotated[
         int | None,
-        typer.Option(min=1, help="Largest number of starts that the search tries until the model fits.", show_default="6"),
+        option("Largest number of starts that the search tries until the model fits.", min=1, default="6"),
     ] = None,
     check: Annotated[
         bool,
-        typer.Option(
-            "--check", help="Do not fit: show which parameters the recordings can identify, and which motions to add."
-        ),
+        option("Do not fit: show which parameters the recordings can identify, and which motions to add.", "--check"),
     ] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Write all parameters to the robot file, not only the identified ones.")
+        bool, option("Write all parameters to the robot file, not only the identified ones.", "--all")
     ] = False,
     accept: Annotated[
         bool,
-        typer.Option(
-            "--accept",
-            help="Write the robot although the model does not fit, if it explains 90 % of the variance. Intervals are as wide "
+        option(
+            "Write the robot although the model does not fit, if it explains 90 % of the variance. Intervals are as wide "
             "as the spread of estimates from tenths of the recording.",
+            "--accept",
         ),
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     seconds: Annotated[
         float | None,
-        typer.Option(
+        option(
+            "Time limit of the search. The best fit so far is then reported as unfinished.",
             "--time",
             metavar="SECONDS",
             min=0.0,
-            show_default="no end",
-            help="Time limit of the search. The best fit so far is then reported as unfinished.",
+            default="no end",
         ),
     ] = None,
     plot: Plot = True,
@@ -132,7 +117,7 @@ def identify(
     folder = out or Path("out") / task.name / "fit"
     result, code = _run(task, check=check, quiet=quiet, accept=accept, seconds=seconds)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
-    data = {"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]}
+    data = {"ok": code == 0, **as_dict(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 

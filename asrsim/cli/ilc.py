@@ -7,22 +7,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_columns, say_problems
 from asrsim.cli.interrupt import INTERRUPTED
-from asrsim.cli.options import (
-    Align,
-    ColumnMap,
-    Overrides,
-    Overwrite,
-    Plot,
-    Scenario,
-    Variant,
-    into_folder,
-    lag_of,
-)
+from asrsim.cli.options import Align, ColumnMap, Overrides, Overwrite, Plot, Scenario, Variant, into_folder, lag_of, option
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
@@ -39,15 +27,15 @@ def ilc(
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<scenario>/ilc")] = None,
     recording: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "Learn on the real robot: compute its next input (next.csv) from this recorded trial.",
             "--next",
             metavar="RECORDING",
-            help="Learn on the real robot: compute its next input (next.csv) from this recorded trial.",
         ),
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "off",
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted learning exactly.")] = False,
+    resume: Annotated[bool, option("Continue an interrupted learning exactly.", "--resume")] = False,
     overwrite: Overwrite = False,
     plot: Plot = True,
     *,
@@ -77,10 +65,11 @@ def ilc(
             return _next(plant, folder, recording, mapping, lag_of(align))
         return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
     except KeyboardInterrupt:
-        complain(f"\nasrsim: interrupted; the trials so far are in {folder / 'state.npz'}: continue with --resume")
-        return Done(
-            data={"ok": False, "errors": [{"message": "interrupted"}], "state": str(folder / "state.npz")}, code=INTERRUPTED
-        )
+        state = folder / "state.npz"
+        kept = f"the trials so far are in {state}: continue with --resume" if state.exists() else "no trial was finished"
+        complain(f"\nasrsim: interrupted; {kept}")
+        errors = [{"message": "interrupted"}]
+        return Done(data={"ok": False, "errors": errors, "state": state if state.exists() else None}, code=INTERRUPTED)
 
 
 def _learn(
@@ -138,7 +127,7 @@ def _next(
 
     data = {
         "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
-        "findings": [problem.as_dict() for problem in step.findings],
+        "findings": step.findings,
         "foretold_ratio": finite_or_none(step.foretold), "warning": step.warning,
         "trial": trial_data(step.trials[-1], plant.joints),
     }  # fmt: skip

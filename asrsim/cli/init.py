@@ -10,7 +10,7 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_columns, say_problems
-from asrsim.cli.options import Arguments, ColumnMap, Packages, Rate, folders, into_file, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Rate, Texts, argument, folders, into_file, option, pairs
 from asrsim.errors import Problem
 
 if TYPE_CHECKING:
@@ -19,36 +19,34 @@ if TYPE_CHECKING:
 
 @command("Print nothing.")
 def init(
-    robot: Annotated[
-        Path | None, typer.Argument(metavar="[ROBOT]", help="URDF or xacro file of the robot.", show_default=False)
-    ] = None,
+    robot: Annotated[Path | None, argument("[ROBOT]", "URDF or xacro file of the robot.")] = None,
     out: Annotated[
         Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; of a recording alone FILE.yaml")
     ] = None,
     mode: Annotated[
-        int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")
+        int | None, option("Operation mode of all joints instead of the robot file's.", "--mode", min=0, max=8)
     ] = None,
     actuator: Annotated[
-        list[str] | None,
-        typer.Option(
+        Texts,
+        option(
+            "Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
             "--actuator",
             "-a",
             metavar="[JOINT=]NAME",
-            help="Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
         ),
     ] = None,
     experiment: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "Play this recording's commands, compare with its motion; without ROBOT, propose how it is read.",
             "--experiment",
             "-e",
             metavar="FILE",
-            help="Play this recording's commands, compare with its motion; without ROBOT, propose how it is read.",
         ),
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
+    overwrite: Annotated[bool, option("Replace the file if it is there.", "--overwrite", "--force", "-f")] = False,
     argument: Arguments = None,
     package: Packages = None,
     *,
@@ -108,6 +106,6 @@ def _done(
             say(hint)
 
     return Done(
-        data={"ok": True, "files": [str(path) for path in files], "findings": [problem.as_dict() for problem in notes]},
+        data={"ok": True, "files": files, "findings": notes},
         text=text,
     )

@@ -11,7 +11,7 @@ import typer
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
 from asrsim.cli.interrupt import Interruption
-from asrsim.cli.options import Overrides, Overwrite, Scenario, Variant, into_folder
+from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, into_folder, option
 
 
 @command()
@@ -19,30 +19,22 @@ def live(
     scenario: Scenario,
     variant: Variant = None,
     on: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--on", metavar="NAME", help="Transport: ros, foxglove, none; may be repeated.", show_default="all installed"
-        ),
+        Texts,
+        option("Transport: ros, foxglove, none; may be repeated.", "--on", metavar="NAME", default="all installed"),
     ] = None,
-    speed: Annotated[str, typer.Option(metavar="FACTOR", help="Simulated seconds per second, or max.")] = "1",
-    duration: Annotated[
-        float | None, typer.Option(min=1e-3, max=1e9, help="Simulated time, s.", show_default="until Ctrl-C")
-    ] = None,
-    rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help="Highest publishing rate of the topics, Hz.")] = 1000.0,
-    namespace: Annotated[str, typer.Option(help="Prefix of the topics' names.")] = "",
-    domain: Annotated[
-        int | None, typer.Option(min=0, max=232, help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")
-    ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the WebSocket; 0: any free port.")] = 8765,
-    network: Annotated[bool, typer.Option("--network", help="Also accept other machines.")] = False,
+    speed: Annotated[str, option("Simulated seconds per second, or max.", metavar="FACTOR")] = "1",
+    duration: Annotated[float | None, option("Simulated time, s.", min=1e-3, max=1e9, default="until Ctrl-C")] = None,
+    rate: Annotated[float, option("Highest publishing rate of the topics, Hz.", min=1e-3, max=1e6)] = 1000.0,
+    namespace: Annotated[str, option("Prefix of the topics' names.")] = "",
+    domain: Annotated[int | None, option("ROS domain.", min=0, max=232, default="ROS_DOMAIN_ID, else 0")] = None,
+    port: Annotated[int, option("Port of the WebSocket; 0: any free port.", min=0, max=65535)] = 8765,
+    network: Annotated[bool, option("Also accept other machines.", "--network")] = False,
     allow_origin: Annotated[
-        list[str] | None,
-        typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
+        Texts,
+        option("Web pages that may use the WebSocket; may be repeated.", "--allow-origin", metavar="URL"),
     ] = None,
-    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the topic 'pause' resumes the run.")] = False,
-    twin: Annotated[
-        bool, typer.Option("--twin", help="Follow a robot: read its topics, publish external torques and alarms.")
-    ] = False,
+    paused: Annotated[bool, option("Start paused; the topic 'pause' resumes the run.", "--paused")] = False,
+    twin: Annotated[bool, option("Follow a robot: read its topics, publish external torques and alarms.", "--twin")] = False,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,

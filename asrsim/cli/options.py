@@ -11,33 +11,46 @@ import typer
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
-Scenario = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)]
-Variant = Annotated[str | None, typer.Option(help="Variant of the scenario.", show_default="the only one")]
+Texts = list[str] | None
+"""Type of an option for texts that may be repeated."""
+Files = list[Path] | None
+"""Type of an option for files that may be repeated."""
+
+
+def option(words: str, *names: str, default: str | None = None, **details: Any) -> Any:
+    """Option of a command.
+
+    words: help text. names: long and short names; the parameter's name if empty. default: description of the default value,
+    empty for none; None: the help shows the value itself. details: further arguments of `typer.Option`.
+    """
+    shown = True if default is None else default or False
+    return typer.Option(*names, help=words, show_default=shown, **details)
+
+
+def argument(metavar: str, words: str, **details: Any) -> Any:
+    """Argument of a command. words: help text; details: further arguments of `typer.Argument`."""
+    return typer.Argument(metavar=metavar, help=words, show_default=False, **details)
+
+
+Scenario = Annotated[Path, argument("SCENARIO", "Scenario file (YAML).")]
+Variant = Annotated[str | None, option("Variant of the scenario.", default="the only one")]
 Variants = Annotated[
-    list[str] | None,
-    typer.Option("--variant", help="This variant only; may be repeated.", show_default="all"),
+    Texts,
+    option("This variant only; may be repeated.", "--variant", default="all"),
 ]
-Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
-Packages = Annotated[
-    list[str] | None, typer.Option("--package", metavar="NAME=FOLDER", help="Folder of a ROS package; may be repeated.")
-]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
-]
+Arguments = Annotated[Texts, option("A xacro argument; may be repeated.", "--arg", metavar="NAME=VALUE")]
+Packages = Annotated[Texts, option("Folder of a ROS package; may be repeated.", "--package", metavar="NAME=FOLDER")]
+Overrides = Annotated[Texts, option("Replace a key of the scenario; may be repeated.", "--set", metavar="KEY=VALUE")]
 ColumnMap = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--map", metavar="COLUMN=JOINT.QUANTITY", help="Meaning of a column of the recording, or a YAML file with it."
-    ),
+    Texts,
+    option("Meaning of a column of the recording, or a YAML file with it.", "--map", metavar="COLUMN=JOINT.QUANTITY"),
 ]
-Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without time column, Hz.")]
-Align = Annotated[
-    str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="Alignment of the recording's time.")
-]
-Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace results that another scenario or study wrote.")]
-Start = Annotated[float | None, typer.Option(help="Start of the pictures, s.", show_default="the log's start")]
-End = Annotated[float | None, typer.Option(help="End of the pictures, s.", show_default="the log's end")]
+Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
+Align = Annotated[str, option("Alignment of the recording's time.", "--align", "--lag", metavar="auto|off|start|SECONDS")]
+Plot = Annotated[bool, option("Draw pictures.", "--plot/--no-plot")]
+Overwrite = Annotated[bool, option("Also replace results that another scenario or study wrote.", "--overwrite")]
+Start = Annotated[float | None, option("Start of the pictures, s.", default="the log's start")]
+End = Annotated[float | None, option("End of the pictures, s.", default="the log's end")]
 
 
 _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf", ".svg", ".gif", ".mp4", ".urdf", ".parquet")

@@ -10,7 +10,20 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_columns, say_problems, say_table, say_written, styled
-from asrsim.cli.options import Align, ColumnMap, End, Rate, Start, check_window, into_folder, lag_of
+from asrsim.cli.options import (
+    Align,
+    ColumnMap,
+    End,
+    Files,
+    Rate,
+    Start,
+    Texts,
+    argument,
+    check_window,
+    into_folder,
+    lag_of,
+    option,
+)
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
@@ -19,48 +32,44 @@ if TYPE_CHECKING:
 @command("Print failed claims and problems only.")
 def plot(
     logs: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[LOG]...",
-            help="Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. None: Bode plots of "
+        Files,
+        argument(
+            "[LOG]...",
+            "Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. None: Bode plots of "
             "recordings alone.",
         ),
     ] = None,
     experiment: Annotated[
-        list[str] | None,
-        typer.Option(
+        Texts,
+        option(
+            "Recording to draw with it (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
             "--experiment",
             "-e",
             metavar="[VARIANT=]FILE",
-            help="Recording to draw with it (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
         ),
     ] = None,
     mapping: ColumnMap = None,
-    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.")] = None,
-    quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
+    joint: Annotated[Texts, option("Only this joint; may be repeated.")] = None,
+    quantity: Annotated[Texts, option("Only this quantity; may be repeated.")] = None,
     align: Align = "auto",
-    max_lag: Annotated[
-        float | None, typer.Option(help="Largest lag that auto may find, s.", show_default="a quarter of the record")
-    ] = None,
+    max_lag: Annotated[float | None, option("Largest lag that auto may find, s.", default="a quarter of the record")] = None,
     rate: Rate = None,
-    bode: Annotated[bool, typer.Option("--bode", help="Draw frequency responses with coherence.")] = False,
+    bode: Annotated[bool, option("Draw frequency responses with coherence.", "--bode")] = False,
     band: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="LOW HIGH", help="Frequency band of the Bode plot, Hz.", show_default="what is excited"),
+        option("Frequency band of the Bode plot, Hz.", metavar="LOW HIGH", default="what is excited"),
     ] = None,
     given: Annotated[
         str | None,
-        typer.Option(
-            "--input", metavar="[JOINT.]QUANTITY", help="Input of the Bode plot.", show_default="the position's reference"
-        ),
+        option("Input of the Bode plot.", "--input", metavar="[JOINT.]QUANTITY", default="the position's reference"),
     ] = None,
     output: Annotated[
-        str | None, typer.Option(metavar="[JOINT.]QUANTITY", help="Output of the Bode plot.", show_default="link_position")
+        str | None, option("Output of the Bode plot.", metavar="[JOINT.]QUANTITY", default="link_position")
     ] = None,
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
-    formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
+    formats: Annotated[Texts, option("May be repeated.", "--format", metavar="png|pdf|svg")] = None,
     *,
     quiet: bool,
 ) -> Done:

@@ -6,11 +6,9 @@ import functools
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_problems, say_written
-from asrsim.cli.options import End, Start, check_window, into_folder
+from asrsim.cli.options import End, Start, argument, check_window, into_folder, option
 
 SIZE = 360
 """Size of a picture: square root of its area, pixels."""
@@ -20,21 +18,17 @@ SIZE = 360
 def render(
     log: Annotated[
         Path,
-        typer.Argument(metavar="LOG", help="Log (MCAP) of a run, its folder, or a folder of variants.", show_default=False),
+        argument("LOG", "Log (MCAP) of a run, its folder, or a folder of variants."),
     ],
-    frames: Annotated[
-        int | None, typer.Option(help="Frames of the film strip.", show_default="6, if neither --gif nor --mp4 is given")
-    ] = None,
-    gif: Annotated[bool, typer.Option("--gif", help="Write an animated GIF.")] = False,
-    mp4: Annotated[bool, typer.Option("--mp4", help="Write a video (needs the extra `video`).")] = False,
+    frames: Annotated[int | None, option("Frames of the film strip.", default="6, if neither --gif nor --mp4 is given")] = None,
+    gif: Annotated[bool, option("Write an animated GIF.", "--gif")] = False,
+    mp4: Annotated[bool, option("Write a video (needs the extra `video`).", "--mp4")] = False,
     size: Annotated[
         int,
-        typer.Option(
-            help="Square root of a picture's area, pixels; its aspect ratio follows from the motion.", min=32, max=4000
-        ),
+        option("Square root of a picture's area, pixels; its aspect ratio follows from the motion.", min=32, max=4000),
     ] = SIZE,
-    speed: Annotated[float, typer.Option(help="Speed of the film; 2 is twice as fast as the run.")] = 1.0,
-    fps: Annotated[float | None, typer.Option(help="Frames per second.", show_default="GIF 15, MP4 30")] = None,
+    speed: Annotated[float, option("Speed of the film; 2 is twice as fast as the run.")] = 1.0,
+    fps: Annotated[float | None, option("Frames per second.", default="GIF 15, MP4 30")] = None,
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
@@ -73,4 +67,4 @@ def render(
             say(f"note {note}", "yellow")
         say_written(files)
 
-    return Done(data={"ok": True, "files": [str(path) for path in files], "notes": notes}, text=text)
+    return Done(data={"ok": True, "files": files, "notes": notes}, text=text)

@@ -5,21 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_problems
-from asrsim.cli.options import into_file
+from asrsim.cli.options import argument, into_file, option
 
 
 @command("Print nothing.")
 def report(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="FOLDER", help="Folder of a run, or of a scenario's variants; or a log.", show_default=False),
+        argument("FOLDER", "Folder of a run, or of a scenario's variants; or a log."),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
-    film: Annotated[bool, typer.Option("--film/--no-film", help="Also draw film strips.")] = True,
+    film: Annotated[bool, option("Also draw film strips.", "--film/--no-film")] = True,
     *,
     quiet: bool,
 ) -> Done:
@@ -37,4 +35,4 @@ def report(
     with FractionBar(show=not quiet) as progress:
         page = write_report(folder, out, film=film, progress=progress.update)
     size = page.stat().st_size
-    return Done(data={"ok": True, "report": str(page), "bytes": size}, text=lambda: say(f"wrote {page} ({size / 1e6:.2f} MB)"))
+    return Done(data={"ok": True, "report": page, "bytes": size}, text=lambda: say(f"wrote {page} ({size / 1e6:.2f} MB)"))

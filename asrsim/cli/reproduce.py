@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, styled
-from asrsim.cli.options import into_folder
+from asrsim.cli.options import Texts, argument, into_folder, option
 
 if TYPE_CHECKING:
     from asrsim.reproduce import Reproduction
@@ -18,11 +16,9 @@ if TYPE_CHECKING:
 
 @command("Print only claims that do not hold.", plugins=False)
 def reproduce(
-    figures: Annotated[
-        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Figures 8, 11, 12, 13, 14, 15; all by default.")
-    ] = None,
+    figures: Annotated[Texts, argument("[FIGURE]...", "Figures 8, 11, 12, 13, 14, 15; all by default.")] = None,
     out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
-    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Number of figures computed in parallel.")] = 2,
+    workers: Annotated[int, option("Number of figures computed in parallel.", "--workers", "-j", min=1)] = 2,
     *,
     quiet: bool,
     json: bool,
@@ -39,10 +35,9 @@ def reproduce(
     from asrsim.reproduce import reproduce as run
 
     outcome = run(figures or (), out, workers=workers, on_figure=None if json else lambda one: _report(one, quiet=quiet))
-    simulated = sum(one.simulated for one in outcome.figures)
     return Done(
         data=outcome.as_dict(),
-        text=lambda: say(f"{simulated:.0f} s simulated in {outcome.seconds:.1f} s; wrote {outcome.page}"),
+        text=lambda: say(f"wrote {outcome.page} in {outcome.seconds:.1f} s"),
         code=int(not outcome.holds),
     )
 
@@ -51,15 +46,10 @@ def _report(one: Reproduction, *, quiet: bool) -> None:
     good = sum(claim.holds for claim in one.claims)
     if not quiet:
         verdict = styled("holds", "green") if one.holds else styled("does not hold", "red")
-        say(
-            f"figure {one.number}, {one.title}: {verdict}, {good} of {len(one.claims)} claims "
-            f"({one.simulated:.0f} s simulated, {one.seconds:.1f} s)"
-        )
+        say(f"figure {one.name}, {one.figure.title}: {verdict}, {good} of {len(one.claims)} claims ({one.seconds:.1f} s)")
         sys.stdout.flush()
     if one.error:
-        complain(f"asrsim: figure {one.number} could not be run: {one.error}", "red")
+        complain(f"asrsim: figure {one.name} could not be run: {one.error}", "red")
     for claim in one.claims:
         if not claim.holds:
-            complain(
-                f"FAIL figure {one.number}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.bound}", "red"
-            )
+            complain(f"FAIL figure {one.name}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.bound}", "red")

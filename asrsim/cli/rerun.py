@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_problems
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
+from asrsim.cli.options import Files, argument, option
 
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
@@ -20,16 +19,12 @@ SHOWN = 10
 
 @command("Print differences only.", plugins=False)
 def rerun(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
+    log: Annotated[Path, argument("LOG", "Log of a run (MCAP), or a folder of runs.")],
     plugins: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--plugin", metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."
-        ),
+        Files,
+        option("Python file with your own actuators, instead of the log's; may be repeated.", "--plugin", metavar="FILE"),
     ] = None,
-    trust_plugins: Annotated[
-        bool, typer.Option("--trust-plugins", help="Run the Python code of actuators stored in the log.")
-    ] = False,
+    trust_plugins: Annotated[bool, option("Run the Python code of actuators stored in the log.", "--trust-plugins")] = False,
     *,
     quiet: bool,
     json: bool,
@@ -59,10 +54,9 @@ def rerun(
                 _print(repetition, quiet=quiet)
             if interruption.requested:
                 break
-    documents = [repetition.as_dict() for repetition in repetitions]
     different = not all(repetition.identical for repetition in repetitions)
     return Done(
-        data=documents[0] if len(logs) == 1 else {"runs": documents},
+        data=repetitions[0].as_dict() if len(logs) == 1 else {"runs": repetitions},
         code=INTERRUPTED if interruption.requested else int(different),
     )
 

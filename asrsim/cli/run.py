@@ -7,12 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import error_as_dict
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, into_folder
+from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, into_folder, option
 
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
@@ -29,16 +27,16 @@ def run(
         into_folder("Folder for the results; each of several variants gets a subfolder.", "out/<scenario>/<variant>"),
     ] = None,
     plot: Plot = True,
-    report: Annotated[bool, typer.Option("--report", help="Also write a page for the browser.")] = False,
+    report: Annotated[bool, option("Also write a page for the browser.", "--report")] = False,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Run again with half and a quarter of the step and report the numerical error.")
+        bool, option("Run again with half and a quarter of the step and report the numerical error.", "--certify")
     ] = False,
     cross_check: Annotated[
-        bool, typer.Option("--cross-check", help="Run again in another engine and report the differences of each joint.")
+        bool, option("Run again in another engine and report the differences of each joint.", "--cross-check")
     ] = False,
     engine: Annotated[
         str | None,
-        typer.Option(help="Physics engine, like --set engine=NAME.", show_default="the scenario's"),
+        option("Physics engine, like --set engine=NAME.", default="the scenario's"),
     ] = None,
     overwrite: Overwrite = False,
     *,
@@ -103,7 +101,7 @@ def run(
     good = failure is None and all(entry.summary.ok for entry in done)
     errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]
     return Done(
-        data={"ok": good, "runs": [entry.summary.as_dict() for entry in done], "errors": errors},
+        data={"ok": good, "runs": [entry.summary for entry in done], "errors": errors},
         code=INTERRUPTED if interruption.requested else int(not good),
     )
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_written
+from asrsim.cli.console import complain, say, say_rows, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import Overrides, Plot, Variants, into_folder
+from asrsim.cli.options import Overrides, Plot, Texts, Variants, argument, into_folder, option
 
 if TYPE_CHECKING:
     from asrsim.sweeps import Table
@@ -20,45 +20,35 @@ if TYPE_CHECKING:
 def sweep(
     study: Annotated[
         Path,
-        typer.Argument(
-            metavar="STUDY",
-            help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.",
-            show_default=False,
-        ),
+        argument("STUDY", "Scenario, study (a file with `scenario:` and `over:`), or folder of a study."),
     ],
     over: Annotated[
-        list[str] | None,
-        typer.Option(
+        Texts,
+        option(
+            "Vary a key: [A, B], LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, uniform(LOW, HIGH), normal(MEAN, DEVIATION), "
+            "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
             "--over",
             metavar="KEY=VALUES",
-            help="Vary a key: [A, B], LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, uniform(LOW, HIGH), normal(MEAN, DEVIATION), "
-            "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
         ),
     ] = None,
     variant: Variants = None,
     overrides: Overrides = None,
-    design: Annotated[str, typer.Option(help="Design of the draws: random, lhs, sobol, saltelli.")] = "random",
-    samples: Annotated[int | None, typer.Option(min=1, help="Number of draws.", show_default="100")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
+    design: Annotated[str, option("Design of the draws: random, lhs, sobol, saltelli.")] = "random",
+    samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
+    seed: Annotated[int, option("Seed of the draws.", min=0)] = 0,
     fit: Annotated[
         Path | None,
-        typer.Option(help="File with keys, mean and covariance: joint distribution of these keys.", show_default=False),
+        option("File with keys, mean and covariance: joint distribution of these keys.", default=""),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", "-j", min=1, help="Number of processes.", show_default="one per core")
-    ] = None,
-    cluster: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, whose workers do the runs.", show_default="none")
-    ] = None,
+    workers: Annotated[int | None, option("Number of processes.", "--workers", "-j", min=1, default="one per core")] = None,
+    cluster: Annotated[str | None, option("Address of a Dask scheduler, whose workers do the runs.", default="none")] = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Do only the runs that are missing in the folder.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start again in a folder that contains rows.")] = False,
-    run: Annotated[
-        int | None, typer.Option(min=0, help="Repeat this run of a study's folder, with a log.", show_default=False)
-    ] = None,
+    resume: Annotated[bool, option("Do only the runs that are missing in the folder.", "--resume")] = False,
+    overwrite: Annotated[bool, option("Start again in a folder that contains rows.", "--overwrite")] = False,
+    run: Annotated[int | None, option("Repeat this run of a study's folder, with a log.", min=0, default="")] = None,
     result: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that vary"),
+        Texts,
+        option("Draw this result; may be repeated.", metavar="JOINT.MEASURE", default="the first that vary"),
     ] = None,
     plot: Plot = True,
     *,
@@ -92,16 +82,19 @@ def sweep(
         from asrsim.sweeps.pictures import draw_sweep
 
         files += draw_sweep(table, results=result or [])
-    from asrsim.sweeps.show import as_dict, say_summary
+    from asrsim.sweeps.show import HEADS, as_dict, headline, remarks, result_rows
 
     def text() -> None:
-        for line in say_summary(table):
-            say(line)
+        say(headline(table))
+        if rows := result_rows(table):
+            say_rows(HEADS, rows, right=range(1, len(HEADS)))
+        for line in remarks(table):
+            say(f"  {line}")
         say_written([*table.files[:1], *files])
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")
 
-    data = {**as_dict(table), "files": [str(path) for path in (*table.files, *files)]}
+    data = {**as_dict(table), "files": [*table.files, *files]}
     return Done(data=data, text=text, code=code)
 
 

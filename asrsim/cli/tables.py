@@ -28,8 +28,9 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
                 for blocks in _alike(report.robot.actuators, slides):
                     _print_blocks(blocks, slides)
                 _print_passive(report.robot)
-                if report.step is not None:
-                    _print_figures(report, report.step, slides)
+                if report.substeps is not None:
+                    number, motors, rate = (report.substeps[key] for key in ("substeps", "motor_substeps", "omega_h"))
+                    say(f"{counted(number, 'substep')} a step, {motors} of the motors in each; ω h = {rate:.2g}", "dim")
         for problems, word, style in ((report.errors, "error", "bold red"), (report.warnings, "warning", "yellow")):
             for line in problem_lines(problems):
                 say(f"{styled(word, style)} {line}")
@@ -121,32 +122,6 @@ def _origin(value: ParameterValue) -> str:
     if value.origin == "tag":
         return f"<{value.tag}>" + (f", line {value.line}" if value.line else "")
     return value.origin if value.origin == "scenario" else f"{value.origin} <{value.tag}>"
-
-
-def _print_figures(report: FileReport, step: float, slides: Container[str]) -> None:
-    if not report.figures:
-        return
-    say()
-    say(f"At a step of {step * 1e3:g} ms {styled('(estimates at the zero pose, base fixed)', 'dim')}")
-    units = (linear_unit("kg m^2") if entry.joint in slides else "kg m^2" for entry in report.figures)
-    inertia = "\nor ".join(dict.fromkeys(units)).replace("^2", "²")
-    headings = ("joint", f"inertia\n{inertia}", "at rest\nHz", "c h/I\n< 2", "gains\n< 2")
-    rows, styles = [], []
-    for entry in report.figures:
-        limited = (entry.damping, max(entry.link_gain, entry.motor_gain))
-        rows.append((entry.joint, f"{entry.inertia:.3g}", _figure(entry.natural), *map(_figure, limited)))
-        styles.append("red" if max(limited) >= 2.0 else "")
-    say_rows(headings, rows, right=range(1, len(headings)), styles=styles)
-    if report.substeps is not None:
-        motors = f"{report.substeps['motor_substeps']} of the motors in each"
-        say(
-            f"{counted(report.substeps['substeps'], 'substep')} a step, {motors}; ω h = {report.substeps['omega_h']:.2g}", "dim"
-        )
-    say()
-
-
-def _figure(value: float) -> str:
-    return f"{value:.3g}" if value else "-"
 
 
 def print_check_report(report: CheckReport) -> None:

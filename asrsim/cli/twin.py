@@ -5,28 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder
+from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder, option
 
 
 @command()
 def twin(
     scenario: Scenario,
-    experiment: Annotated[
-        Path, typer.Option("--experiment", "-e", metavar="FILE", help="Recording of commands and link positions.")
-    ],
+    experiment: Annotated[Path, option("Recording of commands and link positions.", "--experiment", "-e", metavar="FILE")],
     bandwidth: Annotated[
-        float | None, typer.Option(help="Bandwidth of the observer, Hz.", show_default="8, at most a twentieth of the rate")
+        float | None, option("Bandwidth of the observer, Hz.", default="8, at most a twentieth of the rate")
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    lag: Annotated[
-        float, typer.Option(help="Time by which the clock of the positions is ahead of the clock of the commands, s.")
-    ] = 0.0,
+    lag: Annotated[float, option("Time by which the clock of the positions is ahead of the clock of the commands, s.")] = 0.0,
     variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
@@ -59,7 +53,7 @@ def twin(
         }  # fmt: skip
         say_table([
             ("joint", [row["joint"] for row in rows], False),
-            *((head, ["-" if row[key] is None else f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
+            *((head, [f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
             ("alarms", [str(len(row["alarms"])) for row in rows], True),
             ("stiffness\nN m/rad", [_range(row["stiffness"]) for row in rows], True),
         ])  # fmt: skip
@@ -69,7 +63,7 @@ def twin(
             say(f"and {len(found.notes) - 20} further notes (--json prints all)")
         say_written(files)
 
-    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": [str(path) for path in files]}
+    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": files}
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)
 
 

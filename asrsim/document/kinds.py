@@ -61,9 +61,10 @@ REQUIRED: Any = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """Declaration of a key in a mapping."""
+    """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
 
     name: str
+    """Name of the key; "": the declaration of an entry."""
     kind: Kind[Any]
     default: Any = REQUIRED
     doc: str = ""
@@ -85,28 +86,14 @@ class Key:
         """Name of the constructor's argument."""
         return self.attribute or self.name
 
-    @property
-    def default_text(self) -> str:
-        """Text of the default for tables."""
-        if self.required:
-            return "required"
-        if self.shown:
-            return self.shown
-        value = self.default
-        if value is None or value in ({}, ()):
-            return ""
-        if isinstance(value, bool):
-            return "true" if value else "false"
-        if isinstance(value, tuple):
-            return f"[{', '.join(f'{item:g}' for item in value)}]"
-        return f"{value:g}" if isinstance(value, float) else str(value)
-
     def schema(self) -> Schema:
         """JSON Schema of the value, with its description."""
-        doc = self.doc + (f" Unit: {self.unit}." if self.unit else "")
-        if self.default_text and not self.required:
-            doc += f" Default: {self.default_text}."
-        return {**self.kind.schema(), "description": doc.strip()}
+        schema = self.kind.schema()
+        if self.default is None:
+            schema = {"anyOf": [schema, {"type": "null"}]}
+        elif isinstance(self.default, bool | int | float | str):
+            schema = {**schema, "default": self.default}
+        return {**schema, "description": self.doc + (f" Unit: {self.unit}." if self.unit else "")}
 
 
 def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.engines.base import Scene
 from asrsim.engines.bullet_contacts import BulletContacts
-from asrsim.engines.bullet_model import BASE, BulletModel
+from asrsim.engines.bullet_model import BulletModel, matrix_of
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.robot.engine_text import usable_shapes
@@ -33,15 +33,14 @@ class BulletEngine(RigidEngine):
         self.robot, self._scenario = robot, scenario
         self.model = model = BulletModel(scenario, robot)
         self.joints = model.joints
-        count, free = len(self.joints), not scenario.fixed_base
-        self._start = 7 if free else 0
-        base = BASE if free else 0
-        room = make_room(
-            robot, np.zeros(4), qpos=np.zeros(self._start + count), qvel=np.zeros(base + count),
-            joint_q=range(self._start, self._start + count), joint_v=range(base, base + count), free=free,
-        )  # fmt: skip
+        count, base = len(self.joints), model.free
+        self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
-        if free:
+        room = make_room(
+            robot, qpos=np.zeros(len(home)), qvel=np.zeros(base + count), joint_q=range(self._start, len(home)),
+            joint_v=range(base, base + count), free=bool(base),
+        )  # fmt: skip
+        if base:
             x, y, z, w = quaternion(scenario.base_rpy)
             home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ model.centre
             home[3:7] = w, x, y, z
@@ -50,7 +49,7 @@ class BulletEngine(RigidEngine):
     def _turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link."""
         w, *vector = configuration[3:7].tolist()
-        return self.model.matrix((*vector, w))
+        return matrix_of(self.model._p, (*vector, w))
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""

@@ -16,27 +16,33 @@ from weakref import finalize
 import numpy as np
 
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene, whole_kick
-from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
-from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
-from asrsim.engines.bullet_world import BulletWorld
-from asrsim.engines.rigid import IMPLICITNESS, Calculation, find_change, make_room
+from asrsim.engines.bullet_model import BASE, BulletModel, connect, inertial_frame, load_body
+from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
+from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, find_change, make_room
+from asrsim.errors import SimulationError
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion, roll_pitch_yaw
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, World, WorldObject
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
+NO_CLAMP = 1e9
+"""Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
 BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
-REACH = 2.0
-"""A stop counts as near if the joint, moving 1 rad/s faster than now, could reach the stop within this number of steps."""
 ARREST = 1e9
 """Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
+GROUND_SIZE = 100.0
+"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
+PARTS = (9, 7), (10, 11), (12, 13)
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
+UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
+"""Arguments that switch off Bullet's damping of a body."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
@@ -90,10 +96,12 @@ class BulletContacts:
         p, client, scenario = self._p, self._client, self._scenario
         merged = merge_fixed(self.robot).robot
         text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
-        self._body = body = load_body(p, client, text, scenario, self.robot)
-        places = places_of(p, client, body)
-        set_inertias(p, client, body, places, merged)
-        free_of_losses(p, client, body)
+        body, places = load_body(p, client, text, scenario, merged)
+        self._body = body
+        for index in range(-1, p.getNumJoints(body, client)):
+            p.changeDynamics(
+                body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0, physicsClientId=client
+            )
         p.setGravity(*scenario.gravity, physicsClientId=client)
         # With erp 0, a stop removes a joint's velocity and does not push the joint back; see _reach_stops.
         p.setPhysicsEngineParameter(
@@ -101,23 +109,53 @@ class BulletContacts:
         )
         self._model = self.model = BulletModel(scenario, self.robot)
         self.joints = self.model.joints
-        moving = merged.moving_joints
-        self._indices = [places[joint.child] for joint in moving]
-        self._stops = [(j, *joint.stops) for j, joint in enumerate(moving) if np.isfinite(joint.stops).any()]
-        self._base = 0 if scenario.fixed_base else BASE
-        self._world = BulletWorld(p, client, body, scenario.world, fixed=scenario.fixed_base)
-        self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
-        count = len(self._indices)
+        self._indices = [places[joint.child] for joint in merged.moving_joints]
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(merged.moving_joints) if np.isfinite(joint.stops).any()]
+        self._ground = self._lay_ground(scenario.world) if scenario.world.ground else None
+        self._objects = {item.name: self._add_object(item) for item in scenario.world.objects}
+        """Bullet's body number of each object, by name of the object."""
+        self._home = {number: p.getBasePositionAndOrientation(number, client) for number in (body, *self._objects.values())}
+        count, self._base = len(self._indices), self.model.free
         self._before = np.zeros(self._base + count)
         self._rotation: Array | None = None
         """Rotation matrix (3, 3) of the base link, if the base floats."""
-        self._frictions: list[float | None] = [None] * count
-        """Torque limits in N m of the motors that act as friction; None: unknown."""
         self._room = make_room(
-            self.robot, np.zeros(4), qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
+            self.robot, qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
             joint_v=range(self._base, self._base + count), free=bool(self._base),
         )  # fmt: skip
         self._torques = Calculation(find_torques, self._room)
+
+    def _lay_ground(self, world: World) -> int:
+        p, client, half = self._p, self._client, GROUND_SIZE / 2
+        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[half, half, half], physicsClientId=client)
+        ground = int(p.createMultiBody(0, shape, basePosition=[0, 0, world.ground_height - half], physicsClientId=client))
+        p.changeDynamics(ground, -1, lateralFriction=world.ground_friction, restitution=0.0, physicsClientId=client)
+        if self._scenario.fixed_base:
+            # A fixed base that stands on the ground must not have contact forces.
+            p.setCollisionFilterPair(ground, self._body, -1, -1, 0, physicsClientId=client)
+        return ground
+
+    def _add_object(self, item: WorldObject) -> int:
+        p, client = self._p, self._client
+        if item.shape == "box":
+            arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
+        elif item.shape == "sphere":
+            arguments = {"shapeType": p.GEOM_SPHERE, "radius": item.size[0]}
+        elif item.shape == "cylinder":
+            arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
+        else:
+            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": list(item.size or (1, 1, 1))}
+        try:
+            shape = p.createCollisionShape(**arguments, physicsClientId=client)
+        except p.error as error:
+            raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
+        turned = p.getQuaternionFromEuler(item.rpy)
+        body = int(p.createMultiBody(item.mass, shape, -1, item.position, turned, physicsClientId=client))
+        inertia = {} if item.inertia is None else {"localInertiaDiagonal": item.inertia}
+        p.changeDynamics(
+            body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia, physicsClientId=client
+        )
+        return body
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -125,23 +163,24 @@ class BulletContacts:
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
         """Begin a run; see `asrsim.engines.base.Engine`."""
-        p, client = self._p, self._client
-        self._step = step
-        self._room.scheme[:] = step, 1.5, -0.5, implicitness
-        # Bullet stores the impulses of motors, which depend on the step: set them anew.
-        self._frictions = [None] * len(self._indices)
-        self._lagging = staggered and len(self._before) > 1
-        p.setTimeStep(step, physicsClientId=client)
-        base, objects = self._home
-        p.resetBasePositionAndOrientation(self._body, *base, physicsClientId=client)
+        self._room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
+        self._p.setTimeStep(step, physicsClientId=self._client)
+        for body, pose in self._home.items():
+            self._p.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+        self._move_objects(np.zeros(3))
         self._rotation = np.eye(3) if self._base else None
         self._place(positions, np.concatenate([np.zeros(self._base), velocities]))
-        self._world.set_states(objects)
         self._read()
         self._before[:] = self._room.velocity
         return positions, velocities
 
-    def _place(self, positions: Sequence[float], velocities: Array) -> None:
+    def _move_objects(self, velocity: Array) -> None:
+        """Give all movable objects the same linear velocity in m/s and no angular velocity."""
+        for item in self._scenario.world.objects:
+            if item.mass:
+                self._p.resetBaseVelocity(self._objects[item.name], velocity.tolist(), [0, 0, 0], self._client)
+
+    def _place(self, positions: Sequence[float] | Array, velocities: Array) -> None:
         """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
         for index, position, velocity in zip(self._indices, positions, velocities[self._base :], strict=True):
             self._p.resetJointState(self._body, index, float(position), float(velocity), physicsClientId=self._client)
@@ -151,103 +190,69 @@ class BulletContacts:
 
     def _read(self) -> None:
         """Read positions and velocities of the robot."""
-        p, client, body = self._p, self._client, self._body
-        states = p.getJointStates(body, self._indices, client) if self._indices else ()
-        self._positions = [state[0] for state in states]
-        speeds = [state[1] for state in states]
+        p, client, body, room = self._p, self._client, self._body, self._room
+        if self._indices:
+            room.qpos[:], room.velocity[self._base :], *_ = zip(*p.getJointStates(body, self._indices, client), strict=True)
         if self._base:
             self._rotation = rotation = inertial_frame(p, client, body, -1)[1]
             linear, angular = p.getBaseVelocity(body, client)
-            speeds = [*linear, *(rotation.T @ angular), *speeds]
-        self._velocities = speeds[self._base :]
-        self._room.qpos[:] = self._positions
-        self._room.velocity[:] = speeds
+            room.velocity[:BASE] = *linear, *(rotation.T @ angular)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
         p, client, room, model, rotation = self._p, self._client, self._room, self._model, self._rotation
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
-        self._set_friction(loads[:, FRICTION].tolist())
         whole, now = fraction == 1.0, room.velocity.copy()
         push = np.zeros(len(now))
         if forces.size:
             push = model.push(self._scenario.wrenches, forces[0], room.qpos, rotation)
-        lagging = self._lagging and whole
-        settled = not whole or self._near_stops() or bool(loads[:, DAMPING].any())
-        if lagging or settled:
-            room.bias[:] = model.bias_at(room.qpos, rotation, 1.5 * now - 0.5 * self._before if lagging else now)
-        if settled:
-            room.matrix[:] = model.matrix_at(room.qpos, rotation)
-            self._torques(push, loads[None], push[None, :, None].copy(), np.array([fraction]))
-        else:
-            room.change[:] = 0.0
-            push[self._base :] += loads[:, TORQUE]
-        arrived = self._reach_stops((now + room.change)[self._base :].tolist())
+        whole_step = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before
+        room.bias[:] = model.bias_at(room.qpos, rotation, whole_step if whole else now)
+        room.matrix[:] = model.matrix_at(room.qpos, rotation)
+        self._torques(push, loads[None], push[None, :, None].copy(), np.array([fraction]))
+        targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[self._base :])
         self._before[:] = now
         if not whole:
             # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
             self._before -= room.change
-            self._place(self._positions, now - (1.0 / fraction - 1.0) * room.change)
-            self._world.move((fraction - 1.0) * self._step * np.array(self._scenario.gravity))
+            self._place(room.qpos, now - (1.0 / fraction - 1.0) * room.change)
+            self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
-        if lagging or not whole:
-            # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
-            push += model.bias_at(room.qpos, rotation, room.velocity) - room.bias
+        # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
+        push += model.bias_at(room.qpos, rotation, room.velocity) - room.bias
         if self._indices:
-            p.setJointMotorControlArray(
-                self._body, self._indices, p.TORQUE_CONTROL, forces=push[self._base :].tolist(), physicsClientId=client
-            )
+            set_motors = partial(p.setJointMotorControlArray, self._body, self._indices, physicsClientId=client)
+            set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
+            set_motors(p.TORQUE_CONTROL, forces=push[self._base :].tolist())
         if rotation is not None:
             centre = p.getBasePositionAndOrientation(self._body, client)[0]
             torque = (rotation @ push[3:6]).tolist()
             p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
             p.applyExternalTorque(self._body, -1, torque, p.WORLD_FRAME, physicsClientId=client)
         p.stepSimulation(client)
-        for j in arrived:
-            self._frictions[j] = None
         self._read()
-        exchange[-1, :, POSITION] = self._positions
-        exchange[-1, :, VELOCITY] = self._velocities
+        exchange[-1, :, POSITION] = room.qpos
+        exchange[-1, :, VELOCITY] = room.velocity[self._base :]
 
-    def _set_friction(self, bounds: list[float]) -> None:
-        for j, bound in enumerate(bounds):
-            if bound != self._frictions[j]:
-                self._set_motor(j, bound)
-                self._frictions[j] = bound
-
-    def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
-        """Set a velocity motor: with target 0, the motor acts as Coulomb friction of level `force`."""
-        p = self._p
-        p.setJointMotorControl2(
-            self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
-        )
-
-    def _near_stops(self) -> bool:
-        """Whether a joint may pass a stop in this step."""
-        for j, lower, upper in self._stops:
-            position, reach = self._positions[j], REACH * self._step * (1.0 + abs(self._velocities[j]))
-            if position + reach > upper or position - reach < lower:
-                return True
-        return False
-
-    def _reach_stops(self, ends: list[float]) -> list[int]:
-        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are already beyond a
-        stop.
+    def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
+        """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb
+        friction. The motors of joints that would pass their stops in this step stop these joints: Bullet's stops act only on
+        joints that are already beyond a stop.
 
         ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
-        its stop at most. Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
+        its stop at most.
         """
-        arrived = []
+        room = self._room
+        targets, bounds = np.zeros(len(friction)), friction.copy()
         for j, lower, upper in self._stops:
-            position = self._positions[j]
-            for speed in (ends[j], self._velocities[j]):
-                reach = ((upper if speed > 0.0 else lower) - position) / self._step
+            for speed in (ends[j], room.velocity[self._base + j]):
+                reach = ((upper if speed > 0.0 else lower) - room.qpos[j]) / room.scheme[STEP]
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
                     # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
-                    self._set_motor(j, ARREST, reach + (BEYOND if speed > 0.0 else -BEYOND) / self._step)
-                    arrived.append(j)
+                    targets[j] = reach + (BEYOND if speed > 0.0 else -BEYOND) / room.scheme[STEP]
+                    bounds[j] = ARREST
                     break
-        return arrived
+        return targets, bounds
 
     @property
     def state(self) -> Any:
@@ -260,7 +265,6 @@ class BulletContacts:
         self._p.restoreState(saved.number, physicsClientId=self._client)
         self._before[:] = before
         self._read()
-        self._frictions = [None] * len(self._indices)
 
     # -- surroundings -----------------------------------------------------------------------------------------------
 
@@ -270,12 +274,25 @@ class BulletContacts:
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link if it floats; contact forces."""
-        poses = self._world.poses()
+        p, client = self._p, self._client
+        poses = {}
         if self._base:
-            centre, rotation, local = inertial_frame(self._p, self._client, self._body, -1)
+            centre, rotation, local = inertial_frame(p, client, self._body, -1)
             origin = np.array(centre) - rotation @ np.array(local)
-            poses = {self._model.root: (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))} | poses
-        return Scene(poses, self._world.contacts())
+            poses[self._model.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
+        for name, body in self._objects.items():
+            position, orientation = p.getBasePositionAndOrientation(body, client)
+            poses[name] = (*position, *orientation)
+        names = {body: name for name, body in self._objects.items()} | {self._body: ROBOT}
+        if self._ground is not None:
+            names[self._ground] = GROUND
+        # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # friction.
+        points = (
+            (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
+            for point in p.getContactPoints(physicsClientId=client) or ()
+        )
+        return Scene(poses, contact_forces([*self._objects], self._ground is not None, points))
 
     def close(self) -> None:
         """Disconnect the physics clients."""

@@ -1,21 +1,26 @@
 """Kinematics and dynamics of the robot without its world, by PyBullet's routines on a separate physics client.
 
-PyBullet's dynamics routines follow unusual conventions, which this module converts. The routines order the degrees of freedom
-by Bullet's links. For a floating base, the routines use the principal axes of the base's inertia, with angular before linear
-velocity, and ignore the base's orientation. Forces on the base are returned with linear before angular components.
+PyBullet reads only files, may crash on a mesh, and prints to the terminal. Its dynamics routines follow unusual conventions,
+which this module converts. The routines order the degrees of freedom by Bullet's links. For a floating base, the routines use
+the principal axes of the base's inertia, with angular before linear velocity, and ignore the base's orientation. Forces on the
+base are returned with linear before angular components.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
 from asrsim.engines.base import Point
-from asrsim.engines.bullet_loading import connect, load_body, set_inertias
-from asrsim.engines.foreign import quiet
+from asrsim.engines.foreign import crashes, quiet
 from asrsim.engines.rigid import RigidModel
 from asrsim.errors import RobotError
 from asrsim.robot.engine_text import engine_urdf
@@ -34,63 +39,55 @@ class BulletModel(RigidModel):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._p, self._client, self.close = connect(self)
-        merged = merge_fixed(robot)
-        bare = replace(
-            merged.robot,
-            links=tuple(replace(link, collisions=()) for link in merged.robot.links),
-            joints=tuple(replace(joint, lower=None, upper=None) for joint in merged.robot.joints),
-        )
-        self._text, _ = engine_urdf(bare)
-        self._scenario, self._robot = scenario, bare
-        self._body = self._load(0.0)
         p, client = self._p, self._client
-        index = places_of(p, client, self._body)
+        merged = merge_fixed(robot)
+        bare = replace(merged.robot, links=tuple(replace(link, collisions=()) for link in merged.robot.links))
+        text, _ = engine_urdf(bare)
+        self._load = partial(load_body, p, client, text, scenario, bare)
+        self._scenario, self._robot = scenario, bare
+        self._body, index = self._load()
         self.indices = [index[joint.child] for joint in bare.moving_joints]
         self._places = {name: (index[place.body], place.pose) for name, place in merged.places.items()}
         self.root = bare.root.name
         self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
         self.free = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
-        self._to_bullet = sorted(range(len(self.indices)), key=self.indices.__getitem__)
-        self._same_order = self._to_bullet == list(range(len(self.indices)))
-        self._ours = self._same_order and not self.free
-        from_bullet = [self._to_bullet.index(j) for j in range(len(self.indices))]
+        self._to_bullet = np.argsort(self.indices).tolist()
+        self._ours = self._to_bullet == list(range(len(self.indices))) and not self.free
+        joints = [self.free + self._to_bullet.index(j) for j in range(len(self.indices))]
         # The base: translation before rotation.
-        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + [self.free + j for j in from_bullet], dtype=np.int64)
-        self._forces = np.array([*range(self.free), *(self.free + j for j in from_bullet)], dtype=np.int64)
+        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
+        self._forces = np.array([*range(self.free), *joints], dtype=np.int64)
         self._block = np.ix_(self._rows, self._rows)
         self._zero = [0.0] * len(self.indices)
         dynamics = p.getDynamicsInfo(self._body, -1, client)
-        self.centre, self.axes = np.array(dynamics[3]), self.matrix(dynamics[4])
-        self._standing = self.matrix(p.getBasePositionAndOrientation(self._body, client)[1])
-        self._parts = [(1.0, self._body)]
+        self.centre, self.axes = np.array(dynamics[3]), matrix_of(p, dynamics[4])
+        self._home, standing = p.getBasePositionAndOrientation(self._body, client)
+        self._standing = matrix_of(p, standing)
+        self._parts: list[tuple[float, int]] = []
         self._set_gravity(self._standing)
         self._set_up()
-
-    def _load(self, lift: float) -> int:
-        p, client = self._p, self._client
-        body = load_body(p, client, self._text, self._scenario, self._robot)
-        set_inertias(p, client, body, places_of(p, client, body), self._robot, lift)
-        return body
 
     def _set_up(self) -> None:
         """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
 
         Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
-        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
+        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s). The first of them becomes the
+        robot.
         """
         if not self.joints:
             return
         with quiet():
             try:
-                self.mass_matrix(self._zero)
+                self.full_matrix(self._zero)
                 return
             except SystemError:
                 moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
                 lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
-                self._parts = [(2.0, self._load(lift)), (-1.0, self._load(2.0 * lift))]
+                self._body = self._load(lift)[0]
+                self._parts = [(1.0, self._body), (-1.0, self._load(2.0 * lift)[0])]
             try:
-                self.mass_matrix(self._zero)
+                self.full_matrix(self._zero)
             except SystemError as error:
                 message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
@@ -98,7 +95,7 @@ class BulletModel(RigidModel):
     def _ordered(self, values: Sequence[float] | Array) -> list[float]:
         """`values` of the moving joints in Bullet's order."""
         plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]
-        return plain if self._same_order else [plain[j] for j in self._to_bullet]
+        return [plain[j] for j in self._to_bullet]
 
     # -- for stepping ------------------------------------------------------------------------------------------------
 
@@ -108,7 +105,7 @@ class BulletModel(RigidModel):
 
         rotation: (3, 3) rotation of a floating base; None for a fixed base.
         """
-        matrix = self._mass(self._ordered(positions))
+        matrix = self.full_matrix(positions)
         if rotation is not None:
             for axes, at in ((rotation @ self.axes, slice(0, 3)), (self.axes, slice(3, 6))):
                 matrix[at] = axes @ matrix[at]
@@ -130,7 +127,7 @@ class BulletModel(RigidModel):
         """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
         total = np.zeros(self.free + len(self.indices))
         # The base of this model keeps the pose of the start.
-        turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
+        turn = np.eye(3) if rotation is None else rotation @ self.axes @ self._standing.T
         for wrench, value in zip(wrenches, values, strict=True):
             if not value.any():
                 continue
@@ -139,26 +136,17 @@ class BulletModel(RigidModel):
             force, torque = axes @ value[:3], axes @ value[3:]
             total[self.free :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
             if rotation is not None:
-                arm = turn @ (at - np.array(self._p.getBasePositionAndOrientation(self._body, self._client)[0]))
                 total[:3] += force
-                total[3:6] += rotation.T @ (torque + np.cross(arm, force))
+                total[3:6] += rotation.T @ (torque + np.cross(turn @ (at - self._home), force))
         return total
 
-    def _standing_frame(self) -> Array:
-        """Rotation matrix (3, 3) of the base link's frame at the start."""
-        return self._standing @ self.axes.T
-
-    def _mass(self, positions: list[float]) -> Array:
-        """Mass matrix (v, v) along Bullet's axes, with degrees of freedom in asrsim's order."""
-        matrix = self._sum(self._p.calculateMassMatrix, positions)
-        return matrix if self._ours else matrix[self._block]
-
     def _sum(self, routine: Any, *arguments: list[float]) -> Array:
-        """Result of one of Bullet's routines for the robot, as a weighted sum over the loaded bodies (see `_set_up`)."""
+        """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
         client = self._client
-        if len(self._parts) == 1:
-            return np.array(routine(self._body, *arguments, physicsClientId=client))
-        return np.asarray(sum(part * np.array(routine(body, *arguments, physicsClientId=client)) for part, body in self._parts))
+        total = np.array(routine(self._body, *arguments, physicsClientId=client))
+        for part, body in self._parts:
+            total += part * np.array(routine(body, *arguments, physicsClientId=client))
+        return total
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
         """Generalised forces (v,) in N m that give the accelerations, along Bullet's axes, in asrsim's order of degrees of
@@ -181,7 +169,8 @@ class BulletModel(RigidModel):
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
         """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
-        return self._mass(self._ordered(positions))
+        matrix = self._sum(self._p.calculateMassMatrix, self._ordered(positions))
+        return matrix if self._ours else matrix[self._block]
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
@@ -213,7 +202,7 @@ class BulletModel(RigidModel):
         # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
         # Jacobian in the frame of the base's inertia; Bullet's manual states other conventions. The tests check the Jacobian by
         # differences of poses.
-        turned = self.matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
+        turned = matrix_of(p, p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
         )
@@ -225,17 +214,60 @@ class BulletModel(RigidModel):
         for joint, value in zip(self.indices, positions, strict=True):
             self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
 
-    def matrix(self, quaternion: Sequence[float]) -> Array:
-        """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
-        return _matrix(self._p, quaternion)
+
+def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
+    """The module `pybullet`, the number of a new physics client (28 MB), and a function that ends the client. The client
+    ends at the latest when `owner` is garbage-collected. No other function imports PyBullet."""
+    with quiet():
+        import pybullet
+
+        client = pybullet.connect(pybullet.DIRECT)
+    return pybullet, client, finalize(owner, _disconnect, pybullet, client)
 
 
-def places_of(p: Any, client: int, body: int) -> dict[str, int]:
-    """Bullet's number of each link of a robot, by name of the link; -1 for the base."""
+def _disconnect(p: Any, client: int) -> None:
+    with suppress(p.error), quiet():
+        p.disconnect(client)
+
+
+def load_body(
+    p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot, lift: float = 0.0
+) -> tuple[int, dict[str, int]]:
+    """Bullet's number of a robot that is loaded from the URDF text, on the scenario's base, and Bullet's number of each link,
+    by name; -1 for the base. Raises RobotError.
+
+    The principal moments of inertia are those of `robot` plus `lift` kg m^2: Bullet itself loads zeros where the largest moment
+    exceeds the sum of the others, as in many published robots.
+    """
+    with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(urdf, encoding="utf-8")
+        load = partial(
+            p.loadURDF,
+            str(path),
+            basePosition=scenario.base_position,
+            baseOrientation=p.getQuaternionFromEuler(scenario.base_rpy),
+            useFixedBase=scenario.fixed_base,
+            flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_IGNORE_VISUAL_SHAPES,
+            physicsClientId=client,
+        )
+        try:
+            with quiet():
+                if "<mesh" in urdf and crashes(load):
+                    message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
+                    raise RobotError(message, file=robot.path, code="engine-crash")
+                body = int(load())
+        except p.error as error:
+            message = f"PyBullet cannot load this robot ({error})"
+            raise RobotError(message, file=robot.path, code="engine-load") from error
     places = {p.getBodyInfo(body, client)[0].decode(): -1}
     for index in range(p.getNumJoints(body, client)):
         places[p.getJointInfo(body, index, client)[12].decode()] = index
-    return places
+    for link in robot.links:
+        moments = tuple(moment + lift for moment in principal_axes(link)[0])
+        if p.getDynamicsInfo(body, places[link.name], client)[2] != moments:
+            p.changeDynamics(body, places[link.name], localInertiaDiagonal=moments, physicsClientId=client)
+    return body, places
 
 
 def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
@@ -243,15 +275,14 @@ def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Arr
 
     The rotations are multiplied as matrices, since Bullet computes transforms and the poses of link frames in single precision.
     """
-
     dynamics = p.getDynamicsInfo(body, index, client)
     if index == -1:
         position, inertial = p.getBasePositionAndOrientation(body, client)
-        return position, _matrix(p, inertial) @ _matrix(p, dynamics[4]).T, dynamics[3]
-    state = p.getLinkState(body, index, 0, 1, client)
-    return state[0], _matrix(p, state[1]) @ _matrix(p, dynamics[4]).T, dynamics[3]
+    else:
+        position, inertial = p.getLinkState(body, index, 0, 1, client)[:2]
+    return position, matrix_of(p, inertial) @ matrix_of(p, dynamics[4]).T, dynamics[3]
 
 
-def _matrix(p: Any, quaternion: Sequence[float]) -> Array:
+def matrix_of(p: Any, quaternion: Sequence[float]) -> Array:
     """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
     return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

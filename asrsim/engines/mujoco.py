@@ -60,7 +60,6 @@ class MujocoEngine(RigidEngine):
         self._set_inertials(merged.robot.links, data)
         home = self._m.qpos0.copy()
         self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=home, places=self._places(merged))
-        self._scheme = np.zeros(4)
         self._record = self._make_record(data)
         self._call: Any = None
         super().__init__(self._record.room, home)
@@ -101,7 +100,7 @@ class MujocoEngine(RigidEngine):
     def _make_record(self, data: Any) -> mujoco_step.Record:
         model = self.model
         room = make_room(
-            self.robot, self._scheme, qpos=data.qpos, qvel=data.qvel, joint_q=model.at_q, joint_v=model.at_v,
+            self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=model.at_q, joint_v=model.at_v,
             free=bool(self.base),
         )  # fmt: skip
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, model.places)
@@ -109,6 +108,8 @@ class MujocoEngine(RigidEngine):
     def _make_native_record(self) -> Record:
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
+        # All records share the constants that `start` sets.
+        record = record._replace(room=record.room._replace(scheme=self._room.scheme))
         words = pack(record)
         return Record(words.ctypes.data, (words, record, data))
 

@@ -79,7 +79,6 @@ class Room(NamedTuple):
 
 def make_room(
     robot: Robot,
-    scheme: Numbers,
     *,
     qpos: Array,
     qvel: Array,
@@ -96,7 +95,7 @@ def make_room(
     arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
-        scheme=scheme, free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
+        scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
         slowest=np.full(size, -inf), fastest=np.full(size, inf),
         joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
         **arrays,
@@ -281,7 +280,6 @@ class Calculation:
 
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
         self._function, self._room = function, room
-        self._plain, self._packed = plain(room), pack(room)
         self._call: Any = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -290,7 +288,7 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to numbers, exchange, forces and lengths."""
         if self._call is None:
-            self._call = self._function
+            self._call, self._plain, self._packed = self._function, plain(self._room), pack(self._room)
             if "numba" in sys.modules:
                 self._call = _compiled(self._function, compiling.type_of(self._room))
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):

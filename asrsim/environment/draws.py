@@ -24,7 +24,7 @@ class Draws:
         InputError."""
         self._axes = [axis_of(name, value) for name, value in laws.items()]
         problems = [
-            Problem("must be finite numbers", key=axis.name, code="sweep-values")
+            Problem("must be finite numbers", key=" & ".join(axis.keys), code="sweep-values")
             for axis in self._axes
             if isinstance(axis.law, Values)
             and not all(_is_number(one) for value in axis.law.values for one in axis.assign(value).values())

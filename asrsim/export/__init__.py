@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from trimesh import Trimesh
 
 from asrsim.engines.mujoco_library import exact_xml
 from asrsim.export.mjcf import model_of
@@ -88,6 +87,8 @@ def export_mjcf(
     @cache
     def mesh_file(source: str) -> str:
         """Write a mesh as a binary STL beside the model."""
+        from trimesh import Trimesh
+
         folder = make_folder(path.parent / f"{path.stem}_meshes")
         files.append(folder / f"mesh_{len(files)}.stl")
         mesh = read_mesh(Path(source))

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from asrsim.engines.mujoco_library import say_nothing
 from asrsim.errors import SimulationError
 from asrsim.export.mjcf import motor_name
-from asrsim.plots.output import save_figure, styled
+from asrsim.plots.output import save_pairs
 from asrsim.samples import Array
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
@@ -105,21 +106,15 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
 
 def draw(found: Replay, path: Path) -> list[Path]:
     """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
-    with styled(mathematics=False):
-        from matplotlib.figure import Figure
 
-        count = len(found.joints)
-        figure = Figure(figsize=(9.0, 1.2 + 1.6 * count), layout="constrained")
-        axes = figure.subplots(count, 2, squeeze=False, sharex=True)
-        for j, (left, right) in enumerate(axes):
-            unit = found.units[j]
-            left.plot(found.time, found.ours[:, j], linewidth=2.2, color="0.7", label="asrsim")
-            left.plot(found.time, found.theirs[:, j], linewidth=0.9, label="MuJoCo")
-            left.set_ylabel(f"{found.joints[j]}\nlink [{unit.removeprefix('m')}]")
-            right.plot(found.time, found.error[:, j], linewidth=0.9)
-            right.set_ylabel(f"MuJoCo - asrsim\n[{unit}]")
-            right.set_title(f"rms {found.rms[j]:.3g} {unit}", fontsize="small", loc="right")
-        axes[0][0].legend(fontsize="x-small", loc="upper right")
-        for last in axes[-1]:
-            last.set_xlabel("time [s]")
-        return save_figure(figure, path.parent, path.stem, ("png",))
+    def row(j: int, left: Any, right: Any) -> None:
+        unit = found.units[j]
+        left.plot(found.time, found.ours[:, j], linewidth=2.2, color="0.7", label="asrsim")
+        left.plot(found.time, found.theirs[:, j], linewidth=0.9, label="MuJoCo")
+        left.set_ylabel(f"{found.joints[j]}\nlink [{unit.removeprefix('m')}]")
+        left.legend(fontsize="x-small", loc="upper right")
+        right.plot(found.time, found.error[:, j], linewidth=0.9)
+        right.set_ylabel(f"MuJoCo - asrsim\n[{unit}]")
+        right.set_title(f"rms {found.rms[j]:.3g} {unit}", fontsize="small", loc="right")
+
+    return save_pairs(path.with_suffix(".png"), len(found.joints), row)

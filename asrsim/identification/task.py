@@ -33,20 +33,18 @@ class Experiment:
         default=(),
         doc="joint and quantity of columns, as in `--map`: `COLUMN=JOINT.QUANTITY [unit]`",
     )
-    rate: float | None = declare(
-        Optional(Number(above=0.0)), default=None, unit="Hz", doc="sampling rate of a recording without time"
-    )
+    rate: float | None = declare(Number(above=0.0), default=None, unit="Hz", doc="sampling rate of a recording without time")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
     """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
 
-    start: float | None = declare(Optional(NUMBER), default=None, shown="the robot's", doc="where the search begins")
-    low: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="least value")
-    high: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="largest value")
+    start: float | None = declare(NUMBER, default=None, shown="the robot's", doc="where the search begins")
+    low: float | None = declare(NUMBER, default=None, shown="what is physical", doc="least value")
+    high: float | None = declare(NUMBER, default=None, shown="what is physical", doc="largest value")
     own: bool | None = declare(
-        Optional(Boolean()), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
+        Boolean(), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
     )
 
 
@@ -71,7 +69,7 @@ class Task:
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
     )
-    variant: str | None = declare(Optional(Text(noun="name of a variant")), default=None, doc="variant of the scenario")
+    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="variant of the scenario")
     overrides: tuple[str, ...] = ()
     experiments: tuple[Experiment, ...] = declare(ListOf(of=_EXPERIMENT, minimum=1), doc="recordings that are fitted")
     validate: tuple[Experiment, ...] = declare(

@@ -16,6 +16,7 @@ from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.worlds import Worlds
 
 Target = tuple[str, str]
 """Name of a joint and name of one of its references."""
@@ -74,7 +75,7 @@ class CommandInput:
         """Value over time of each running trajectory (a function), arrival time of the trajectory, and its duration."""
 
     def listen(
-        self, messages: Iterable[Received], simulation: Simulation, time: float, ahead: float
+        self, messages: Iterable[Received], simulation: Simulation | Worlds, time: float, ahead: float
     ) -> dict[Target, float]:  # fmt: skip
         """New values of references: the last received value, or the value of a trajectory `ahead` s after `time`."""
         values: dict[Target, float] = {}
@@ -145,11 +146,11 @@ class CommandInput:
             self._tell(f"{text}: dropped; further ones are only counted")
 
 
-def _present(simulation: Simulation, target: Target) -> float:
-    """Present value of a reference."""
+def _present(simulation: Simulation | Worlds, target: Target) -> float:
+    """Present value of a reference in the simulation, or in the first of several worlds."""
     joint, column = simulation.prepared.slot_of(*target)
     name = f"reference_{column}"
-    return float(simulation.read([name])[name][joint])
+    return float(simulation.read([name])[name].ravel()[joint])
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterator[_Input]:

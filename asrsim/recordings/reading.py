@@ -59,13 +59,13 @@ class TimeKeys:
     """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
-        Optional(Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text()))),
+        Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text())),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
         "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip
-    unit: str | None = declare(Optional(Text(noun="unit of time")), doc="unit of the time", default=None, shown="the header's")
+    unit: str | None = declare(Text(noun="unit of time"), doc="unit of the time", default=None, shown="the header's")
     rate: float | None = declare(
-        Optional(Number(above=0.0)), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
+        Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
         default=None,
     )  # fmt: skip
 
@@ -92,35 +92,33 @@ TIME = block_of(TimeKeys, "time", main="column")
 class Reading:
     """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
 
-    file: str | None = declare(
-        Optional(Text(noun="name of a file")), doc="the recording that this document describes", default=None
-    )
+    file: str | None = declare(Text(noun="name of a file"), doc="the recording that this document describes", default=None)
     time: TimeKeys = declare(TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
-        Optional(Choice(tuple(SEPARATORS))), doc="text: the separator of cells", default=None, shown="detected"
+        Choice(tuple(SEPARATORS)), doc="text: the separator of cells", default=None, shown="detected"
     )
-    decimal: str | None = declare(Optional(Choice((".", ","))), doc="text: the decimal mark", default=None, shown="detected")
+    decimal: str | None = declare(Choice((".", ",")), doc="text: the decimal mark", default=None, shown="detected")
     encoding: str | None = declare(
-        Optional(Text()), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
+        Text(), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
     )
     header: int | None = declare(
-        Optional(Integer(minimum=0)), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
+        Integer(minimum=0), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
         default=None, shown="detected",
     )  # fmt: skip
     sheet: str | None = declare(
-        Optional(Text(noun="name of a sheet")), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
+        Text(noun="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
     missing: float | None = declare(
-        Optional(NUMBER), doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
+        NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",
     )  # fmt: skip
     window: tuple[float | None, ...] | None = declare(
-        Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))),
+        ListOf(of=Optional(NUMBER), length=2, names=("start", "end")),
         doc="start and end of the part that is kept, on the recording's clock",
         unit="s", default=None,
     )  # fmt: skip
     columns: Mapping[str, str] | None = declare(
-        Optional(MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False)), key="map",
+        MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
         doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
     )  # fmt: skip
     maps: tuple[ColumnMap, ...] = ()
@@ -172,6 +170,12 @@ def reading_file(path: Path) -> Path | None:
     """Path of the reading document beside a recording; None if it does not exist."""
     beside = path.with_name(path.name + ENDING)
     return beside if beside.is_file() else None
+
+
+def modified(path: Path) -> tuple[int, int]:
+    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches notice changes by them."""
+    beside = reading_file(path)
+    return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
 def load_reading(path: Path) -> Reading:

@@ -33,7 +33,9 @@ Row = tuple[int, list[str]]
 
 def split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
-    if separator is not None and '"' in line:
+    if " " not in line and '"' not in line:  # most files: no cell needs more work
+        return line.split(separator)
+    if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip(' "') for cell in line.split(separator)]
 
@@ -123,7 +125,7 @@ class Rows:
         """Convert rows. Blank lines and comments are skipped, and rows of another length are skipped and reported."""
         whole: list[Row] = []
         for line, row in rows:
-            if "".join(row).strip("\0") and not row[0].startswith(COMMENTS):
+            if any(row) and not row[0].startswith(COMMENTS):
                 (whole if len(row) == len(self.columns) else self.ragged).append((line, row))
         if not whole:
             return
@@ -197,15 +199,16 @@ def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
 
 def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: str | None) -> Rows:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
-    columns = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
+    # Lines such as "Samples 400 400" or "Operator Ada" above the header are no rows of the table, which begins with a time.
+    shapes = Counter((len(cells), kind_of(cells[0], decimal) == "text") for _, cells in rows[len(rows) // 2 :])
+    (columns, label), _ = shapes.most_common(1)[0]
 
     def share(row: Row) -> float | None:
-        """Fraction of the row's cells that are values; None for comments and rows of another length."""
+        """Fraction of the row's cells that are values; None for comments and rows of another shape."""
         line, cells = row
         whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
-        return share_of_values(cells, decimal) if whole else None
+        return share_of_values(cells, decimal) if whole and (kind_of(cells[0], decimal) == "text") == label else None
 
-    # A line such as "Samples 400 400" above the header is no row of numbers, as text follows.
     shares = [*map(share, rows)]
     below = [*shares[1:], None]
     place = next((i for i, both in enumerate(zip(shares, below, strict=True)) if _begins(*both)), None)
@@ -215,7 +218,9 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
-    fitting = [row for row in above if len(row[1]) == columns and share_of_values(row[1], decimal) < 0.5]
+    # Some programs end each row, but not the header, with a separator.
+    blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
+    fitting = [row for row in above if len(row[1]) in (columns, columns - blank) and share_of_values(row[1], decimal) < 0.5]
     header, names = fitting[-1] if fitting else (0, [""] * columns)
     if place and not fitting and reading.header is None and len(rows[place - 1][1]) > 2:
         line, names = rows[place - 1]
@@ -225,7 +230,9 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
         )  # fmt: skip
     kinds = [Counter(kind_of(cells[i], decimal) for _, cells in rows[place:] if len(cells) == columns) for i in range(columns)]
     common = [max(("number", "stamp", "text"), key=lambda kind: counts[kind]) for counts in kinds]
-    members = tuple(CellColumn(name=name, kind=kind) for name, kind in zip(_unique(names), common, strict=True))
+    members = tuple(
+        CellColumn(name=name, kind=kind) for name, kind in zip(_unique([*names, ""][:columns]), common, strict=True)
+    )
     return Rows(separator=separator, decimal=decimal, header=header, first=rows[place][0], columns=members)
 
 
@@ -257,20 +264,20 @@ def _encoding(path: Path) -> str:
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
     """Separator and decimal mark that make most cells numbers; a separator or mark stated in `reading` is kept."""
-    best: tuple[float, str | None, str] = (-1.0, None, ".")
-    for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
+
+    def score(separator: str | None, decimal: str) -> float:
+        """Fraction of the lines' cells that are values; a layout with one column is chosen only if no other fits."""
         rows = [split(line, separator) for line in lines]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
-        for decimal in (reading.decimal,) if reading.decimal else (".", ","):
-            if decimal == separator and not reading.decimal:
-                continue
-            # A separator at the end of each line makes a blank last cell, which must not lower the score.
-            whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
-            good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
-            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # a layout with one column is chosen only if no other fits
-            if score > best[0]:
-                best = score, separator, decimal
-    return best[1], best[2]
+        # A separator at the end of each line makes a blank last cell, which must not lower the score.
+        whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
+        good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
+        return round(good - (0.4 if columns == 1 else 0.0), 3)
+
+    separators = [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values()
+    marks = (reading.decimal,) if reading.decimal else (".", ",")
+    layouts = [(separator, mark) for separator in separators for mark in marks if mark != separator or reading.decimal]
+    return max(layouts, key=lambda layout: score(*layout))
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

@@ -21,6 +21,7 @@ TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "el
               "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "header", "field", "zeit", "s", "ms",
               "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
+_SYMBOLS = ("s", "ms", "us", "ns")
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
 """Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
@@ -73,9 +74,14 @@ def is_time(name: str, unit: Unit | None = None) -> bool:
 
 
 def is_named_time(column: RawColumn) -> bool:
-    """Whether a column is a time, by its name and unit, or because its cells are dates."""
+    """Whether a column is a time, by its name and unit, or because its cells are dates.
+
+    The last part of a path counts, as in `run.time`, but the `s` of `rad.s` is part of a unit.
+    """
     name, unit = split_header(column.name)
-    return column.zero is not None or is_time(re.split(r"[./]", name)[-1] or name, find_unit(column.unit) or unit)
+    last = re.split(r"[./]", name)[-1] or name
+    named = is_time(last, find_unit(column.unit) or unit) and (last == name or last not in _SYMBOLS)
+    return column.zero is not None or named
 
 
 def unit_of_time(column: RawColumn) -> Unit | None:

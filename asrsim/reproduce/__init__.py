@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 import sys
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from asrsim.errors import AsrsimError, InputError
 from asrsim.metrics.expect import compares
@@ -22,11 +22,6 @@ from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.plain import finite_or_none
 from asrsim.runs.examples import examples_folder
 from asrsim.workers import Lost, executor
-
-if TYPE_CHECKING:
-    from asrsim.api import Result
-    from asrsim.robot.model import Robot
-    from asrsim.scenario.data import Scenario
 
 Origin = Literal["paper", "theory", "simulation", "beyond"]
 
@@ -112,8 +107,8 @@ class FigurePart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Heading:
-    """Title and subject of a figure."""
+class Figure:
+    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
 
     number: int
     title: str
@@ -121,31 +116,30 @@ class Heading:
     """Section of the paper."""
     paper: str
     """Claim of the paper, in the words of asrsim's authors."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Figure(Heading):
-    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
-
-    parts: Callable[[Lab], tuple[FigurePart, ...]]
-    """Function that runs the experiments. Its first part is the paper's figure; the others extend it."""
+    parts: Callable[[Path], tuple[FigurePart, ...]]
+    """Function that runs the experiments, with their logs in a folder. Its first part is the paper's figure; the others extend
+    it.
+    """
     cost: float = 1.0
     """Relative duration of the experiments; the figure with the longest duration starts first."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reproduction(Heading):
+class Reproduction:
     """Result of reproducing a figure of the paper."""
 
+    name: str
+    """Number of the figure as text."""
     parts: tuple[FigurePart, ...] = ()
     error: str = ""
     """Reason why the figure could not be run."""
-    simulated: float = 0.0
-    """Simulated time, s."""
-    simulating: float = 0.0
-    """Wall-clock time of the simulations, s."""
     seconds: float = 0.0
-    """Wall-clock time including pictures, s."""
+    """Wall-clock time, s."""
+
+    @property
+    def figure(self) -> Figure:
+        """Title and subject of the figure."""
+        return figures()[self.name]
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -159,65 +153,18 @@ class Reproduction(Heading):
 
     def as_dict(self) -> dict[str, Any]:
         """Result as data for JSON, without pictures."""
+        figure = self.figure
         return {
-            "figure": self.number, "title": self.title, "section": self.section, "paper": self.paper, "holds": self.holds,
-            "error": self.error,
+            "figure": figure.number, "title": figure.title, "section": figure.section, "paper": figure.paper,
+            "holds": self.holds, "error": self.error,
             "claims": [
-                {"figure": self.number, "claim": one.text, "origin": one.origin, "quantity": one.quantity, **vars(one.bound),
+                {"figure": figure.number, "claim": one.text, "origin": one.origin, "quantity": one.quantity, **vars(one.bound),
                  "measured": finite_or_none(one.measured), "holds": one.holds}
                 for one in self.claims
             ],
             "tables": [vars(table) for part in self.parts for table in part.tables],
-            "simulated_time": self.simulated, "simulating_time": self.simulating, "wall_time": self.seconds,
+            "wall_time": self.seconds,
         }  # fmt: skip
-
-
-@dataclass(kw_only=True)
-class Lab:
-    """Runs variants of example scenarios for a figure, and sums their simulated time and duration."""
-
-    folder: Path
-    """Folder for the logs, with one subfolder per run."""
-    simulated: float = 0.0
-    """Simulated time so far, s."""
-    simulating: float = 0.0
-    """Wall-clock time of the simulations so far, s."""
-
-    def scenario(self, name: str, variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
-        """Variant of an example scenario. Raises ScenarioError."""
-        from asrsim.scenario import load_scenario
-
-        return load_scenario(examples_folder() / "scenarios" / f"{name}.yaml", variant=variant, overrides=overrides)[0]
-
-    def run(
-        self, name: str, variant: str, *, overrides: Sequence[str] = (), label: str | None = None, robot: Robot | None = None,
-        log: bool = True,
-    ) -> Result:  # fmt: skip
-        """Result of a run of an example scenario's variant.
-
-        label: name of the run's folder inside the scenario's, by default the variant; robot: replaces the scenario's
-        robot; log: write a log. Raises the errors of `asrsim.run`.
-        """
-        from asrsim.api import run
-
-        out = self.folder / f"{name}_{label or variant}" if log else None
-        began = clock.perf_counter()
-        scenario = self.scenario(name, variant, overrides)
-        if overrides or robot is not None:
-            # The claims in the example hold for the unchanged example only.
-            scenario = replace(scenario, expect=())
-        result = run(scenario, robot=robot, out=out, overwrite=True)
-        self.count(result.run.simulated_time, clock.perf_counter() - began)
-        return result
-
-    def pairs(self, name: str, variants: Sequence[str]) -> dict[str, Result]:
-        """Result of the run of each variant."""
-        return {variant: self.run(name, variant) for variant in variants}
-
-    def count(self, simulated: float, seconds: float) -> None:
-        """Add simulated time and the wall-clock time of a simulation to the totals."""
-        self.simulated += simulated
-        self.simulating += seconds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,7 +185,6 @@ class FigureOutcome:
         """Results as data for JSON."""
         return {
             "ok": self.holds, "page": str(self.page), "wall_time": self.seconds,
-            "simulated_time": sum(figure.simulated for figure in self.figures),
             "figures": [figure.as_dict() for figure in self.figures],
         }  # fmt: skip
 
@@ -277,14 +223,14 @@ def reproduce(
     found = []
     with executor(min(workers, len(order))) as pool:
         for number, one in chain.from_iterable(pool.results(partial(run_figure, folder=folder / "runs"), order)):
-            found.append(_about(order[number], error=one.reason) if isinstance(one, Lost) else one)
+            found.append(Reproduction(name=order[number], error=one.reason) if isinstance(one, Lost) else one)
             if on_figure is not None:
                 on_figure(found[-1])
-    found.sort(key=lambda one: one.number)
+    found.sort(key=lambda one: int(one.name))
     outcome = FigureOutcome(figures=tuple(found), page=folder / "reproduce.html", seconds=clock.perf_counter() - began)
-    for path, data in _pictures(found, folder / "pictures"):
-        with written(path, "picture") as stream:
-            stream.write(data)
+    for picture in (picture for one in found for part in one.parts for picture in part.pictures):
+        with written(folder / "pictures" / f"{picture.name}.{picture.kind}", "picture") as stream:
+            stream.write(picture.data)
     write_text(outcome.page, page(outcome.figures, seconds=outcome.seconds), "page")
     write_json(folder / "reproduce.json", outcome.as_dict())
     return outcome
@@ -292,21 +238,9 @@ def reproduce(
 
 def run_figure(name: str, folder: Path) -> Reproduction:
     """Result of one figure, with its logs in `folder`; an error becomes part of the result."""
-    began, lab = clock.perf_counter(), Lab(folder=folder)
+    began = clock.perf_counter()
     try:
-        done = _about(name, parts=figures()[name].parts(lab))
+        done = Reproduction(name=name, parts=figures()[name].parts(folder))
     except AsrsimError as caught:
-        done = _about(name, error=str(caught))
-    return replace(done, simulated=lab.simulated, simulating=lab.simulating, seconds=clock.perf_counter() - began)
-
-
-def _about(name: str, **more: Any) -> Reproduction:
-    figure = figures()[name]
-    return Reproduction(**{one.name: getattr(figure, one.name) for one in fields(Heading)}, **more)
-
-
-def _pictures(found: Sequence[Reproduction], folder: Path) -> Iterator[tuple[Path, bytes]]:
-    for figure in found:
-        for part in figure.parts:
-            for picture in part.pictures:
-                yield folder / f"{picture.name}.{picture.kind}", picture.data
+        done = Reproduction(name=name, error=str(caught))
+    return replace(done, seconds=clock.perf_counter() - began)

@@ -28,10 +28,9 @@ SHOWN_ROWS = 9
 def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
     """HTML of the page. seconds: total wall-clock time."""
     style = files("asrsim.reproduce").joinpath("assets/page.css").read_text(encoding="utf-8")
-    failed = ", ".join(str(one.number) for one in reproductions if not one.holds)
-    simulated = sum(one.simulated for one in reproductions)
+    failed = ", ".join(one.name for one in reproductions if not one.holds)
     overview = "".join(
-        f'<tr><td><a href="#figure-{one.number}">Figure {one.number}</a></td><td>{escape(one.title)}</td>'
+        f'<tr><td><a href="#figure-{one.name}">Figure {one.name}</a></td><td>{escape(one.figure.title)}</td>'
         f'<td class="number">{_count(one.claims)}</td><td>{_verdict(one.holds)}</td></tr>'
         for one in reproductions
     )
@@ -42,20 +41,19 @@ def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
 <p class="small">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
 data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>
 {"".join(map(_section, reproductions))}
-<footer>Made by asrsim {__version__} with <code>asrsim reproduce</code>: {simulated:.0f} s simulated in {seconds:.0f} s,
-pictures included.</footer>"""
-    return document(f"asrsim reproduce: figures {', '.join(str(one.number) for one in reproductions)}", style, main)
+<footer>Made by asrsim {__version__} with <code>asrsim reproduce</code> in {seconds:.0f} s.</footer>"""
+    return document(f"asrsim reproduce: figures {', '.join(one.name for one in reproductions)}", style, main)
 
 
 def _section(one: Reproduction) -> str:
     parts = "\n".join(_part(part, folded=number > 0) for number, part in enumerate(one.parts))
     if one.error:
         parts = f'<p class="fails">It could not be run: {escape(one.error)}</p>'
-    speed = f"{one.simulated:.0f} s simulated in {one.simulating:.1f} s" if one.simulated else ""
-    return f"""<section id="figure-{one.number}">
-<div class="head"><h2>Figure {one.number}: {escape(one.title)}</h2>{_verdict(one.holds)}</div>
-<p class="small">Section {escape(one.section)} of the paper. {speed}</p>
-<p class="paper">{escape(one.paper)}</p>
+    figure = one.figure
+    return f"""<section id="figure-{one.name}">
+<div class="head"><h2>Figure {one.name}: {escape(figure.title)}</h2>{_verdict(one.holds)}</div>
+<p class="small">Section {escape(figure.section)} of the paper. Reproduced in {one.seconds:.1f} s.</p>
+<p class="paper">{escape(figure.paper)}</p>
 {parts}
 </section>"""
 

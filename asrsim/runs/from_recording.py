@@ -5,7 +5,6 @@ Writes the files that the scenario needs, and a fit file for `asrsim identify`.
 
 from __future__ import annotations
 
-import io
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.modes import Mode
 from asrsim.actuators.user import command_line
-from asrsim.outfile import check_output, write_text
+from asrsim.outfile import check_output, csv_text, write_text
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column
@@ -155,10 +154,7 @@ def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str
     for i in range(1, values.shape[1]):
         good = np.isfinite(values[:, i])
         values[:, i] = np.interp(time, time[good], values[good, i])
-    text = io.StringIO()
-    header = ",".join(["time [s]", *(f'"{one.label}"' for one in members)])
-    np.savetxt(text, values, delimiter=",", header=header, comments="", fmt="%.12g")
-    return text.getvalue()
+    return csv_text(["time [s]", *(one.label for one in members)], values)
 
 
 def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -1,4 +1,4 @@
-"""Keys of a scenario that are blocks, with their data classes: joints, surroundings, goals and claims."""
+"""Kinds and blocks of a scenario's keys, with their data classes: engines, joints, surroundings, goals and claims."""
 
 from __future__ import annotations
 
@@ -30,13 +30,115 @@ from asrsim.document.kinds import (
     Text,
 )
 from asrsim.document.node import Node
-from asrsim.document.reading import DocumentReading, KeyPath
-from asrsim.errors import ScenarioError
+from asrsim.document.reading import DocumentReading, KeyPath, Rejected
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import InputError, ScenarioError
 from asrsim.robot.meshes import mesh_fault
 from asrsim.samples import TIP, TIP_GOAL
-from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, Keys, Vector, engines
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
+
+# -- kinds -------------------------------------------------------------------------------------------------------------
+
+Vector = tuple[float, float, float]
+Keys = dict[str, Any]
+"""Value of a block from which no object is built: a plain mapping of its keys."""
+
+POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
+RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))
+SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
+ORIGIN = (0.0, 0.0, 0.0)
+"""Default of positions (m) and orientations (rad)."""
+
+
+def names_a_folder(name: str) -> bool:
+    """Whether a name is valid for a folder, as scenarios and variants give their names to the folders of results."""
+    good = bool(name.strip()) and name not in (".", "..") and len(name.encode(errors="replace")) <= 255
+    return good and all(sign.isprintable() and sign not in "/\\" for sign in name)
+
+
+class FolderName(Text):
+    """Kind of value: text that is valid as the name of a folder."""
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
+        name = super().read(node, path, reading)
+        if not names_a_folder(name):
+            raise reading.fault(node, path, "must be valid as the name of a folder", code="name")
+        return name
+
+
+MAX_DEPTH = 4
+"""Deepest level of a manager file that is searched for the list of joints."""
+
+
+class ManagerFile(File):
+    """Kind of value: a manager file, from which order of joints and namespace are read. Other keys have no effect.
+
+    The parameters may be under the name of a node (`/**: ros__parameters:`).
+    """
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
+        try:
+            root, _ = read_yaml(super().read(node, path, reading))
+        except InputError as error:
+            reading.problems.extend(error.problems)
+            raise Rejected from None
+        table = _find(root, MAX_DEPTH)
+        names = table["joints_name"] if table else root
+        joints = tuple(str(item.value).strip() for item in names.value) if isinstance(names.value, list) else ()
+        if not table or not joints:
+            raise reading.fault(names, path, "the manager file has no list 'joints_name'", code="manager", show=False)
+        twice = [joint for joint in joints if joints.count(joint) > 1]
+        if twice:
+            message = f"'joints_name' lists joint '{twice[0]}' twice"
+            raise reading.fault(names, path, message, code="manager", show=False)
+        space = table["namespace"].value if "namespace" in table else None
+        return {"joint_order": joints, "namespace": str(space or "").strip().strip("/") or None}
+
+
+def _find(node: Node, depth: int) -> dict[str, Node] | None:
+    """Mapping that contains the list of joints; None if it is missing."""
+    if not isinstance(node.value, dict) or depth == 0:
+        return None
+    if "joints_name" in node.value:
+        return node.value
+    return next((found for item in node.value.values() if (found := _find(item, depth - 1)) is not None), None)
+
+
+def engines() -> tuple[str, ...]:
+    """Names of the registered engines, including engines of other packages."""
+    from asrsim.engines import ENGINES
+
+    return ENGINES.names()
+
+
+def steppings() -> tuple[str, ...]:
+    """Names of the registered steppings, including steppings of other packages."""
+    from asrsim.simulation.steppings import STEPPINGS
+
+    return STEPPINGS.names()
+
+
+def default_engine() -> str:
+    """Engine of a scenario without the key `engine`."""
+    from asrsim import engines
+
+    return engines.default_engine()
+
+
+def prescribes_motion(engine: str) -> bool:
+    """Whether the engine prescribes the motion of the links by the key `motion`."""
+    from asrsim.engines import ENGINES
+
+    return ENGINES.get(engine).prescribed
+
+
+def released_order(stepping: str) -> bool:
+    """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
+    from asrsim.simulation.steppings import STEPPINGS
+
+    return STEPPINGS.get(stepping).released
+
 
 # -- joints ------------------------------------------------------------------------------------------------------------
 
@@ -50,7 +152,7 @@ class Effects:
 
     delay: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="dead time")
     rate: float | None = declare(
-        Optional(Number(above=0.0, maximum=1e6)),
+        Number(above=0.0, maximum=1e6),
         default=None,
         unit="Hz",
         doc="values are held between ticks of this rate",
@@ -105,14 +207,14 @@ class Range(ListOf[float]):
 _MOTORS = ListOf(of=NUMBER, minimum=1)
 START: Block[Keys] = Block(
     keys=(
-        Key(name="position", kind=Optional(NUMBER), default=None, unit="rad", doc="of the link", shown="0"),
-        Key(name="velocity", kind=Optional(NUMBER), default=None, unit="rad/s", doc="of the link", shown="0"),
+        Key(name="position", kind=NUMBER, default=None, unit="rad", doc="of the link", shown="0"),
+        Key(name="velocity", kind=NUMBER, default=None, unit="rad/s", doc="of the link", shown="0"),
         Key(
-            name="motor_positions", kind=Optional(_MOTORS), default=None, unit="rad", doc="of each motor, link side",
+            name="motor_positions", kind=_MOTORS, default=None, unit="rad", doc="of each motor, link side",
             shown="the link's, springs undeflected",
         ),
         Key(
-            name="motor_velocities", kind=Optional(_MOTORS), default=None, unit="rad/s", doc="of each motor, link side",
+            name="motor_velocities", kind=_MOTORS, default=None, unit="rad/s", doc="of each motor, link side",
             shown="at rest",
         ),
     ),
@@ -176,10 +278,10 @@ class WorldObject:
     size: tuple[float, ...] = declare(
         _SIZE, default=(), unit="m", doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]"
     )
-    mesh: Path | None = declare(Optional(File(noun="mesh")), default=None, doc="mesh: its file")
+    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
-        Optional(ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz"))), default=None, unit="kg m^2",
+        ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
         doc="principal moments; default: those of the solid shape, of a mesh those of its bounding box; the centre of mass is "
         "the shape's middle, of a mesh its origin",
     )  # fmt: skip
@@ -272,7 +374,7 @@ class CartesianPose:
 
     time: float = declare(NOT_NEGATIVE, unit="s", doc="time at which the pose is reached")
     position: Vector = declare(POSITION, unit="m", doc="position in the world's frame")
-    rpy: Vector | None = declare(Optional(RPY), default=None, unit="rad", doc="orientation", shown="free")
+    rpy: Vector | None = declare(RPY, default=None, unit="rad", doc="orientation", shown="free")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,10 +444,10 @@ class Learning:
         MapOf(of=POSITIVE, star=False), default={}, unit="1", doc="gains that replace `gain`"
     )
     filter: Filter | None = declare(
-        Optional(block_of(Filter, "zero-phase filter")), default=None, doc="zero-phase filter on what is learned", shown="none"
+        block_of(Filter, "zero-phase filter"), default=None, doc="zero-phase filter on what is learned", shown="none"
     )
     first_guess: FirstGuess | None = declare(
-        Optional(Choice(("zero", "reference", "inverse_dynamics"))), default=None,
+        Choice(("zero", "reference", "inverse_dynamics")), default=None,
         doc="first input: zero, the trajectory, or inverse dynamics through the springs",
         shown="law auto: inverse_dynamics; else zero",
     )  # fmt: skip
@@ -378,28 +480,26 @@ class AnyData(Kind[Any]):
 class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
-    joint: str | None = declare(Optional(JOINT), default=None, doc="the joint (or give `body`)")
-    body: str | None = declare(Optional(Text(noun="name of an object")), default=None, doc="an object of the world")
+    joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
+    body: str | None = declare(Text(noun="name of an object"), default=None, doc="an object of the world")
     quantity: str = declare(Text(noun="name of a quantity"), doc="the quantity, such as link_position")
     measure: str = declare(Text(noun="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
     comparison: str = declare(Choice(COMPARISONS), default="==", doc="the comparison; `==` within the tolerance")
     value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
-    variant: str | None = declare(
-        Optional(Text(noun="name of a variant")), default=None, doc="the variant of the claim", shown="all"
-    )
+    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Optional(Choice(engines)),
+        Choice(engines),
         default=None,
         doc="the engine of the claim, as engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(
-        Optional(Text(noun="name of a quantity")), default=None, shown="the joint's own",
+        Text(noun="name of a quantity"), default=None, shown="the joint's own",
         doc="another quantity of the same joint to compare with, for measures of two series",
     )  # fmt: skip
     against: Path | None = declare(
-        Optional(File(noun="recording", folder=True, beside=".yaml")), default=None,
+        File(noun="recording", folder=True, beside=".yaml"), default=None,
         doc="a recording to compare with, for measures of a difference",
     )  # fmt: skip
     options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")

@@ -30,29 +30,27 @@ from asrsim.scenario.blocks import (
     EFFECTS_BY_JOINT,
     INITIAL,
     MODE,
+    ORIGIN,
     PARAMETERS,
+    POSITION,
+    RPY,
+    SIGNALS_BY_JOINT,
     WORLD,
     CartesianPose,
     CartesianTask,
     Effects,
     Expectation,
+    FolderName,
     GivenActuator,
+    Keys,
     Learning,
     LinkDamping,
+    ManagerFile,
     Range,
+    Vector,
     World,
     WorldObject,
     Wrench,
-)
-from asrsim.scenario.kinds import (
-    ORIGIN,
-    POSITION,
-    RPY,
-    SIGNALS_BY_JOINT,
-    FolderName,
-    Keys,
-    ManagerFile,
-    Vector,
     default_engine,
     engines,
     steppings,
@@ -84,11 +82,9 @@ _COUNT = Optional(Integer(minimum=1), word="auto")
 class Scenario:
     """One resolved variant of a scenario, with all that a run needs. Keys of tables are joints, or `"*"` for all joints."""
 
-    name: str = declare(
-        Optional(FolderName()), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED
-    )
+    name: str = declare(FolderName(), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED)
     variant: str = declare(
-        Optional(FolderName()),
+        FolderName(),
         default=None,
         doc="name of this variant, in a file without variants",
         shown="default",
@@ -145,7 +141,7 @@ class Scenario:
     duration: float = declare(POSITIVE, unit="s", doc="simulated time, a whole number of steps", field_default=1.0)
     step: float = declare(POSITIVE, default=1e-3, unit="s", doc="time step of the simulation")
     log_every: int = declare(
-        Optional(POSITIVE),
+        POSITIVE,
         key="log_rate",
         default=None,
         unit="Hz",
@@ -192,7 +188,7 @@ class Scenario:
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
-        Optional(ManagerFile(noun="manager YAML")),
+        ManagerFile(noun="manager YAML"),
         key="manager",
         spread=True,
         default=None,
@@ -243,7 +239,7 @@ class Scenario:
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
     task: CartesianTask | None = declare(
-        Optional(block_of(CartesianTask, "Cartesian task")), default=None, doc="a Cartesian path for computed references"
+        block_of(CartesianTask, "Cartesian task"), default=None, doc="a Cartesian path for computed references"
     )
     learning: Learning | None = declare(
         block_of(Learning, "learning"), key="ilc", default=None, doc="iterative learning control, for `asrsim ilc`"

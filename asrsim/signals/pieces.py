@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, ListOf, Optional
+from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, ListOf
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require, rounded, since, start_time
@@ -140,7 +140,7 @@ class PulseTrain(Signal):
     period: float = declare(POSITIVE, doc="time from pulse to pulse", unit="s")
     width: float = declare(POSITIVE, doc="length of a pulse, below the period", unit="s")
     start: float = start_time("time of the first pulse")
-    count: int | None = declare(Optional(Integer(minimum=1)), doc="number of pulses", default=None, shown="without end")
+    count: int | None = declare(Integer(minimum=1), doc="number of pulses", default=None, shown="without end")
 
     def __post_init__(self) -> None:
         require(self.period > 0.0, "must be larger than 0", key="period")

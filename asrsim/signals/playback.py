@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import NUMBER, Choice, File, Optional, Text
+from asrsim.document.kinds import NUMBER, Choice, File, Text
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require
@@ -42,12 +42,12 @@ class Playback(Signal):
         "such as `/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
     )
     time: str | None = declare(
-        Optional(Text(noun="name of a column, or `header`")),
+        Text(noun="name of a column, or `header`"),
         doc="tables: the time column (default: the column with the name of a time); bags: `header` for the stamps in messages",
         default=None,
     )
     start: float | None = declare(
-        Optional(NUMBER),
+        NUMBER,
         doc="simulated time of the first sample; default: the times of the recording; clock stamps start at 0",
         unit="s",
         default=None,

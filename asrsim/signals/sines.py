@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Either, Integer, ListOf, Optional
+from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Either, Integer, ListOf
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import VALUE, driven, require, since, start_time
@@ -22,10 +22,8 @@ class Sinusoid(Signal):
     kind: ClassVar[str] = "sinusoid"
 
     amplitude: float = driven("half of the peak-to-peak value")
-    frequency: float | None = declare(Optional(POSITIVE), doc="frequency (or angular_frequency)", unit="Hz", default=None)
-    angular_frequency: float | None = declare(
-        Optional(POSITIVE), doc="angular frequency (or frequency)", unit="rad/s", default=None
-    )
+    frequency: float | None = declare(POSITIVE, doc="frequency (or angular_frequency)", unit="Hz", default=None)
+    angular_frequency: float | None = declare(POSITIVE, doc="angular frequency (or frequency)", unit="rad/s", default=None)
     phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
     offset: float = driven("added to it", default=0.0)
     start: float = start_time()

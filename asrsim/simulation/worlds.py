@@ -27,7 +27,7 @@ from asrsim.simulation.core import make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given, Inputs, joined
-from asrsim.simulation.layout import GOALS, HEALTHY
+from asrsim.simulation.layout import EXTERNAL, GOALS, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
@@ -301,6 +301,15 @@ class Worlds:
         self._held[numbers, j, slot] = held
         self._block = None
         return np.asarray(self._held[numbers, j, slot])
+
+    def push(self, torques: Array) -> None:
+        """Set the external torques (N, n) on all links of all worlds from the next step on, N m; without limits by declared
+        ranges. Raises InputError for values that are not finite."""
+        self._check_open()
+        if not np.isfinite(torques).all():
+            raise InputError("must be finite", key="torques", code="reference-value")
+        self._held[:, :, EXTERNAL] = torques
+        self._block = None
 
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import time as clock
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.plain import finite_or_none
 from asrsim.quantities import LIMITS
-from asrsim.runs.execute import collector_of
+from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.chunks import LONGEST_NUMBERS
@@ -22,8 +21,8 @@ from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Start, Worlds
-from asrsim.summary import Collector, make_summary
-from asrsim.summary.claims import Claims, check_claims, needs_of
+from asrsim.summary import Collector
+from asrsim.summary.claims import check_claims, needs_of
 from asrsim.sweeps.cases import MEASURES, TIP, Case, Payload
 from asrsim.sweeps.study import Study
 
@@ -45,13 +44,12 @@ class _Point(NamedTuple):
 class Runner:
     """Task for `asrsim.workers` that computes the rows of a study's runs. Rows do not depend on their order."""
 
-    def __init__(self, payload: Payload, share: int = 1) -> None:
-        """share: number of runners among which the study's runs are divided."""
-        self.payload, self._share = payload, share
-        self._kinds: OrderedDict[tuple[str, str], _Kind | None] = OrderedDict()
+    def __init__(self, payload: Payload) -> None:
+        self.payload = payload
+        self._kinds: dict[tuple[str, str], _Kind | None] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runner, (self.payload, self._share)
+        return Runner, (self.payload,)
 
     def __call__(self, run: int) -> Row:
         """Row of a run, with the columns that `Payload.columns` lists."""
@@ -69,32 +67,29 @@ class Runner:
             while points:
                 kind = self._kind(key, points[0])
                 size = kind.size if kind is not None else 1
-                rows |= self._rows(key, kind, points[:size])
+                rows |= self._rows(kind, points[:size])
                 points = points[size:]
         return [rows[run] for run in runs]
 
     def close(self) -> None:
         """Close the simulation engines of this worker."""
-        while self._kinds:
-            self._drop(next(iter(self._kinds)))
-
-    def _drop(self, key: tuple[str, str]) -> None:
-        if (kind := self._kinds.pop(key)) is not None:
-            kind.worlds.close()
+        for kind in self._kinds.values():
+            if kind is not None:
+                kind.worlds.close()
+        self._kinds.clear()
 
     def _kind(self, key: tuple[str, str], point: _Point) -> _Kind | None:
         """Shared simulation worlds for a run; None if the run must be simulated alone."""
         if key not in self._kinds:
+            if len(self._kinds) == KINDS:
+                self.close()
             # If the worlds cannot be made, the run is simulated alone, and its row gives the reason.
             self._kinds[key] = None
             with suppress(Exception):
-                self._kinds[key] = _make_kind(self.payload.study, point, self._share)
-            if len(self._kinds) > KINDS:
-                self._drop(next(iter(self._kinds)))
-        self._kinds.move_to_end(key)
+                self._kinds[key] = _make_kind(self.payload.study, point)
         return self._kinds[key]
 
-    def _rows(self, key: tuple[str, str], kind: _Kind | None, points: Sequence[_Point]) -> dict[int, Row]:
+    def _rows(self, kind: _Kind | None, points: Sequence[_Point]) -> dict[int, Row]:
         """Rows of runs of one prepared scenario. A run that the shared worlds cannot simulate is simulated alone."""
         began = clock.perf_counter()
         found: dict[int, dict[str, Any]] = {}
@@ -103,7 +98,7 @@ class Runner:
                 found = kind.run([point.values for point in points])
         except Exception:
             # User code may raise an error for one run; the worlds are then in an unknown state: discard them.
-            self._drop(key)
+            self.close()
         each = (clock.perf_counter() - began) / len(points)
         rows = {}
         for place, point in enumerate(points):
@@ -126,7 +121,6 @@ class _Kind:
         self._case, self.size = case, size
         scenario, joints = prepared.scenario, prepared.info.joints
         check_claims(scenario.expect, joints, file=scenario.path)
-        self._claims = Claims(scenario.expect, joints, file=scenario.path, checked=True)
         self._needs = needs_of(scenario.expect, joints)
         names = Collector(joints, samples=scenario.steps + 1, needs=self._needs).quantities
         self.worlds = Worlds(prepared, size, names=tuple(names), expected_substeps=expected_substeps)
@@ -154,7 +148,7 @@ class _Kind:
             )  # fmt: skip
             # If a claim cannot be evaluated, the run is simulated alone, and its row gives the reason.
             with suppress(AsrsimError):
-                cells[world] = result_cells(run, collector, self._claims)
+                cells[world] = result_cells(run, collector)
         return cells
 
     def _is_set(self, world: int, values: Mapping[str, Any]) -> bool:
@@ -179,7 +173,7 @@ class _Kind:
             return False
 
 
-def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
+def _make_kind(study: Study, point: _Point) -> _Kind | None:
     """Shared worlds for runs that are prepared like this point's run; None if such runs must be simulated alone. Raises
     AsrsimError.
     """
@@ -198,15 +192,14 @@ def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
     # Limit the number of worlds so that their records fit into the processor's cache.
     size = min(runs, max(1, LONGEST_NUMBERS // numbers))
     substeps = scenario.steps * prepared.resolution.substeps
-    return _Kind(case, prepared, size, max(substeps, substeps * runs // share) // size)
+    return _Kind(case, prepared, size, substeps * runs // size)
 
 
 def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
     """Cells of a run that is prepared and simulated alone. Raises AsrsimError."""
     with blame_laws():
         prepared = case.prepared(values)
-        scenario, joints = prepared.scenario, prepared.info.joints
-        collector = collector_of(scenario, prepared.info)
+        collector = collector_of(prepared.scenario, prepared.info)
         with Simulation(prepared, sinks=[collector]) as simulation:
             try:
                 run = run_to_end(simulation)
@@ -214,14 +207,12 @@ def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
                 if not isinstance(error.run, Run):
                     raise
                 run = error.run
-        return result_cells(run, collector, Claims(scenario.expect, joints, file=scenario.path, checked=True))
+        return result_cells(run, collector)
 
 
-def result_cells(run: Run, collector: Collector, claims: Claims) -> dict[str, Any]:
+def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
     """Cells with the results of a run. Raises ScenarioError for claims that cannot be evaluated."""
-    verdicts = claims.results(collector.read) if run.status == "complete" else ()
-    seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
-    summary = make_summary(run, seen, samples=0, claims=verdicts)
+    summary = judged(run.scenario, run, collector, None, samples=0)
     cells: dict[str, Any] = {
         "status": summary.status,
         "reason": summary.message or None,
@@ -231,13 +222,13 @@ def result_cells(run: Run, collector: Collector, claims: Claims) -> dict[str, An
         "motor_substeps": summary.motor_substeps,
         "simulated_time": summary.simulated_time,
     }
-    if verdicts:
-        cells["claims_met"] = sum(claim.holds for claim in verdicts) / len(verdicts)
+    if summary.claims:
+        cells["claims_met"] = sum(claim.holds for claim in summary.claims) / len(summary.claims)
     for joint in summary.joints:
         cells |= {f"{joint.name}.{name}": finite_or_none(getattr(joint.measures, name)) for name in MEASURES}
         cells |= {f"{joint.name}.{name}_count": getattr(joint, name) for name in LIMITS}
     cells |= {f"tip.{name}": summary.tip[name] for name in TIP if name in summary.tip}
-    for index, claim in enumerate(verdicts):
+    for index, claim in enumerate(summary.claims):
         cells |= {f"claim_{index}": claim.holds, f"claim_{index}.measured": finite_or_none(claim.measured)}
     return cells
 

@@ -19,16 +19,13 @@ from asrsim.runs.lock import owned
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
 from asrsim.sweeps.rows import Row, Runner, row_of
-from asrsim.sweeps.store import Store, open_store
+from asrsim.sweeps.store import open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
 from asrsim.versions import numeric_versions
-from asrsim.workers import Executor, Here, Lost, cores
+from asrsim.workers import Lost, cores
 from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes
-
-THREADS = 8
-"""Assumed number of threads of a cluster; determines whether compiling the simulation saves time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,17 +34,10 @@ class Progress:
 
     done: int
     total: int
-    elapsed: float
-    """Time since the start of this session, s."""
-    here: int
-    """Number of runs that this session has completed."""
+    rate: float
+    """Finished runs per second since the start of this session."""
     statuses: Mapping[str, int]
     """Number of this session's rows with each status."""
-
-    @property
-    def rate(self) -> float:
-        """Finished runs per second of this session."""
-        return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
 
 
 def sweep(
@@ -93,18 +83,25 @@ def sweep(
         temporary = TemporaryDirectory(prefix="asrsim-sweep-")
         out = temporary.name
     folder, plugins = Path(out), payload.study.plugins
+    began, statuses = clock.monotonic(), dict.fromkeys(("complete", "diverged", "failed", "crashed"), 0)
+    status = list(payload.kinds).index("status")
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
-        executor: Executor
-        if not store.missing:
-            executor, share = Here(), 1
-        elif cluster is None:
-            # A single worker is a process too, so that a run that crashes its process becomes a row.
-            share = workers or cores()
-            executor = Processes(share, plugins)
-        else:
-            executor, share = Cluster(cluster, plugins), THREADS
-        _run(payload, store, executor, share, progress, stop)
+        missing = store.missing
+        # A single worker is a process too, so that a run that crashes its process becomes a row.
+        executor = Cluster(cluster, plugins) if cluster else Processes(workers or cores(), plugins)
+        try:
+            with executor:
+                for found in executor.results(Runner(payload), missing, stop=stop):
+                    rows = [crashed_row(payload, missing[n], row) if isinstance(row, Lost) else row for n, row in found]
+                    for row in store.add(rows):
+                        statuses[row[status]] += 1
+                    if progress is not None:
+                        rate = sum(statuses.values()) / (clock.monotonic() - began)
+                        progress(Progress(done=int(store.done.sum()), total=store.total, rate=rate, statuses=statuses))
+        finally:
+            # Write the rows that have arrived, even if an error or Ctrl-C ended the study.
+            store.finish()
     return Table(folder, keep=temporary, checked=True)
 
 
@@ -121,28 +118,6 @@ def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]
         names = ", ".join(["over"] if over else [*options])
         raise SimulationError(f"{names} is valid with a scenario only: a study defines its own variations")
     return study
-
-
-def _run(
-    payload: Payload, store: Store, workers: Executor, share: int, progress: Callable[[Progress], None] | None,
-    stop: Callable[[], bool] | None,
-) -> None:  # fmt: skip
-    began, here, statuses = clock.monotonic(), 0, dict.fromkeys(("complete", "diverged", "failed", "crashed"), 0)
-    status, missing = list(payload.kinds).index("status"), store.missing
-    try:
-        with workers:
-            for found in workers.results(Runner(payload, share), missing, stop=stop):
-                rows = [crashed_row(payload, missing[n], row) if isinstance(row, Lost) else row for n, row in found]
-                for row in (new := store.add(rows)):
-                    statuses[row[status]] += 1
-                here += len(new)
-                if progress is not None:
-                    elapsed = clock.monotonic() - began
-                    done = int(store.done.sum())
-                    progress(Progress(done=done, total=store.total, elapsed=elapsed, here=here, statuses=statuses))
-    finally:
-        # Write the rows that have arrived, even if an error or Ctrl-C ended the study.
-        store.finish()
 
 
 def crashed_row(payload: Payload, run: int, lost: Lost) -> Row:

@@ -1,4 +1,4 @@
-"""Influence of keys on a result: rank correlations and swings for any study, Sobol indices for a Saltelli design."""
+"""Influence of keys on a result: swings for any study, Sobol indices for a Saltelli design."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asrsim.samples import Array
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
-"""Smallest number of runs for a correlation."""
+"""Smallest number of runs with a result from which influences are computed."""
 RESAMPLES = 200
 """Number of bootstrap resamples."""
 FEWEST_SAMPLES = 16
@@ -40,8 +40,6 @@ class Influence:
     """Influence of one key on one result."""
 
     key: str
-    rank: float
-    """Spearman's rank correlation over all runs that have the result."""
     low: float
     """Mean of the result over the fifth of the runs with the smallest values of the key."""
     high: float
@@ -58,24 +56,19 @@ def numeric_keys(table: Table) -> list[str]:
 
 def influences(table: Table, result: str) -> list[Influence]:
     """Influence of every key on a result, the largest swing first; empty if too few runs have the result."""
-    from scipy.stats import rankdata
-
     there = np.isfinite(table[result])
     values = table[result][there]
     if len(values) < FEWEST or np.ptp(values) == 0.0:
         return []
-    ranks = rankdata(values)
-    found = sobol(table, result)
-    indices = found.indices if found else {}
-    result_influences = []
+    indices = found.indices if (found := sobol(table, result)) else {}
+    swings = []
     for key in numeric_keys(table):
         numbers = table[key][there]
         if np.ptp(numbers):
             low, high = np.quantile(numbers, (0.2, 0.8))
-            rank = float(np.corrcoef(rankdata(numbers), ranks)[0, 1])
             ends = float(values[numbers <= low].mean()), float(values[numbers >= high].mean())
-            result_influences.append(Influence(key, rank, *ends, indices.get(key)))
-    return sorted(result_influences, key=lambda one: -abs(one.high - one.low))
+            swings.append(Influence(key, *ends, indices.get(key)))
+    return sorted(swings, key=lambda one: -abs(one.high - one.low))
 
 
 @dataclass(frozen=True)

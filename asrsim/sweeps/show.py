@@ -17,23 +17,21 @@ SHARE = 0.1
 """Results that fewer than this fraction of the runs have are listed last."""
 
 
-def say_summary(table: Table) -> Iterator[str]:
-    """Lines of text that summarise the study."""
+def headline(table: Table) -> str:
+    """Name of the study and its numbers of runs."""
     statuses = table.statuses()
-    bad = shares(statuses)
-    head = f"{table.study.name}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete"
-    yield f"{head}, {bad}" if bad else head
-    rows = [HEADS, *result_rows(table)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
-    for row in rows if len(rows) > 1 else ():
-        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-        yield "  " + "  ".join(cells).rstrip()
-    yield from (f"  {note}" for note in notes(table, varying(table)))
-    yield from (f"  {100 * share:5.1f} % meet {title}" for title, share in table.claims().items())
-    for name in ("crashed", "failed", "diverged") if bad else ():
+    parts = [f"{len(table)} of {table.manifest['runs']} runs", f"{statuses.get('complete', 0)} complete"]
+    return f"{table.study.name}: {', '.join([*parts, *filter(None, [shares(statuses)])])}"
+
+
+def remarks(table: Table) -> Iterator[str]:
+    """Lines of text on Sobol indices, claims, and runs that did not complete."""
+    yield from notes(table, varying(table))
+    yield from (f"{100 * share:5.1f} % meet {title}" for title, share in table.claims().items())
+    for name in ("crashed", "failed", "diverged"):
         places = (table["status"].astype(str) == name).nonzero()[0]
         if len(places):
-            yield f"  {name}, run {table['run'][places[0]]}: {table['reason'][places[0]]}"
+            yield f"{name}, run {table['run'][places[0]]}: {table['reason'][places[0]]}"
 
 
 def result_rows(table: Table) -> list[tuple[str, ...]]:

@@ -26,7 +26,7 @@ PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 SAME = {
     "study": "its study varies other keys", "inputs": "its scenario, robot or other files have changed",
-    "versions": "it was done with other versions", "columns": "its rows have other columns",
+    "versions": "it was done with other versions",
 }  # fmt: skip
 """Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry."""
 

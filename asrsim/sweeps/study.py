@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import kind_of, read_document, read_file
-from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Optional, Text
+from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
@@ -40,11 +40,6 @@ class Axis:
     keys: tuple[str, ...]
     """Dotted keys. Several keys get the same value; if the value is a list with one entry per key, each key gets its entry."""
     law: Values | Distribution
-
-    @property
-    def name(self) -> str:
-        """Name of the axis in tables and pictures."""
-        return " & ".join(self.keys)
 
     def assign(self, value: Any) -> dict[str, Any]:
         """Value of each key of this axis, from an entry of the axis."""
@@ -87,10 +82,10 @@ class Study:
         MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
     )
     design: str = declare(Choice(DESIGNS), default="random", doc="how draws are placed")
-    samples: int | None = declare(Optional(Integer(minimum=1)), default=None, shown=str(SAMPLES), doc="number of draws")
+    samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
-        Optional(File(noun="fit")), default=None,
+        File(noun="fit"), default=None,
         doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
     )  # fmt: skip
     plugins: tuple[Path, ...] = declare(

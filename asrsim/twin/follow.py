@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,16 +13,17 @@ from numpy.typing import NDArray
 from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
-from asrsim.plots.output import save_figure, styled
-from asrsim.recordings import Column, read_recording, resample
-from asrsim.recordings.matching import match_joints
+from asrsim.plots.output import save_pairs
+from asrsim.recordings import read_recording, resample
 from asrsim.samples import Array
 from asrsim.scenario.overrides import override_texts
+from asrsim.scenario.recording_plan import RecordingPlan, make_plan
+from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from asrsim.simulation.drives import references_of
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.twin.twin import Twin
 
 MARK = "# asrsim twin: what acted on the robot"
@@ -33,8 +33,6 @@ LONGEST = 60.0
 """Duration from the start of a recording in which the clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
 """Fields of a `TwinStep` that are stored for the whole recording."""
-Commands = Mapping[str, Mapping[str, Array]]
-"""Recorded commands (n,), by joint and by name of the reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +41,7 @@ class Followed:
 
     joints: tuple[str, ...]
     time: Array
-    """Times (n,) on the recording's clock, s."""
+    """Times (n,) on the clock of the commands, s."""
     external_torque: Array
     stiffness: Array
     residual: Array
@@ -59,21 +57,22 @@ class Followed:
         return [(float(self.time[a]), float(self.time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Plain values of each joint for JSON; None if there is no value."""
+        """Plain values of each joint with recorded positions, for JSON."""
         found = []
         for j, name in enumerate(self.joints):
-            row: dict[str, Any] = dict.fromkeys(("external_torque_rms", "largest", "largest_at", "residual_rms", "stiffness"))
-            torque, known = self.external_torque[:, j], self.stiffness[:, j][np.isfinite(self.stiffness[:, j])]
-            if np.isfinite(torque).any():
-                largest = int(np.nanargmax(np.abs(torque)))
-                row |= {
-                    "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))), "largest": float(torque[largest]),
-                    "largest_at": float(self.time[largest]),
-                    "residual_rms": float(np.sqrt(np.nanmean(self.residual[:, j] ** 2))),
-                }  # fmt: skip
-            if len(known):
-                row["stiffness"] = [float(known.min()), float(known.max())]
-            found.append({"joint": name, "alarms": self.alarms(j), **row})
+            torque, residual, stiffness = self.external_torque[:, j], self.residual[:, j], self.stiffness[:, j]
+            if not np.isfinite(torque).any():
+                continue
+            largest, known = int(np.nanargmax(np.abs(torque))), np.isfinite(stiffness)
+            found.append({
+                "joint": name,
+                "alarms": self.alarms(j),
+                "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))),
+                "largest": float(torque[largest]),
+                "largest_at": float(self.time[largest]),
+                "residual_rms": float(np.sqrt(np.nanmean(residual**2))),
+                "stiffness": [float(stiffness[known].min()), float(stiffness[known].max())] if known.any() else None,
+            })  # fmt: skip
         return found
 
 
@@ -96,7 +95,7 @@ def follow(
         stop: Ends the work early when it returns True.
 
     Raises:
-        RecordingError: The recording has no position of any joint of the robot.
+        RecordingError: The recording has no position of any joint of the robot, or wrong units.
         InputError: The bandwidth is out of range.
         AsrsimError: Errors of `asrsim.prepare`.
     """
@@ -104,37 +103,35 @@ def follow(
     ready = prepare(scenario, variant=variant, overrides=texts)
     names = [drive.name for drive in ready.drives]
     read = read_recording(recording, mapping=mapping, joints=names, rate=rate)
-    pairing, findings = match_joints(names, read)
-    columns = {
-        (pairing[str(column.joint)], str(column.quantity)): column
-        for column in read.channels.values()
-        if column.joint in pairing
-    }
-    notes = [str(finding) for finding in findings]
-    positions = {joint: columns[joint, "link_position"] for joint in names if (joint, "link_position") in columns}
+    plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
+    positions = {joint: column for joint, column in plan.compared if column.quantity == "link_position"}
     if not positions:
         message, hint = "has no position of any link: a twin needs link_position", ", ".join(list(read.channels)[:30])
         raise RecordingError(message, file=recording, hint=f"Columns: {hint}", code="twin-positions")
-    first = next(iter(positions.values())).time - lag
-    step = round(float(np.median(np.diff(first))), 6)
+    stamps = next(iter(positions.values())).time - lag
+    step = round(float(np.median(np.diff(stamps))), 6)
+    changes = [f"modes.{joint}={mode}" for joint, mode in plan.modes.items()]
     if step > 1.5 * ready.scenario.step:
-        ready = prepare(scenario, variant=variant, overrides=(*texts, f"step={step}", f"duration={100 * step:.9g}"))
-    time = np.arange(first[0], first[-1] + 1e-9, ready.scenario.step)
+        changes += [f"step={step}", f"duration={100 * step:.9g}"]
+    if changes:
+        ready = prepare(scenario, variant=variant, overrides=(*texts, *changes))
+    time = np.arange(stamps[0], stamps[-1] + 1e-9, ready.scenario.step)
     measured = np.full((len(time), len(names)), np.nan)
     for j, joint in enumerate(names):
         if joint in positions:
             measured[:, j] = resample(positions[joint].time - lag, positions[joint].values, time)
-        else:
-            notes.append(f"{joint}: no position is recorded, so its twin is not corrected")
-    commands = _commands(ready, columns, time, notes)
-    notes += _clocks(ready, commands, measured, time)
+    notes = [*plan.remarks]
+    notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
+    ready = ready.with_references(_commands(ready, plan, time, notes))
+    if any(one.slot == 0 for one in plan.played):
+        notes += _clocks(ready, measured, time)
     tables = {name: np.full(measured.shape, np.nan) for name in FIELDS}
     done = 0
     with Twin(ready, bandwidth=min(8.0, 0.05 / ready.scenario.step) if bandwidth is None else bandwidth) as twin:
         while done < len(time) and not (done % 200 == 0 and stop()):
             if done % 200 == 0:
                 progress(done / len(time))
-            found = twin.step(measured[done], {joint: {k: v[done] for k, v in own.items()} for joint, own in commands.items()})
+            found = twin.step(measured[done], {})
             for name, table in tables.items():
                 table[done] = getattr(found, name)
             notes += [f"{time[done]:.3f} s: {note}" for note in found.notes]
@@ -146,44 +143,37 @@ def follow(
     )
 
 
-def _commands(ready: Prepared, columns: Mapping[tuple[str, str], Column], time: Array, notes: list[str]) -> Commands:
-    """Recorded commands; each value is in effect until the next value."""
-    found = defaultdict[str, dict[str, Array]](dict)
+def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str]) -> dict[str, dict[str, Signal]]:
+    """Recorded commands by joint and by name of the reference; time 0 is the first step."""
+    played = {(one.joint, one.slot): one for one in plan.played}
+    found: dict[str, dict[str, Signal]] = {drive.name: {} for drive in ready.drives}
     for drive in ready.drives:
         # A series elastic actuator (SEA) has one reference in every mode.
         count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
-        for i, reference in enumerate(references_of(drive)[:count], start=1):
-            column = columns.get((drive.name, f"reference_{i}"))
-            if column is None:
+        for slot, reference in enumerate(references_of(drive)[:count]):
+            if (one := played.get((drive.name, slot))) is None:
                 notes.append(f"{drive.name}: no command {reference} is recorded: it follows the scenario")
                 continue
-            keep = np.isfinite(column.values)
-            stamps, values = column.time[keep], column.values[keep]
-            if not len(stamps) or stamps[0] > time[-1] or stamps[-1] < time[0]:
-                ends = "" if not len(stamps) else f", {stamps[0]:g} to {stamps[-1]:g} s,"
-                text = f"its command {reference}{ends} does not overlap the positions, {time[0]:g} to {time[-1]:g} s"
-                notes.append(f"{drive.name}: {text}: it follows the scenario")
+            good = np.isfinite(one.column.values)
+            stamps, values = one.column.time[good], one.column.values[good]
+            if stamps[0] > time[-1] or stamps[-1] < time[0]:
+                text = f"{stamps[0]:g} to {stamps[-1]:g} s, does not overlap the positions, {time[0]:g} to {time[-1]:g} s"
+                notes.append(f"{drive.name}: its command {reference}, {text}: it follows the scenario")
                 continue
-            at = np.searchsorted(stamps, time + 1e-9, side="right") - 1
-            found[drive.name][reference] = values[np.maximum(at, 0)]
+            if one.hold:
+                # Two samples at each time: the values before and after the jump.
+                stamps, values = np.repeat(stamps, 2)[1:], np.repeat(values, 2)[:-1]
+            found[drive.name][reference] = Sampled(times=stamps - time[0], samples=values)
     return found
 
 
-def _clocks(ready: Prepared, commands: Commands, measured: Array, time: Array) -> Iterator[str]:
+def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
     """Notes on joints whose positions lag the commands by more or less than the positions of the model do."""
-    if not commands:
-        return
     count = min(len(time), round(LONGEST / ready.scenario.step))
     time = time[:count] - time[0]
-    references = {
-        joint: {name: Sampled(times=time, samples=values[:count]) for name, values in own.items()}
-        for joint, own in commands.items()
-    }
     with Worlds(ready, 1, watched=False) as worlds:
-        moved = worlds.rollout(["link_position"], start=Start(references=references), steps=count - 1)["link_position"][0]
-    if not np.isfinite(moved).all():
-        return
-    for j, drive in enumerate(ready.drives):
+        moved = worlds.rollout(["link_position"], steps=count - 1)["link_position"][0]
+    for j, drive in enumerate(ready.drives if np.isfinite(moved).all() else ()):
         found = estimate_lag(time, moved[:, j], time, measured[:count, j], limit=min(1.0, 0.25 * float(time[-1])))
         if found is not None and abs(found.seconds) > APART:
             when = "later" if found.seconds > 0.0 else "earlier"
@@ -199,32 +189,21 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
         columns += [found.external_torque[:, j], found.stiffness[:, j], found.residual[:, j], found.alarm[:, j].astype(float)]
     path = make_folder(folder) / "twin.csv"
     write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack(columns))}", "twin")
-    return [path, *(_draw(found, folder) if plot else [])]
 
+    def draw(j: int, left: Any, right: Any) -> None:
+        torque, limit = found.external_torque[:, j], found.threshold[:, j]
+        left.fill_between(found.time, -limit, limit, color="0.92", linewidth=0.0, label="no alarm")
+        left.plot(found.time, torque, linewidth=0.9)
+        for number, (start, end) in enumerate(found.alarms(j)):
+            left.axvspan(start, end, color="#d55e00", alpha=0.3, linewidth=0.0, label="" if number else "alarm")
+        most = 1.1 * np.nanmax([*np.abs(torque), np.median(limit)])
+        left.set_ylim(-most, most)
+        left.set_ylabel(f"{found.joints[j]}\nexternal torque [N m]", fontsize="small")
+        left.legend(fontsize="x-small", loc="upper right")
+        right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
+        right.set_ylabel("stiffness [N m/rad]", fontsize="small")
+        right.set_ylim(bottom=0.0)
+        if not np.isfinite(found.stiffness[:, j]).any():
+            right.set_title("the motion does not show the stiffness", fontsize="small")
 
-def _draw(found: Followed, folder: Path) -> list[Path]:
-    with styled(mathematics=False):
-        from matplotlib.figure import Figure
-
-        count = len(found.joints)
-        figure = Figure(figsize=(10.0, 1.2 + 1.8 * count), layout="constrained")
-        for (left, right), j in zip(figure.subplots(count, 2, squeeze=False, sharex=True), range(count), strict=True):
-            torque, limit = found.external_torque[:, j], found.threshold[:, j]
-            left.fill_between(found.time, -limit, limit, color="0.92", linewidth=0.0, label="no alarm")
-            left.plot(found.time, torque, linewidth=0.9)
-            for number, (start, end) in enumerate(found.alarms(j)):
-                left.axvspan(start, end, color="#d55e00", alpha=0.3, linewidth=0.0, label="" if number else "alarm")
-            most = np.nanmax(np.abs(torque)) if np.isfinite(torque).any() else 1.0
-            left.set_ylim(*(sign * 1.1 * max(most, float(np.median(limit))) for sign in (-1.0, 1.0)))
-            left.set_ylabel(f"{found.joints[j]}\nexternal torque [N m]", fontsize="small")
-            left.legend(fontsize="x-small", loc="upper right")
-            right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
-            right.set_ylabel("stiffness [N m/rad]", fontsize="small")
-            right.set_ylim(bottom=0.0)
-            if not np.isfinite(found.stiffness[:, j]).any():
-                right.text(
-                    0.5, 0.5, "the motion does not show the stiffness", ha="center", va="center", transform=right.transAxes
-                )
-            for axis in (left, right) if j == count - 1 else ():
-                axis.set_xlabel("time [s]")
-        return save_figure(figure, folder, "twin", ("png",))
+    return [path, *(save_pairs(folder / "twin.png", len(found.joints), draw) if plot else [])]

@@ -137,7 +137,7 @@ class LiveTwin:
         positions, applied = np.split(row, [len(self._twin.joints)])
         values = dict(zip(self._references, applied.tolist(), strict=True))
         if np.isnan(applied).all():
-            values = self._commands.listen(messages, self._twin.simulation, self.time, self._step)
+            values = self._commands.listen(messages, self._twin.worlds, self.time, self._step)
         commands: dict[str, dict[str, float]] = {}
         for (joint, reference), value in values.items():
             commands.setdefault(joint, {})[reference] = value

@@ -1,106 +1,98 @@
 """Errors of a twin's model, estimated while nothing touches the robot by a regression of the observed torque, with forgetting.
 
-The observed torque is the sum of the errors of spring, friction and damping, and of the external torque. A torque error on a
-motor moves the motor by x: J x'' + D x' + (P + K) x = error, with the stiffness K of the spring and the gains P and D of the
-controller. The spring transmits the torque K x to the link. So the columns of the regression are: the twin's spring torque
-minus the motors' response to this torque; velocity and direction of the link; the motors' responses to their own velocity and
-direction; and a constant. The columns are filtered with the observer's response, as the observed torque was. The parts of all
-columns but the constant are subtracted from the observed torque.
+Beside the twin run copies of it, in each of which one kind of parameter differs in all joints. The differences between the
+observed torques of copies and twin are the columns of the regression, so that all effects of the parameter are in them: the
+motion of the motors, the delay of the observer, and the filters. A constant is the last column. The parts of all columns but
+the constant are subtracted from the observed torque.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.kinematics.sizing import linear_parameters
 from asrsim.samples import Array
-from asrsim.twin.observer import ObserverResponse, filter_shares
+from asrsim.simulation.prepared import Prepared
+from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0
 """Time of motion in which a row loses 63 % of its weight, s."""
-RUBBING = 0.05
-"""Speed above which the friction torque is constant, rad/s."""
+SLOWEST = 0.05
+"""Speed below which a link counts as resting, rad/s (m/s)."""
 RIDGE = 1e-3
 """Regularisation of nearly collinear columns, as a fraction of each column's power."""
 LEAST = 0.03
-"""Smallest residual of the regression, as a fraction of the spring torque."""
+"""Smallest residual of the regression, as a fraction of the power of the springs' column."""
 CORRELATED = 6.0
 """Number of neighbouring rows with correlated errors, which count as one independent row."""
-COLUMNS = 6
+SHARE, SUMMAND = 0.2, 1e-3
+"""In the copies, parameters are larger by this fraction; damping (N m s/rad) and friction (N m) also by the second number."""
+KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
+"""Kinds of parameters that differ in the copies."""
+
+
+def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
+    """Parameters of the copies of a twin, by joint and name: one table for each of `KINDS`."""
+    tables: list[dict[str, Mapping[str, float]]] = [{} for _ in KINDS]
+    for stepped in prepared.drives:
+        joint, drive = stepped.joint, stepped.drive
+        numbers = {"damping": joint.damping, "friction": joint.friction, **stepped.values}
+        springs = linear_parameters(drive.actuator, drive.values) if drive else ()
+        motors = [[name for name in numbers if name.endswith(end)] for end in ("_damping", "_friction_torque")]
+        for table, names in zip(tables, (springs, ["damping"], ["friction"], *motors), strict=True):
+            more = 0.0 if names is springs else SUMMAND
+            table[joint.name] = {name: (1.0 + SHARE) * numbers[name] + more for name in names}
+    return tables
 
 
 class Mismatch:
     """Regression of the observed torques of n joints."""
 
-    def __init__(self, motors: Array, *, step: float, bandwidth: float, interval: float) -> None:
-        """motors: inertia (kg m^2, infinite for a motor without dynamics), damping of motor and controller (N m s/rad), and
-        gain of the controller (N m/rad), each (motors, n); step: duration of a step, s; bandwidth: bandwidth of the observer,
-        Hz; interval: time between rows of the regression, s.
-        """
-        joints = motors.shape[2]
-        inertia, damping, self._gain = motors
-        self._step, self._kick, self._brake = step, step / inertia, 1.0 + step * damping / inertia
-        self._moved, self._speed = np.zeros((3, *inertia.shape)), np.zeros((3, *inertia.shape))
-        """Responses of the motors' positions and velocities to each kind of error: spring, damping and friction."""
-        self._response = ObserverResponse((joints, COLUMNS - 1), step=step, bandwidth=bandwidth)
+    def __init__(self, joints: int, *, step: float, bandwidth: float, interval: float) -> None:
+        """step: duration of a step, s; bandwidth: bandwidth of the observer, Hz; interval: time between rows, s."""
         self._shares = filter_shares(step, bandwidth)[:, None, None]
-        self._keep, self._interval = 1.0 - interval / MEMORY, interval
-        self._rows = np.zeros((2, joints, COLUMNS + 1))
-        """Columns of the regression, then the observed torque, after the slow and the fast filter."""
-        self._squares, self._products = np.zeros((joints, COLUMNS, COLUMNS)), np.zeros((joints, COLUMNS))
-        self._power, self._weight = np.zeros(joints), np.zeros(joints)
-        self._found = np.zeros((joints, COLUMNS))
+        self._interval = interval
+        self._rows = np.zeros((2, len(KINDS) + 3, joints))
+        """Velocity, columns of the regression and observed torque, after the slow and the fast filter."""
+        self._products = np.zeros((joints, len(KINDS) + 2, len(KINDS) + 2))
+        """Weighted sums of the products of columns and torque."""
+        self._found = np.zeros((len(KINDS), joints))
         self.learned = np.zeros(joints, dtype=bool)
         """Whether the regression contains at least one second of motion."""
         self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
-        """Missing spring torque as a fraction of the twin's spring torque, and its standard error."""
+        """Excess of the robot's spring torques over the twin's, as a fraction, and its standard error."""
 
-    def take(self, torque: Array, springs: Array, stiffness: Array, link: Array, motors: Array) -> None:
-        """Add the values of a step: observed torque (n,) in N m; torques in N m and stiffnesses in N m/rad of the springs
-        (motors, n); velocities of links (n,) and motors (motors, n) in rad/s.
+    def take(self, torques: Array, velocity: Array) -> Array:
+        """External torques (2, n) after the slow and the fast filter, without the errors of the model, N m.
+
+        torques: observed torques (1 + copies, n) of the twin and of its copies, N m; velocity: velocities (n,) of the links.
         """
-        # The direction of each velocity is its sign; below `RUBBING` it changes linearly.
-        velocities = np.concatenate([link[None], motors])
-        directions = np.minimum(np.maximum(velocities / RUBBING, -1.0), 1.0)
-        # The integration step is implicit, so it is stable even for a light motor.
-        errors, holds = np.array([springs, motors, directions[1:]]), self._gain + stiffness
-        self._speed += self._kick * (errors - holds * self._moved)
-        self._speed /= self._brake + self._step * self._kick * holds
-        self._moved += self._step * self._speed
-        spring, velocity, direction = (stiffness * self._moved).sum(axis=1)
-        rows = np.empty(self._rows.shape[1:])
-        rows[:, 0] = springs.sum(axis=0) - spring
-        rows[:, 1], rows[:, 2] = link, velocity
-        rows[:, 3], rows[:, 4] = directions[0], direction
-        rows[:, 5], rows[:, 6] = 1.0, torque
-        rows[:, :5] = self._response.update(rows[:, :5])
-        self._rows += self._shares * (rows - self._rows)
-
-    def external(self) -> Array:
-        """External torques (2, n) after the slow and the fast filter, without the errors of the model, N m."""
-        return np.asarray(self._rows[:, :, -1] - (self._rows[:, :, : COLUMNS - 1] * self._found[:, :-1]).sum(axis=-1))
+        values = np.vstack([velocity, (torques[1:] - torques[0]) / SHARE, np.ones_like(velocity), torques[0]])
+        self._rows += self._shares * (values - self._rows)
+        return np.asarray(self._rows[:, -1] - (self._rows[:, 1:-2] * self._found).sum(axis=1))
 
     def learn(self, free: NDArray[np.bool_]) -> None:
         """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may
         have any value.
         """
-        rows, torque, moves = self._rows[0, :, :-1], self._rows[0, :, -1], np.abs(self._rows[0, :, 1]) > RUBBING
-        gain = (free & moves).astype(float)
-        keep = 1.0 - (1.0 - self._keep) * gain
-        self._squares = keep[:, None, None] * self._squares + (gain[:, None] * rows)[:, :, None] * rows[:, None, :]
-        self._products = keep[:, None] * self._products + (gain * torque)[:, None] * rows
-        self._power = keep * self._power + gain * torque * torque
-        self._weight = keep * self._weight + gain
-        size = np.sqrt(np.einsum("jii->ji", self._squares)) + 1e-12
-        scaled = self._squares / size[:, :, None] / size[:, None, :]
-        inverse = np.linalg.inv(scaled + RIDGE * np.eye(COLUMNS))
-        found = np.einsum("jik,jk->ji", inverse, self._products / size)
+        velocity, rows = self._rows[0, 0], self._rows[0, 1:].T
+        gain = (free & (np.abs(velocity) > SLOWEST)).astype(float)[:, None, None]
+        self._products += gain * (rows[:, :, None] * rows[:, None, :] - self._interval / MEMORY * self._products)
+        size = np.sqrt(np.einsum("jii->ji", self._products)) + 1e-12
+        correlations = self._products / size[:, :, None] / size[:, None, :]
+        inverse = np.linalg.inv(correlations[:, :-1, :-1] + RIDGE * np.eye(len(KINDS) + 1))
+        found = np.einsum("jik,jk->ji", inverse, correlations[:, :-1, -1])
+        residual = (1.0 - (found * correlations[:, :-1, -1]).sum(axis=1)) * size[:, -1] ** 2
         # With a perfect twin the residual, and therefore the standard error, would be zero.
-        left = self._power - np.einsum("ji,ji->j", found, self._products / size)
-        left = np.maximum(left, (LEAST * size[:, 0]) ** 2)
-        rows_seen = np.maximum(self._weight, 1e-12)
+        residual = np.maximum(residual, (LEAST * size[:, 0]) ** 2)
+        # The squares of the constant column add up to the number of rows.
+        rows_seen = np.maximum(self._products[:, -2, -2], 1e-12)
         self.learned = rows_seen > 1.0 / self._interval
-        self._found = found / size * self.learned[:, None]
-        self.spring = self._found[:, 0]
-        deviation = np.sqrt(CORRELATED * left / rows_seen * inverse[:, 0, 0]) / size[:, 0]
+        self._found = (found * size[:, -1:] / size[:, :-1] * self.learned[:, None]).T[:-1]
+        # A stiffer copy needs less torque to follow the robot.
+        self.spring = -self._found[0]
+        deviation = np.sqrt(CORRELATED * residual / rows_seen * inverse[:, 0, 0]) / size[:, 0]
         self.deviation = np.where(self.learned, deviation, np.inf)

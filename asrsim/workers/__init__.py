@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import threading
@@ -9,11 +10,11 @@ import time as clock
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, MutableMapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from asrsim.errors import SimulationError
 
@@ -21,6 +22,8 @@ DEATHS = 3
 """Number of worker crashes caused by a single item after which the item is counted as lost."""
 MOST = 500
 """Largest number of items in a piece of work."""
+GRACE = 10.0
+"""Time after `stop` in which pieces in progress may end, s."""
 GROWTH = 4
 """Largest ratio of the numbers of items in successive pieces."""
 
@@ -39,32 +42,20 @@ class Lost:
         self.reason = reason
 
 
-class Executor(ABC):
-    """Executes tasks. An executor is a context manager that ends all workers on exit."""
+class Executor:
+    """Executes tasks in this process. An executor is a context manager that ends all workers on exit."""
 
-    def __enter__(self) -> Executor:
+    def __enter__(self) -> Self:
         return self
 
-    @abstractmethod
     def __exit__(self, *_: object) -> None:
         """End the workers; unfinished work is dropped."""
 
-    @abstractmethod
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """Results in order of arrival, each item once; ends early if `stop` returns True.
 
         Raises the errors of the task, and SimulationError if there are no workers.
         """
-
-
-class Here(Executor):
-    """Executor that does the work in this process."""
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Implements `Executor.results`."""
         for number, item in enumerate(items):
             if stop is not None and stop():
                 break
@@ -72,7 +63,7 @@ class Here(Executor):
         _close(task)
 
 
-class Pool(Executor):
+class Pool(Executor, ABC):
     """Workers managed by a library. A worker receives a piece with several items and returns its results together."""
 
     died: tuple[type[Exception], ...] = ()
@@ -103,7 +94,8 @@ class Pool(Executor):
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """Implements `Executor.results`. The size of a piece follows from the duration of the previous piece. To find the item
-        that crashes its worker, a piece whose worker crashed is repeated, and halved after a further crash.
+        that crashes its worker, a piece whose worker crashed is repeated, and halved after a further crash. After `stop`, the
+        pieces in progress have `GRACE` seconds to end.
         """
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
@@ -114,9 +106,13 @@ class Pool(Executor):
         suspects: deque[list[int]] = deque()
         deaths = Counter[int]()
         pieces: dict[Any, list[int]] = {}
-        size = 1
+        size, end = 1, math.inf
         try:
-            while (waiting or suspects or pieces) and not (stop is not None and stop()):
+            while (waiting or suspects or pieces) and clock.monotonic() < end:
+                if end == math.inf and stop is not None and stop():
+                    waiting.clear()
+                    suspects.clear()
+                    end = clock.monotonic() + GRACE
                 slots = self.slots(sent)
                 while (waiting or suspects) and len(pieces) < (min(slots, 1) if suspects else slots):
                     count = max(1, min(size, len(waiting) // (2 * slots)))
@@ -153,19 +149,10 @@ def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
     do not depend on the number.
     """
     if processes <= 1:
-        return Here()
+        return Executor()
     from asrsim.workers.local import Processes
 
     return Processes(processes, plugins)
-
-
-def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
-    """Results of all items in the order of the items. Raises SimulationError for a lost item, and the errors of the task."""
-    found = dict(pair for some in workers.results(task, items) for pair in some)
-    for result in found.values():
-        if isinstance(result, Lost):
-            raise SimulationError(result.reason)
-    return [found[number] for number in range(len(items))]
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
@@ -180,11 +167,8 @@ def one_thread() -> AbstractContextManager[object]:
     """Context manager that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the
     processor time.
     """
-    try:
-        from threadpoolctl import threadpool_limits
-    except ImportError:
-        # threadpoolctl is missing in installations older than the requirement: the run is only slower.
-        return nullcontext()
+    from threadpoolctl import threadpool_limits
+
     # SciPy has a BLAS library of its own, whose threads can be limited only after it is loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from asrsim.errors import SimulationError, listed
 from asrsim.extras import library
@@ -40,7 +40,7 @@ class Cluster(Pool):
         self._client: Any = None
         self._data: Any = None
 
-    def __enter__(self) -> Cluster:
+    def __enter__(self) -> Self:
         try:
             self._client = self._distributed.Client(self._address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:

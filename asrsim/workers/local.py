@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time as clock
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,20 +40,35 @@ class Processes(Pool):
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
         """Implements `Pool.submit`."""
         if self._pool is not None:
-            try:
+            with suppress(BrokenProcessPool):
                 return self._pool.submit(do_items, sent, items)
-            except BrokenProcessPool:
-                self.__exit__()
+            self.__exit__()
         environment: dict[str, str] = {}
         use_one_thread(environment)
         environment = {name: os.environ.get(name, value) for name, value in environment.items()}
         self._pool = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),), env=environment)
-        return self._pool.submit(do_items, sent, items)
+        with _ignoring_interrupts():
+            return self._pool.submit(do_items, sent, items)
 
     def abandon(self, futures: Sequence[Any]) -> None:
         """Implements `Pool.abandon`."""
         if futures:
             self.__exit__()
+
+
+@contextmanager
+def _ignoring_interrupts() -> Iterator[None]:
+    """Context manager in which processes start that ignore Ctrl-C, even while they import; it takes effect here afterwards."""
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _begin(parent: int) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.reproduce import Claim, Figure, FigurePart, at_least, below, near
 from paper.friction import held_by_friction
+from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
 from paper.newton import hanging
@@ -17,15 +18,16 @@ from paper.response import BAND, JOINT, WIDER, from_equilibrium, response, respo
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from asrsim import Result
-    from asrsim.reproduce import Lab
 
 SCENARIO, PRESETS = "chirp_1dof_qbmove", ("soft", "stiff")
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: AlterEgo's springs, the toolbox's default springs, and damping that grows with the stiffness."""
+    lab = Lab(folder)
     results = lab.pairs(SCENARIO, PRESETS)
     wide = {name: lab.run(SCENARIO, name, overrides=WIDER, label=f"{name}_wider") for name in PRESETS}
     found = {name: response(result) for name, result in wide.items()}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.reproduce import Claim, Figure, FigurePart, FigurePicture, FigureTable, Origin, above, at_most, below, near
+from paper.lab import Lab
 from paper.law import RATIO, damping_overrides, swings
 from paper.motors import qbmove_claims
 from paper.newton import level
@@ -14,9 +15,9 @@ from paper.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from asrsim import Result
-    from asrsim.reproduce import Lab
 
 SCENARIO, JOINTS, GOAL, AT = "step_2dof", ("joint_1", "joint_2"), 0.8, 0.1
 MOTORS_OFF = 5e-4
@@ -31,8 +32,9 @@ LONG = "duration=8"
 """Override: a duration in which the arm with the default springs comes to rest."""
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: AlterEgo's springs, the default springs, and both with damping that grows with the stiffness."""
+    lab = Lab(folder)
     plain = lab.pairs(SCENARIO, ("soft", "stiff"))
     nominal = {name: lab.run(SCENARIO, f"nominal_{name}", overrides=[LONG]) for name in ("soft", "stiff")}
     first = FigurePart(

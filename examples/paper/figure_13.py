@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, below, near
+from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
 from paper.newton import hanging
@@ -14,9 +15,9 @@ from paper.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from asrsim import Result
-    from asrsim.reproduce import Lab
     from asrsim.samples import Array
 
 SCENARIO, JOINTS, PRESETS, AMPLITUDE = "sine_2dof", ("joint_1", "joint_2"), ("soft", "stiff"), 0.8
@@ -24,8 +25,9 @@ EXPECTED = {("soft", "joint_1"): 0.58, ("soft", "joint_2"): 0.65, ("stiff", "joi
 """Amplitudes in an independent simulation of the arm, rad."""
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: the arm as in the paper, and with damping that grows with the stiffness."""
+    lab = Lab(folder)
     results = lab.pairs(SCENARIO, PRESETS)
     first = FigurePart(
         title="0.8 sin(0.8 t) under gravity",

@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, above, at_most, below, near
 from asrsim.samples import TIP
 from paper.chain import five_links
+from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
 from paper.pictures import curves, films, picture
@@ -16,11 +17,11 @@ from paper.statics import GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from matplotlib.figure import Figure as Drawing
 
     from asrsim import Result
-    from asrsim.reproduce import Lab
     from asrsim.samples import Array
 
 SCENARIO, PRESETS, BOX = "box_push_5dof", ("soft", "stiff"), "box"
@@ -37,8 +38,9 @@ BEFORE = 0.01
 """Time before the first contact at which the fit of Newton's law ends, s. The impact lasts less than a step."""
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: the push as in the paper, and with damping that grows with the stiffness."""
+    lab = Lab(folder)
     results = lab.pairs(SCENARIO, PRESETS)
     tips = {name: result.bodies[TIP] for name, result in results.items()}
     strips = [

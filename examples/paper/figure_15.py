@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ import numpy as np
 
 import asrsim
 from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, at_most, below, near
+from paper.lab import Lab
 from paper.newton import IDENTIFIED, hanging, motion_claims
 from paper.pictures import films, picture
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from asrsim.learning.plant import Plant
     from asrsim.learning.session import Session
-    from asrsim.reproduce import Lab
     from asrsim.samples import Samples
 
 SCENARIO = "ilc_2dof"
@@ -30,8 +29,9 @@ DRAWS = 16
 """Number of perturbed plants on which the learned input is played."""
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: learning as in the paper, and a test on perturbed plants in place of the hardware."""
+    lab = Lab(folder)
     session, log = _session(lab)
     result, joints = session.result, session.prepared.plant.joints
     rows = tuple(
@@ -64,7 +64,7 @@ def parts(lab: Lab) -> tuple[FigurePart, ...]:
         tables=(FigureTable(caption="Errors over the iterations", headings=headings, rows=rows),),
         pictures=(drawn, *strip),
     )
-    return first, _hardware(session, lab)
+    return first, _hardware(session)
 
 
 def _session(lab: Lab) -> tuple[Session, Path]:
@@ -73,10 +73,8 @@ def _session(lab: Lab) -> tuple[Session, Path]:
     from asrsim.learning.session import run_session
 
     plant, folder = make_plant(lab.scenario(SCENARIO)), lab.folder / f"{SCENARIO}_learned"
-    began = clock.perf_counter()
     session = run_session(plant, folder, picture=False, overwrite=True)
     log = asrsim.run(folder / "learned.yaml", out=folder / "played").log
-    lab.count((len(session.result.trials) + 1) * plant.scenario.duration, clock.perf_counter() - began)
     return session, log
 
 
@@ -119,11 +117,9 @@ def _error(samples: Samples) -> float:
     return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))
 
 
-def _hardware(session: Session, lab: Lab) -> FigurePart:
+def _hardware(session: Session) -> FigurePart:
     plant, joints = session.prepared.plant, session.prepared.problem.joints
-    began = clock.perf_counter()
     outputs = [_other(plant, number).outputs(session.result.inputs) for number in range(DRAWS)]
-    lab.count(DRAWS * plant.scenario.duration, clock.perf_counter() - began)
     largest = np.array([np.abs(plant.reference - one).max(axis=0) for one in outputs])
     worst = largest.max(axis=1)
     quantiles = np.quantile(worst, (0.05, 0.5, 0.95))

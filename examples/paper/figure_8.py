@@ -9,15 +9,17 @@ import numpy as np
 
 from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, below, near
+from paper.lab import Lab
 from paper.pictures import curves, link_panel, picture
 from paper.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from paper.step_losses import with_friction, with_growing_damping
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.figure import Figure as Drawing
 
     from asrsim import Result
-    from asrsim.reproduce import Lab
 
 RESOLVED = 0.1
 """Largest product of angular frequency and sampling interval at which samples resolve an oscillation."""
@@ -25,8 +27,9 @@ FINE_TIME = 0.5
 """Duration of the extra run at a fine step, s."""
 
 
-def parts(lab: Lab) -> tuple[FigurePart, ...]:
+def parts(folder: Path) -> tuple[FigurePart, ...]:
     """Parts of the figure: all eight cases as in the paper, with the friction of section 4.2, and with growing damping."""
+    lab = Lab(folder)
     results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in SPRINGS}
     rests = {case: rest(case) for case in SPRINGS}
     claims: list[Claim] = []

@@ -15,7 +15,7 @@ from paper.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
 
 if TYPE_CHECKING:
     from asrsim import Result
-    from asrsim.reproduce import Lab
+    from paper.lab import Lab
 
 DAMPING, FRICTION = 0.065, 0.025
 """Damping (N m s/rad) and friction (N m) of a joint, as the paper gives them from section 4.2 on."""

@@ -67,7 +67,7 @@ class PendulumEngine(RigidEngine):
             raise RobotError("the engine 'pendulum' takes robots of one joint on a base that is held, without a world")
         self.model, self.robot, self.joints = PendulumModel(scenario, robot), robot, (robot.moving_joints[0].name,)
         places = {"qpos": np.zeros(1), "qvel": np.zeros(1), "joint_q": [0], "joint_v": [0]}
-        super().__init__(make_room(robot, np.zeros(4), free=False, **places), np.zeros(1))
+        super().__init__(make_room(robot, free=False, **places), np.zeros(1))
 
     def look(self, wrenches, forces):
         room = self._room

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -83,7 +82,7 @@ FAULTS = {
 DRAWN = [random.Random(seed).sample(sorted(FAULTS), 3 + seed) for seed in range(8)]
 
 
-def told(folder: Path, faults: list[str]) -> list[str]:
+def told(folder, faults):
     texts = {"leg.urdf": URDF, "s.yaml": SCENARIO}
     for fault in faults:
         file, sound, faulty, _ = FAULTS[fault]
@@ -95,19 +94,19 @@ def told(folder: Path, faults: list[str]) -> list[str]:
     return [json.dumps(error, ensure_ascii=False) for error in report["files"][0]["errors"]]
 
 
-def test_correct_files_have_no_fault(tmp_path: Path) -> None:
+def test_correct_files_have_no_fault(tmp_path):
     assert told(tmp_path, []) == []
 
 
 @pytest.mark.parametrize("faults", DRAWN, ids=lambda faults: str(len(faults)))
-def test_check_reports_exactly_the_faults_of_both_files(faults: list[str], tmp_path: Path) -> None:
+def test_check_reports_exactly_the_faults_of_both_files(faults, tmp_path):
     errors = told(tmp_path, faults)
     missing = [fault for fault in faults if not any(FAULTS[fault][3] in error for error in errors)]
     assert missing == []
     assert len(errors) == len(faults), errors
 
 
-def test_scenario_may_supply_the_motor_constants_of_a_mode(tmp_path: Path) -> None:
+def test_scenario_may_supply_the_motor_constants_of_a_mode(tmp_path):
     (tmp_path / "leg.urdf").write_text(URDF.replace(MOTORS, ""))
     constants = "{mot_1_kt: 0.02, mot_2_kt: 0.02, mot_1_R: 1, mot_2_R: 1}"
     (tmp_path / "s.yaml").write_text(SCENARIO.replace("parameters:", f"parameters:\n  toe: {constants}"))

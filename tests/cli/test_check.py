@@ -22,30 +22,30 @@ GOOD = """<robot name="p"><link name="world"/>
 
 
 @pytest.fixture
-def runner() -> CliRunner:
+def runner():
     return CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"})
 
 
 @pytest.fixture
-def good(tmp_path: Path) -> Path:
+def good(tmp_path):
     path = tmp_path / "good.urdf"
     path.write_text(GOOD)
     return path
 
 
-def test_check_shows_metres_and_newtons_for_prismatic_joints(runner: CliRunner, good: Path) -> None:
+def test_check_shows_metres_and_newtons_for_prismatic_joints(runner, good):
     turning = runner.invoke(app, ["check", str(good)]).stdout
     sliding = good.with_name("slide.urdf")
     sliding.write_text(GOOD.replace("revolute", "prismatic"))
     found = runner.invoke(app, ["check", str(sliding)]).stdout
-    units = ("N m/rad", "N m s/rad", "kg m^2", "kg m²", "rad/s", "N m/(rad s)")
+    units = ("N m/rad", "N m s/rad", "kg m^2", "rad/s", "N m/(rad s)")
     assert all(f" {unit} " in turning for unit in units)
     assert not any(f" {unit} " in found for unit in units)
     for unit in ("N/m", "N s/m", "kg", "m/s", "N/(m s)"):
         assert f" {unit} " in found
 
 
-def test_table_shows_values_units_and_origins(runner: CliRunner, good: Path) -> None:
+def test_table_shows_values_units_and_origins(runner, good):
     result = runner.invoke(app, ["check", str(good)])
     assert result.exit_code == 0
     rows = {line.split()[0]: line for line in result.stdout.splitlines() if line.split()}
@@ -58,7 +58,7 @@ def test_table_shows_values_units_and_origins(runner: CliRunner, good: Path) -> 
     assert "0 errors, 1 warning" in result.stdout
 
 
-def test_check_prints_json(runner: CliRunner, good: Path) -> None:
+def test_check_prints_json(runner, good):
     result = runner.invoke(app, ["check", "--json", str(good)])
     data = json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     (entry,) = data["files"]
@@ -74,7 +74,7 @@ def test_check_prints_json(runner: CliRunner, good: Path) -> None:
     assert entry["figures"][0]["inertia"] == pytest.approx(3.21e-4)
 
 
-def test_a_coarser_step_takes_more_substeps(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+def test_a_coarser_step_takes_more_substeps(runner, good, tmp_path):
     substeps = []
     for step in ("1e-3", "1e-2"):
         (tmp_path / "s.yaml").write_text(f"robot: good.urdf\nduration: 1\nstep: {step}\n")
@@ -84,7 +84,7 @@ def test_a_coarser_step_takes_more_substeps(runner: CliRunner, good: Path, tmp_p
     assert substeps[0] < substeps[1]
 
 
-def test_check_reports_errors_of_every_file(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+def test_check_reports_errors_of_every_file(runner, good, tmp_path):
     bad = tmp_path / "bad.urdf"
     bad.write_text(GOOD.replace("<operation_mode>3", "<operation_mode>7"))
     result = runner.invoke(app, ["check", str(bad), str(tmp_path / "none.urdf"), str(good)])
@@ -95,7 +95,7 @@ def test_check_reports_errors_of_every_file(runner: CliRunner, good: Path, tmp_p
     assert json.loads(runner.invoke(app, ["check", "--json", str(bad)]).stdout)["ok"] is False
 
 
-def test_xacro_arguments_and_packages(runner: CliRunner, tmp_path: Path) -> None:
+def test_xacro_arguments_and_packages(runner, tmp_path):
     (tmp_path / "pkg").mkdir()
     (tmp_path / "pkg/body.xacro").write_text(GOOD.replace("400", "$(arg k)"))
     path = tmp_path / "robots/r.xacro"
@@ -110,7 +110,7 @@ def test_xacro_arguments_and_packages(runner: CliRunner, tmp_path: Path) -> None
     assert runner.invoke(app, ["check", str(path)]).exit_code == 1
 
 
-def test_check_of_a_law(runner: CliRunner) -> None:
+def test_check_of_a_law(runner):
     plugin = str(EXAMPLES / "plugins/my_vsa.py")
     result = runner.invoke(app, ["check", "--actuator", "my_vsa", "--plugin", plugin])
     assert result.exit_code == 0
@@ -120,7 +120,7 @@ def test_check_of_a_law(runner: CliRunner) -> None:
     assert {check["name"] for check in report["checks"]} >= {"stiffness", "finite", "passive"}
 
 
-def test_list_of_actuators(runner: CliRunner) -> None:
+def test_list_of_actuators(runner):
     text = runner.invoke(app, ["actuators"]).stdout
     assert all(name in text for name in ("sea", "qbmove", "bavs", "awas_ii", "libawas_ii_plugin.so"))
     data = json.loads(runner.invoke(app, ["actuators", "bavs", "--json"]).stdout)
@@ -141,7 +141,7 @@ def test_list_of_actuators(runner: CliRunner) -> None:
         "task: {link: arm, poses: [{time: 1, position: [9, 9, 9]}]}",
     ],
 )
-def test_check_names_the_line_of_what_run_would_refuse(tiny, asrsim_command, keys: str) -> None:
+def test_check_names_the_line_of_what_run_would_refuse(tiny, asrsim_command, keys):
     tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1\n{keys}\n")
     outcome = asrsim_command("check", "-q", tiny.scenario)
     assert outcome.code == 1
@@ -150,7 +150,7 @@ def test_check_names_the_line_of_what_run_would_refuse(tiny, asrsim_command, key
 
 
 @pytest.mark.parametrize("name", ["scenario.JSON", "scenario"])
-def test_scenarios_are_recognised_by_their_content(tiny, asrsim_command, name: str) -> None:
+def test_scenarios_are_recognised_by_their_content(tiny, asrsim_command, name):
     keys = {"robot": "pendulum.urdf", "duration": 1.0, "references": {"elbow": {"equilibrium_position": 0.2}}}
     (tiny.folder / name).write_text(json.dumps(keys))
     assert asrsim_command("check", name).code == 0

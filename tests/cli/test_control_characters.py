@@ -11,7 +11,7 @@ from asrsim.cli.console import MOVING_CODES, OWN_CODES, CleanStream
 from asrsim.errors import CONTROL, Problem
 
 
-def test_a_problem_is_one_line_without_control_characters() -> None:
+def test_a_problem_is_one_line_without_control_characters():
     problem = Problem(
         message="a\x1b[2Jb", file=Path("x\x9b.urdf"), key="k\rk", value="v\x1b", choices=("c\x07",), hint="h\nh\u202e"
     )
@@ -21,7 +21,7 @@ def test_a_problem_is_one_line_without_control_characters() -> None:
 
 
 @pytest.mark.parametrize("text", ["\x1b[31mred\x1b[0m", "tab\tand\nline", "é 中 ─"])
-def test_known_control_codes_are_kept(text: str, tmp_path: Path) -> None:
+def test_known_control_codes_are_kept(text, tmp_path):
     path = tmp_path / "out"
     with path.open("w", encoding="utf-8") as stream:
         CleanStream(stream, OWN_CODES).write(text)
@@ -29,7 +29,7 @@ def test_known_control_codes_are_kept(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["\x1b]0;title\x07", "\x1b[2J", "\x1b[1A", "\r", "\x9b2J", "\x00", "\u202e"])
-def test_codes_that_move_the_cursor_are_removed(text: str, tmp_path: Path) -> None:
+def test_codes_that_move_the_cursor_are_removed(text, tmp_path):
     path = tmp_path / "out"
     with path.open("w", encoding="utf-8", newline="") as stream:
         CleanStream(stream, OWN_CODES).write(text)
@@ -41,7 +41,7 @@ def test_codes_that_move_the_cursor_are_removed(text: str, tmp_path: Path) -> No
     ("place", "character"),
     [("robot", "\x9b"), ("joint", "\u202e"), ("key", "\x1b"), ("file", "\x9b")],
 )
-def test_no_command_prints_control_characters_of_files(place: str, character: str, tiny, asrsim_command) -> None:
+def test_no_command_prints_control_characters_of_files(place, character, tiny, asrsim_command):
     robot, scenario = tiny.robot.read_text(), tiny.scenario.read_text()
     text = f"[2J{character}[2J"
     escaped = f"\\u{ord(character):04x}"

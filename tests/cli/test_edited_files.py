@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,7 @@ import asrsim
 from asrsim.errors import AsrsimError, InputError
 from asrsim.learning import LearningProblem
 from asrsim.learning.state import load_state, save_state, state_origin
-from asrsim.learning.trial import Trial
-from asrsim.log import Log, LogWriter, read_log
+from asrsim.log import LogWriter, read_log
 from asrsim.log import writer as writing
 from asrsim.plots import draw_run
 from asrsim.plots.claims import judge
@@ -28,7 +26,7 @@ from support.edits import edits
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
+def run(tmp_path_factory):
     """Short run with claims, an object and a recording."""
     from support.tiny import PENDULUM
 
@@ -45,7 +43,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
     return asrsim.run(folder / "step.yaml", out=folder / "out", certify=True)
 
 
-def use(log: Path) -> None:
+def use(log):
     """Call every reader of a log."""
     for reader in (
         lambda: read_log(log),
@@ -59,7 +57,7 @@ def use(log: Path) -> None:
             reader()
 
 
-def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def write_edited(path, log, name, data, monkeypatch):
     """Write the log with other data under a name, and with valid checksums."""
     plain = writing.info_attachments(log.info)
     with monkeypatch.context() as patch:
@@ -75,9 +73,7 @@ def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest
 
 @pytest.mark.parametrize("name", ["run.json", "resolved.json", "columns"])
 @pytest.mark.parametrize(("seed", "most"), [(0, 3), pytest.param(1, 200, marks=pytest.mark.slow)])
-def test_edited_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, seed: int, most: int
-) -> None:
+def test_edited_logs(tmp_path, monkeypatch, run, name, seed, most):
     log = read_log(run.log)
     columns = [[20, "value", "link_position", "elbow"]]
     data: Any = columns if name == "columns" else json.loads(writing.info_attachments(log.info)[name][1])
@@ -89,7 +85,7 @@ def test_edited_logs(
 
 
 @pytest.mark.parametrize(("seed", "most"), [(0, 25), pytest.param(1, 3000, marks=pytest.mark.slow)])
-def test_edited_summaries(tmp_path: Path, run: asrsim.Result, seed: int, most: int) -> None:
+def test_edited_summaries(tmp_path, run, seed, most):
     log = tmp_path / "log.mcap"
     log.write_bytes(run.log.read_bytes())
     for other in edits(run.summary.as_dict(), seed=seed, most=most):
@@ -97,7 +93,7 @@ def test_edited_summaries(tmp_path: Path, run: asrsim.Result, seed: int, most: i
         assert "elbow" in write_report(tmp_path, film=False).read_text(encoding="utf-8")
 
 
-def _learned() -> tuple[LearningProblem, Learning, Trial]:
+def _learned():
     numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
     problem = LearningProblem(joints=("a", "b"), time=np.arange(10.0), reference=numbers, first_guess=numbers)
     settings = Learning(trajectory={"a": Constant(value=0.0)}, tolerance=0.1)
@@ -105,7 +101,7 @@ def _learned() -> tuple[LearningProblem, Learning, Trial]:
 
 
 @pytest.mark.parametrize("flips", [60, pytest.param(3000, marks=pytest.mark.slow)])
-def test_flipped_bits_of_a_learning_state(tmp_path: Path, flips: int) -> None:
+def test_flipped_bits_of_a_learning_state(tmp_path, flips):
     problem, settings, trial = _learned()
     path = tmp_path / "state.npz"
     save_state(path, problem, settings, [trial])

@@ -31,7 +31,7 @@ FASTER = {
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
-def texts_of_examples(name: str) -> list[str]:
+def texts_of_examples(name):
     """The examples in the help of a command."""
     from typer.main import get_command
 
@@ -39,7 +39,7 @@ def texts_of_examples(name: str) -> list[str]:
     return [text.removeprefix("Example: ") for text in texts if text.startswith("Example: ")]
 
 
-def examples_of_the_help() -> list[str]:
+def examples_of_the_help():
     """Examples in the help texts of all commands, ordered so that input files are written before they are read."""
     names = dict.fromkeys(["run", *COMMANDS])
     return [text for name in names if name not in LONG for text in texts_of_examples(name)]

@@ -6,7 +6,6 @@ import re
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +18,9 @@ from asrsim.identification import task_of
 from asrsim.identification.setup import set_up
 from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
-from asrsim.runs.from_recording import Written, write_from_recording
-from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario
-from support.bags import ARM_ELBOW, ARM_TIME, write_arm
+from asrsim.runs.from_recording import write_from_recording
+from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+from support.bags import START, write_bag
 from support.paths import ROOT
 
 EXAMPLES = ROOT / "examples" / "urdf"
@@ -29,14 +28,14 @@ TIME = np.arange(0, 0.8, 0.01)
 SMOOTH = 0.05 + 0.2 * np.sin(4 * TIME)
 
 
-def lab(folder: Path, *, zero: float = 0.0, scale: float = 1.0, header: str = "time,q1,q1_ref,current", command=SMOOTH) -> Path:
+def lab(folder, *, zero=0.0, scale=1.0, header="time,q1,q1_ref,current", command=SMOOTH):
     response = np.interp(TIME - 0.03, TIME, command)
     table = np.column_stack([zero + TIME, scale * response, scale * command, TIME])
     np.savetxt(folder / "lab.csv", table, delimiter=",", header=header, comments="", fmt="%.12g")
     return folder / "lab.csv"
 
 
-def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: object) -> tuple[Written, Scenario]:
+def make(folder, experiment, robot="dof1_sea", **options):
     made = write_from_recording(EXAMPLES / f"{robot}.urdf", experiment, folder / "s.yaml", **options)  # type: ignore[arg-type]
     (scenario,) = load_scenario(folder / "s.yaml")
     errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
@@ -45,7 +44,7 @@ def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: obj
     return made, scenario
 
 
-def test_commands_are_played_smoothly_between_their_samples(tmp_path: Path) -> None:
+def test_commands_are_played_smoothly_between_their_samples(tmp_path):
     made, scenario = make(tmp_path, lab(tmp_path))
     assert [path.name for path in made.files] == [
         "s.yaml", "s_commands.csv", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"
@@ -60,7 +59,7 @@ def test_commands_are_played_smoothly_between_their_samples(tmp_path: Path) -> N
     assert claim.value == pytest.approx(0.1 * np.ptp(SMOOTH), rel=0.05)
 
 
-def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path: Path) -> None:
+def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path):
     robot, recording = EXAMPLES / "dof2_vertical.urdf", EXAMPLES.parent / "recordings" / "two_joints.csv"
     write_from_recording(robot, recording, tmp_path / "s.yaml")
     task = task_of(tmp_path / "s.fit.yaml")
@@ -80,7 +79,7 @@ def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path: Path) -> No
         ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
     ],
 )
-def test_suggested_fit_loads_for_every_kind_of_command(tmp_path: Path, robot: str, header: str, told: str) -> None:
+def test_suggested_fit_loads_for_every_kind_of_command(tmp_path, robot, header, told):
     write_from_recording(EXAMPLES / f"{robot}.urdf", lab(tmp_path, header=header), tmp_path / "s.yaml")
     task = task_of(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
@@ -99,9 +98,7 @@ def test_suggested_fit_loads_for_every_kind_of_command(tmp_path: Path, robot: st
         (-2.0, "t [s],q1 [deg],q1_ref [deg],current", 180 / np.pi, -2.0),
     ],
 )
-def test_the_command_is_played_on_the_recordings_clock(
-    tmp_path: Path, zero: float, header: str, scale: float, lag: float
-) -> None:
+def test_the_command_is_played_on_the_recordings_clock(tmp_path, zero, header, scale, lag):
     _, scenario = make(tmp_path, lab(tmp_path, zero=zero, header=header, scale=scale))
     signal = scenario.references["joint_1"]["equilibrium_position"]
     start = 0.5 if zero == 0.5 else 0.0
@@ -110,11 +107,17 @@ def test_the_command_is_played_on_the_recordings_clock(
     assert scenario.duration == pytest.approx(start + 0.79, abs=1.1e-3)
 
 
-def test_bag_commands_are_played_and_stored_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bag_commands_are_played_and_stored_in_the_log(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_arm(tmp_path / "bag", "SQLITE3")
+    time = 0.01 * np.arange(300)
+    elbow = 0.32 * (1 - np.cos(2 * np.pi * 0.7 * time))
+    q = np.column_stack([0.6 * np.sin(np.pi * time) * np.exp(-0.2 * time) + 0.1 * time, elbow])
+    arm = "lab_msgs/msg/Arm"
+    topics = {"/arm_state": (arm, lambda types, i, _: types[arm](q[i], q[i]))}
+    definitions = {arm: "float64[] q\nfloat64[] q_des\n"}
+    write_bag(tmp_path / "bag", "sqlite3", topics, START + 10**7 * np.arange(300), definitions=definitions)
     _, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
-    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(ARM_TIME), ARM_ELBOW, atol=1e-6)
+    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(time), elbow, atol=1e-6)
     run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--set", "duration=0.2"])
     shutil.rmtree(tmp_path / "bag")
     plot = CliRunner().invoke(app, ["plot", "out/s/default/log.mcap"])
@@ -124,7 +127,7 @@ def test_bag_commands_are_played_and_stored_in_the_log(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize("name", ["s.fit.yaml", "s.yaml"])
-def test_init_never_overwrites_its_inputs(tmp_path: Path, name: str) -> None:
+def test_init_never_overwrites_its_inputs(tmp_path, name):
     """The recording has the name of the scenario or of its fit file. The option --force does not help."""
     text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
     (tmp_path / name).write_bytes(text)
@@ -134,7 +137,7 @@ def test_init_never_overwrites_its_inputs(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(("zero", "decimals"), [(0.0, 3), (0.7004, 9), (1_715_000_000.123, 9), (-0.35, 3)])
-def test_stair_commands_are_played_at_their_recorded_steps(tmp_path: Path, zero: float, decimals: int) -> None:
+def test_stair_commands_are_played_at_their_recorded_steps(tmp_path, zero, decimals):
     """The offset of the clock and its rounding do not matter."""
     from asrsim.simulation.run import simulate
 
@@ -150,7 +153,7 @@ def test_stair_commands_are_played_at_their_recorded_steps(tmp_path: Path, zero:
     np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
 
 
-def test_column_mapping_applies_to_claims_and_commands(tmp_path: Path) -> None:
+def test_column_mapping_applies_to_claims_and_commands(tmp_path):
     path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
     _, scenario = make(tmp_path, path, mapping=mapping)
@@ -159,7 +162,7 @@ def test_column_mapping_applies_to_claims_and_commands(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("mode", "unit", "taken"), [(2, "rad", 3), (5, "rad", 6), (4, "rad", 6), (6, "N m", 0), (0, "rad", 1)])
-def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: int, unit: str, taken: int) -> None:
+def test_modes_that_cannot_take_the_command_are_replaced(tmp_path, mode, unit, taken):
     mapping = [f"q1_ref=joint_1.reference_1 [{unit}]"]
     made, scenario = make(tmp_path, lab(tmp_path), mapping=mapping, mode=mode, robot="dof1_qbmove")
     assert scenario.modes["joint_1"] == taken
@@ -175,7 +178,7 @@ def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: i
         ("time,q1,q1_ref [N m],motor1_torque", "q1_ref [N m]"),
     ],
 )
-def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: str) -> None:
+def test_mode_4_takes_the_recorded_torque(tmp_path, header, played):
     made, scenario = make(tmp_path, lab(tmp_path, header=header), mode=4)
     assert set(scenario.references["joint_1"]) == {"motor_1_torque"}
     assert played in (tmp_path / "s.yaml").read_text().partition("references:")[2]
@@ -184,14 +187,14 @@ def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: s
 
 @pytest.mark.parametrize(("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
                                                 ("time,dq1,q1_ref [N m],current", {})])  # fmt: skip
-def test_unrecorded_joints_start_at_their_command(tmp_path: Path, header: str, begins: dict[str, float]) -> None:
+def test_unrecorded_joints_start_at_their_command(tmp_path, header, begins):
     """Exception: a torque command contains no position."""
     mode = None if begins else 4
     _, scenario = make(tmp_path, lab(tmp_path, header=header), mode=mode)
     assert scenario.initial_positions == pytest.approx(begins)
 
 
-def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mapping_file_is_written_into_the_scenario(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     (tmp_path / "map.yaml").write_text(
@@ -211,14 +214,14 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     ]  # fmt: skip
 
 
-def test_a_command_without_unit_is_stated_as_assumed(tmp_path: Path) -> None:
+def test_a_command_without_unit_is_stated_as_assumed(tmp_path):
     made, _ = make(tmp_path, lab(tmp_path))
     assert made.recording.channels["q1_ref"].conversion == "SI assumed"
     assert "q1_ref: joint_1.reference_1" in (text := (tmp_path / "lab.csv.yaml").read_text())
     assert "no unit" in next(line for line in text.splitlines() if "q1_ref" in line)
 
 
-def test_motor_position_replaces_a_missing_command(tmp_path: Path) -> None:
+def test_motor_position_replaces_a_missing_command(tmp_path):
     lab(tmp_path, header="time,q1,motor_pos1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")
     assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
@@ -234,7 +237,7 @@ def test_motor_position_replaces_a_missing_command(tmp_path: Path) -> None:
 class TestRealRecordings:
     """Tests with unmodified real recordings."""
 
-    def test_an_arm_with_two_elastic_joints(self, tmp_path: Path, shared: Path) -> None:
+    def test_an_arm_with_two_elastic_joints(self, tmp_path, shared):
         mapping = [f"tip_deflection{i}_rad=-joint_{i}.deflection" for i in (1, 2)]
         made, scenario = make(
             tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping
@@ -248,12 +251,12 @@ class TestRealRecordings:
         measured = {(claim.joint, claim.quantity): result.measured for claim, result in claims}
         assert all(measured[key] < limit for key, limit in most.items())
 
-    def test_series_elastic_module(self, tmp_path: Path, shared: Path) -> None:
+    def test_series_elastic_module(self, tmp_path, shared):
         _, scenario = make(tmp_path, shared / "recordings/hebi_sine_1hz.csv", mode=6)
         assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
 
 
-def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path: Path) -> None:
+def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path):
     with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):
         make(tmp_path, lab(tmp_path), "plain_arm")
     for unit, mode in (("rad", 6), ("V", 7)):
@@ -267,7 +270,7 @@ def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
-def test_chosen_springs_hold_the_arm_at_the_recorded_start(tmp_path: Path, actuator: str) -> None:
+def test_chosen_springs_hold_the_arm_at_the_recorded_start(tmp_path, actuator):
     """With default parameters, a qbMove at the shoulder would sag by 0.8 rad."""
     pose = 1.2 + 0.1 * np.sin(6.0 * TIME)
     names = [f"{joint}.{quantity}" for joint in ("shoulder", "elbow") for quantity in ("reference_1", "link_position")]
@@ -279,7 +282,7 @@ def test_chosen_springs_hold_the_arm_at_the_recorded_start(tmp_path: Path, actua
 
 
 @pytest.mark.parametrize("mode", [0, 1, 3, 6])
-def test_claims_use_quantities_of_the_chosen_mode(tmp_path: Path, mode: int) -> None:
+def test_claims_use_quantities_of_the_chosen_mode(tmp_path, mode):
     names = ("link_position", "reference_1", "motor_1_velocity", "motor_1_position", "deflection")
     header = ",".join(["time", *(f"joint_1.{name}" for name in names)])
     np.savetxt(tmp_path / "lab.csv", np.column_stack([TIME, *[SMOOTH] * 5]), delimiter=",", header=header, comments="")

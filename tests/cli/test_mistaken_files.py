@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from asrsim.document.file import COMMANDS, kind_of
@@ -20,7 +18,7 @@ ALSO = {"check": {"robot"}, "sweep": {"study"}, "identify": {"fit"}}
 
 
 @pytest.fixture
-def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
+def files(tmp_path, tiny, asrsim_command):
     """A file of each kind. The log is the example of the plot tests."""
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "made").code == 0
     found = {
@@ -38,13 +36,13 @@ def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
     return found
 
 
-def test_file_kinds_are_recognised(files) -> None:
+def test_file_kinds_are_recognised(files):
     assert {kind: kind_of(path) for kind, path in files.items()} == {kind: kind for kind in COMMANDS}
     assert kind_of(files["log"].parent) == "log"
 
 
 @pytest.mark.parametrize("wanted", TAKES)
-def test_commands_name_the_kind_of_a_wrong_file(wanted: str, files, asrsim_command) -> None:
+def test_commands_name_the_kind_of_a_wrong_file(wanted, files, asrsim_command):
     for command in TAKES[wanted]:
         for kind, path in files.items():
             if kind in {wanted} | ALSO.get(command, set()):
@@ -56,7 +54,7 @@ def test_commands_name_the_kind_of_a_wrong_file(wanted: str, files, asrsim_comma
             assert f"Use it with: {known}" in done.err + done.out, (command, kind)
 
 
-def test_files_without_recordings_are_named(files, asrsim_command) -> None:
+def test_files_without_recordings_are_named(files, asrsim_command):
     for kind in ("robot", "scenario", "fit", "study", "summary"):
         for arguments in (("plot", files["log"], "--experiment"), ("init", files["robot"], "--experiment")):
             done = asrsim_command(*arguments, files[kind])
@@ -64,7 +62,7 @@ def test_files_without_recordings_are_named(files, asrsim_command) -> None:
             assert f"is a {kind}, no recording" in done.err
 
 
-def test_recording_with_scenario_keys_is_a_recording(tmp_path: Path, files, asrsim_command) -> None:
+def test_recording_with_scenario_keys_is_a_recording(tmp_path, files, asrsim_command):
     recording = tmp_path / "lab.json"
     rows = [[k / 100, k / 1000] for k in range(300)]
     times, places = zip(*rows, strict=True)

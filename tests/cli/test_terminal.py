@@ -17,7 +17,7 @@ from support.paths import ROOT
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
-def test_ascii_terminals_get_replaced_characters(tiny, options: list[str]) -> None:
+def test_ascii_terminals_get_replaced_characters(tiny, options):
     """Tables and names may contain characters that ASCII lacks; JSON keeps all of them."""
     tiny.robot.write_text(tiny.robot.read_text().replace("elbow", "coudé"), encoding="utf-8")
     old = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
@@ -29,25 +29,25 @@ def test_ascii_terminals_get_replaced_characters(tiny, options: list[str]) -> No
 class Scripts(HTMLParser):
     """Reader of a page that collects the text of each script, as a browser separates them."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.found: list[str] = []
         self.inside = False
 
-    def handle_starttag(self, tag: str, attrs: object) -> None:
+    def handle_starttag(self, tag, attrs):
         self.inside = tag == "script"
         self.found += [""] if self.inside else []
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag):
         self.inside = self.inside and tag != "script"
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data):
         if self.inside:
             self.found[-1] += data
 
 
 @pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", "<!--<script>a&amp;<b>]]>-->"])
-def test_names_cannot_break_the_scripts_of_a_report(tiny, name: str) -> None:
+def test_names_cannot_break_the_scripts_of_a_report(tiny, name):
     from xml.sax.saxutils import quoteattr
 
     import asrsim
@@ -69,7 +69,7 @@ def test_names_cannot_break_the_scripts_of_a_report(tiny, name: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])
-def test_shared_messages_list_places_and_count_the_rest(count: int) -> None:
+def test_shared_messages_list_places_and_count_the_rest(count):
     problems = [Problem(message="odd", key=f"joint_{i}", code="odd") for i in range(count)]
     (line,) = problem_lines(problems)
     assert "None" not in line

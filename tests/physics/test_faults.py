@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from asrsim.signals import Sinusoid
-from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
+from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples, truth
 from support.random_runs import RandomRun, Wave
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -21,8 +21,8 @@ from validation.models import INSTALLED, Body, chain, column, run
 def test_length_of_a_joint_axis_has_no_effect(tmp_path: Path, engine: str, axis: str) -> None:
     unit = np.array([float(part) for part in axis.split()])
     unit /= np.linalg.norm(unit)
-    given = plan(links(axis, "0 1 0"), (joint("j1", start=0.4), joint("j2", start=-0.3)), 0.3)
-    exact = replace(given, urdf=links(" ".join(map(repr, unit.tolist())), "0 1 0"))
+    joints = joint(start=0.4), joint(start=-0.3)
+    given, exact = (plan(joints, 0.3, axes=(first, "0 1 0")) for first in (axis, " ".join(map(repr, unit.tolist()))))
     found = samples(given, tmp_path, engine=engine)
     np.testing.assert_allclose(found.values["link_position"], truth(exact, found.time), atol=5e-5)
 
@@ -35,15 +35,14 @@ JUMP = Wave(offset=0.3, amplitude=0.2, frequency=2.0, at=0.1, jump=0.4)
 
 def controlled(effort: float = np.inf) -> RandomRun:
     """Run of a joint in mode 1 next to a joint with a motor. The motor's substeps must not affect the link controller."""
-    first = joint("j1", effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
+    first = joint(effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
     parameters = {
         "spring_stiffness": 20.0, "max_deflection": 1.5, "motor_1_inertia": 0.02, "motor_1_damping": 0.1,
         "motor_1_max_torque": 8.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3,
         "controller_1_proportional": 40.0, "controller_1_integral": 20.0, "controller_1_derivative": 1.0,
     }  # fmt: skip
-    second = joint("j2", effort=effort, actuator="sea", mode=6, parameters=parameters, references=(NEVER,))
-    text = links("0 1 0", "0 1 0", effort=1e6 if np.isinf(effort) else effort)
-    return plan(text, (first, second), 0.4, (0.1,))
+    second = joint(effort=effort, actuator="sea", mode=6, parameters=parameters, references=(NEVER,))
+    return plan((first, second), 0.4, jumps=(0.1,))
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -115,9 +114,6 @@ def test_friction_holds_eighty_links_at_rest(engine: str) -> None:
     assert np.abs(q - q[0]).max() < 1e-8
 
 
-# -- energies ----------------------------------------------------------------------------------------------------------
-
-
 # -- sensors -----------------------------------------------------------------------------------------------------------
 
 
@@ -147,7 +143,7 @@ def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.nd
 def test_sensor_delay_applies_to_position_and_velocity(tmp_path: Path, engine: str, delay: float) -> None:
     gains = {"controller_1_proportional": 12.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.25}
     goal = replace(NEVER, offset=0.5)
-    given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=1, parameters=gains, references=(goal,)),), 0.4)
+    given = plan([joint(actuator="sea", mode=1, parameters=gains, references=(goal,))], 0.4)
     expected = delayed_pendulum(delay, 0.4)
     found = []
     for substeps in (1, 4):
@@ -165,8 +161,7 @@ def test_sensor_delay_applies_to_position_and_velocity(tmp_path: Path, engine: s
 @pytest.mark.parametrize("damping", [0.5, 3.0, 20.0, 300.0])
 def test_strong_damping_is_simulated_accurately(tmp_path: Path, engine: str, damping: float) -> None:
     """The damping number c h / I of the last joint is 0.25 to 150."""
-    joints = tuple(joint(f"j{i}", start=0.5, damping=damping) for i in (1, 2, 3))
-    given = plan(links("0 1 0", "0 1 0", "1 0 0", damping=damping), joints, 0.3)
+    given = plan([joint(start=0.5, damping=damping)] * 3, 0.3, axes=("0 1 0", "0 1 0", "1 0 0"))
     found = samples(given, tmp_path, engine=engine)
     times = found.time[::10]
     np.testing.assert_allclose(found.values["link_position"][::10], truth(given, times), atol=1e-3)

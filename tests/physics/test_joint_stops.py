@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from asrsim.robot import Robot
 from asrsim.scenario.data import World, Wrench
 from asrsim.signals import Constant, Sinusoid, Step
+from support.pinocchio_model import PinocchioModel
 from support.stopped_arm import StoppedArm
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -18,6 +20,14 @@ Pair = tuple[float, float]
 
 def limit(lower: float, upper: float) -> str:
     return f'<limit lower="{lower!r}" upper="{upper!r}" effort="1000" velocity="1000"/>'
+
+
+def stopped(link: Body, friction: Pair, lower: Pair, upper: Pair, *, gravity: float) -> tuple[Robot, StoppedArm]:
+    """Arm with two equal links, and its independent solution."""
+    levels, lower, upper = (tuple(map(float, pair)) for pair in (friction, lower, upper))
+    robot = chain(*(replace(link, friction=levels[j], limits=limit(lower[j], upper[j])) for j in (0, 1)))
+    model = PinocchioModel(robot.text, ("joint_1", "joint_2"), (0.0, 0.0, -gravity))
+    return robot, StoppedArm(model, levels, lower, upper)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -87,22 +97,18 @@ def test_a_sliding_link_reverses_within_a_step(engine: str, compiled: bool, late
 def test_joints_with_friction_move_at_second_order_after_a_jump(
     engine: str, friction: Pair, lower: float, speed: Pair, before: Pair, after: Pair, reversals: int
 ) -> None:
-    truth = StoppedArm(
-        mass=0.5, reach=0.15, inertia=2e-3, length=0.3, gravity=0.0, friction=friction, lower=(-2.0, lower), upper=(2.0, 2.0)
-    )  # fmt: skip
+    link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
+    robot, truth = stopped(link, friction, (-2.0, lower), (2.0, 2.0), gravity=0.0)
     jump, end = 0.05037, 0.2
     there, speeds, _ = truth.move(np.zeros(2), np.array(speed), lambda _: np.array(before), jump)
     there, speeds, events = truth.move(there, speeds, lambda _: np.array(after), end - jump)
     assert events == reversals
     assert abs(speeds).min() > 1.0
-    link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
-    stops = limit(-2.0, 2.0), limit(lower, 2.0)
-    bodies = [replace(link, friction=level, limits=limits) for level, limits in zip(friction, stops, strict=True)]
     errors = []
     for step in STEPS:
         loads = {f"joint_{j + 1}": Step(at=jump, before=before[j], after=after[j]) for j in (0, 1)}
         result = run(
-            chain(*bodies), engine=engine, gravity=0.0, duration=end, step=step, external=loads,
+            robot, engine=engine, gravity=0.0, duration=end, step=step, external=loads,
             initial_velocities={"joint_1": speed[0], "joint_2": speed[1]},
         )  # fmt: skip
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
@@ -110,20 +116,14 @@ def test_joints_with_friction_move_at_second_order_after_a_jump(
     assert errors[1] < 0.15 * errors[0]
 
 
-def arm(random: np.random.Generator) -> StoppedArm:
-    return StoppedArm(
-        mass=float(random.uniform(0.3, 1.0)), reach=0.15, inertia=float(random.uniform(1e-3, 5e-3)), length=0.3, gravity=9.81,
-        friction=(float(random.uniform(0.0, 0.3)), float(random.choice([0.0, 0.05]))),
-        lower=(-float(random.uniform(0.3, 0.6)), -float(random.uniform(0.2, 0.5))),
-        upper=(float(random.uniform(0.3, 0.6)), float(random.uniform(0.2, 0.5))),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", range(6))
 def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed: int) -> None:
     random = np.random.default_rng(seed)
-    truth = arm(random)
+    link = Body(mass=random.uniform(0.3, 1.0), reach=0.15, inertia=random.uniform(1e-3, 5e-3), length=0.3)
+    friction = random.uniform(0.0, 0.3), random.choice([0.0, 0.05])
+    lower, upper = (tuple(random.uniform(0.3, 0.6, 2) * (1.0, 0.8)) for _ in (0, 1))
+    robot, truth = stopped(link, friction, (-lower[0], -lower[1]), upper, gravity=9.81)
     start, speed = random.uniform(-0.15, 0.15, 2), random.uniform(-4.0, 4.0, 2)
     pushes = [
         Sinusoid(
@@ -140,21 +140,10 @@ def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed:
 
     there, _, events = truth.move(start, speed, push, end)
     assert events >= 3
-    bodies = [
-        Body(
-            mass=truth.mass,
-            reach=truth.reach,
-            inertia=truth.inertia,
-            length=truth.length,
-            friction=friction,
-            limits=limit(low, high),
-        )
-        for friction, low, high in zip(truth.friction, truth.lower, truth.upper, strict=True)
-    ]
     errors = []
     for step in STEPS:
         result = run(
-            chain(*bodies), engine=engine, gravity=truth.gravity, duration=end, step=step, initial=start.tolist(),
+            robot, engine=engine, duration=end, step=step, initial=start.tolist(),
             initial_velocities={"joint_1": float(speed[0]), "joint_2": float(speed[1])},
             external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
         )  # fmt: skip

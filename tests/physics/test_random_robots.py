@@ -50,10 +50,6 @@ def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool
     assert np.log2(left[0] / left[1]) / 2.0 > 1.7
 
 
-def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
-    check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
-
-
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", [5, 6])
 def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:
@@ -80,30 +76,3 @@ def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -
             slopes[:3] += np.cross(slopes[3:].T, lever).T
             found = model.jacobian(q[np.argsort(order)], link, point)[:, order]
             np.testing.assert_allclose(found, np.vstack([truth.rotation @ slopes[:3], truth.rotation @ slopes[3:]]), atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("seed", range(1000, 1030))
-def test_many_random_robots(tmp_path: Path, seed: int, fixed: bool) -> None:
-    # Random corners of torques reduce the order, so the test only requires that the error vanishes.
-    check(random_run(seed, moving=5, fixed=fixed, duration=0.4), tmp_path, INSTALLED, order=1.3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2000, 2015))
-def test_many_passive_trees(tmp_path: Path, seed: int) -> None:
-    run = random_run(seed, moving=7, fixed=bool(seed % 2), passive=1.0, jumps=False, duration=0.4)
-    check(run, tmp_path, INSTALLED, order=1.8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4000, 4010))
-def test_many_random_robots_with_motor_friction(tmp_path: Path, seed: int) -> None:
-    check(random_run(seed, friction=True), tmp_path, INSTALLED, order=0.8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5000, 5030))
-def test_many_random_robots_with_optional_models(tmp_path: Path, seed: int) -> None:
-    check(random_run(seed, moving=3, fixed=seed % 3 != 0, extras=True), tmp_path, INSTALLED, order=1.3)

@@ -18,7 +18,9 @@ def _measures(recorded: bool) -> Iterator[Any]:
             continue
         for measure in section.measures:
             for engine in installed_engines() if section.engines else installed_engines()[:1]:
-                marks = [pytest.mark.slow] if measure.__name__ in section.slow else []
+                # Recordings were made with one engine, and the engines are compared with each other elsewhere.
+                again = recorded and engine != installed_engines()[0]
+                marks = [pytest.mark.slow] if again or measure.__name__ in section.slow else []
                 yield pytest.param(section, measure, engine, id=f"{measure.__name__}-{engine}", marks=marks)
 
 

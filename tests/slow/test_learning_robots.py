@@ -10,11 +10,9 @@ import pytest
 from asrsim.learning import learn
 from asrsim.learning.hardware import next_input
 from asrsim.learning.model import learning_model
-from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
-from asrsim.scenario import load_scenario
-from support.independent_arm import random_arm
-from support.lessons import inputs_in, record
+from support.lessons import inputs_in, plant_of, play, record
+from support.soft_arm import perturbed, random_arm
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +23,7 @@ def test_six_trials_learn_a_robot_and_setbacks_give_warnings(tmp_path):
     for seed in range(100, 116):
         arm, motion, duration = random_arm(seed)
         folder = tmp_path / str(seed)
-        plant, robot = make_plant(load_scenario(arm.write(folder, motion, duration))[0]), arm.other(seed)
+        plant, robot = plant_of(folder, arm, motion, duration), perturbed(arm, seed)
         with learning_model(plant) as model:
             inputs = model.guess
         errors, warned = [], False
@@ -45,19 +43,21 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
     right, reached = [], []
     for seed in range(200, 220):
         arm, motion, duration = random_arm(seed)
-        with learning_model(make_plant(load_scenario(arm.write(tmp_path / str(seed), motion, duration))[0])) as model:
+        with learning_model(plant_of(tmp_path / str(seed), arm, motion, duration)) as model:
             scores = [
                 max(d.score for d in model.inverse.demands if d.joint == j and d.what == "motor torque")
                 for j in model.plant.joints
             ]
         factor = np.random.default_rng(seed).uniform(0.6, 1.3)
-        weak = replace(arm, most=arm.most * np.array(scores) * factor)
-        plant = make_plant(load_scenario(weak.write(tmp_path / f"weak_{seed}", motion, duration))[0])
+        limits = arm.values("motor_1_max_torque") * np.array(scores) * factor
+        joints = zip(arm.joints, limits.tolist(), strict=True)
+        weak = replace(arm, joints=tuple({**joint, "motor_1_max_torque": limit} for joint, limit in joints))
+        plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
         with learning_model(plant) as model:
             prepared = prepare_learning(plant, model)
             found = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
             true = learn(
-                prepared.problem, lambda inputs, weak=weak, plant=plant: weak.move(plant.time, inputs), prepared.settings,
+                prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
                 law=prepared.law,
             )  # fmt: skip
         right.append(prepared.reach(found).startswith("within") == true.converged)

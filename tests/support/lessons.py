@@ -1,4 +1,4 @@
-"""Laboratory work between two trials of learning: play an input on the robot, and record the motion."""
+"""Learning of a random arm, and laboratory work between two trials: play an input on the robot, and record the motion."""
 
 from __future__ import annotations
 
@@ -6,19 +6,31 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.learning.plant import Plant
+from asrsim.learning.plant import Plant, make_plant
+from asrsim.scenario import load_scenario
 from asrsim.signals.recorded import read_column
-from support.independent_arm import Arm
+from support.soft_arm import SoftArm
 
 
-def record(path: Path, plant: Plant, robot: Arm, inputs: np.ndarray, *, seed: int = 0) -> float:
+def plant_of(folder: Path, arm: SoftArm, motion: dict[str, dict[str, object]], duration: float, **ilc: object) -> Plant:
+    """Model of an arm that learns a motion. ilc: further keys of the block `ilc`."""
+    block = {"trajectory": motion, "tolerance": 0.005, "max_iterations": 15, **ilc}
+    return make_plant(load_scenario(arm.write(folder, duration=duration, initial="equilibrium", ilc=block))[0])
+
+
+def play(robot: SoftArm, plant: Plant, inputs: np.ndarray) -> np.ndarray:
+    """Link positions (n, joints) of the robot under equilibrium positions (n, joints)."""
+    return robot.move(
+        plant.time, lambda at: np.column_stack([np.interp(at, plant.time, column) for column in inputs.T]), step=1e-4
+    )[:, :, 0]  # fmt: skip
+
+
+def record(path: Path, plant: Plant, robot: SoftArm, inputs: np.ndarray, *, seed: int = 0) -> float:
     """Write a recording of the robot at 200 Hz with 1 mrad of noise, and return the largest noise-free error in rad."""
-    outputs = robot.move(plant.time, inputs)
-    time = np.arange(0.0, plant.time[-1] + 1e-9, 0.005)
-    seen = np.column_stack([np.interp(time, plant.time, column) for column in outputs.T])
-    seen += np.random.default_rng(seed).normal(0.0, 1e-3, seen.shape)
+    outputs = play(robot, plant, inputs)
+    noisy = outputs[::5] + np.random.default_rng(seed).normal(0.0, 1e-3, outputs[::5].shape)
     header = ",".join(["time [s]", *(f"{joint}.link_position [rad]" for joint in plant.joints)])
-    np.savetxt(path, np.column_stack([time, seen]), delimiter=",", header=header, comments="")
+    np.savetxt(path, np.column_stack([plant.time[::5], noisy]), delimiter=",", header=header, comments="")
     return float(np.abs(plant.reference - outputs).max())
 
 

@@ -1,41 +1,62 @@
-"""Mass matrix and bias torques of a URDF, computed by Pinocchio."""
+"""Dynamics of a URDF, computed by Pinocchio, and their differences from those of an engine."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-ALTEREGO = [f"robots/alterego/alterego_{version}_fixedbase-true_fixedhands-true.urdf" for version in ("v2", "v3")]
+Array = np.ndarray
 
 
-def pinocchio_model(text: str) -> tuple[object, list[str]]:
-    import pinocchio
+class PinocchioModel:
+    """Model of URDF text. Arrays are in the order of `joints`; gravity in the frame of the base, m/s^2."""
 
-    model = pinocchio.buildModelFromXML(text)
-    return model, [model.names[i] for i in range(1, model.njoints)]
+    def __init__(self, text: str, joints: Sequence[str], gravity: Sequence[float] = (0.0, 0.0, -9.81)) -> None:
+        import pinocchio
+
+        self.library, self.model = pinocchio, pinocchio.buildModelFromXML(text)
+        self.model.gravity.linear = np.array(gravity)
+        self.data = self.model.createData()
+        self.joints = [self.model.joints[self.model.getJointId(name)] for name in joints]
+        self.order = [joint.idx_v for joint in self.joints]
+
+    def configuration(self, q: Array) -> Array:
+        """Positions in Pinocchio's form, in which a continuous joint is a cosine and a sine."""
+        values = np.zeros(self.model.nq)
+        for angle, joint in zip(q, self.joints, strict=True):
+            values[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (math.cos(angle), math.sin(angle))
+        return values
+
+    def velocity(self, v: Array) -> Array:
+        """Velocities in Pinocchio's order."""
+        values = np.zeros(self.model.nv)
+        values[self.order] = v
+        return values
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Kinetic and potential energy, J."""
+        return float(self.library.computeMechanicalEnergy(self.model, self.data, self.configuration(q), self.velocity(v)))
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Mass matrix (n, n)."""
+        upper = np.triu(self.library.crba(self.model, self.data, self.configuration(q)))
+        return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self.order, self.order)])
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Velocity and gravity torques (n,), N m."""
+        found = self.library.nonLinearEffects(self.model, self.data, self.configuration(q), self.velocity(v))
+        return np.asarray(found[self.order])
 
 
-def dynamics(text: str, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
-    """Mass matrix by pairs of joints, and bias torque (Coriolis, gravity) by joint."""
-    import pinocchio
-
-    model, names = pinocchio_model(text)
-    data = model.createData()
-    q, v = pinocchio.neutral(model), np.zeros(model.nv)
-    for i, name in enumerate(names, start=1):
-        joint = model.joints[i]
-        x = positions[name]
-        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [math.cos(x), math.sin(x)]
-        v[joint.idx_v] = velocities[name]
-    matrix = pinocchio.crba(model, data, q)
-    matrix = np.triu(matrix) + np.triu(matrix, 1).T
-    bias = pinocchio.nonLinearEffects(model, data, q, v)
-    at = {name: model.joints[i].idx_v for i, name in enumerate(names, start=1)}
-    return {(a, b): matrix[at[a], at[b]] for a in names for b in names}, {name: bias[at[name]] for name in names}
-
-
-def farthest(one: dict, other: dict) -> float:
-    """Largest difference of two dictionaries, relative to the largest value."""
-    assert one.keys() == other.keys()
-    return max(abs(one[key] - other[key]) for key in one) / max(map(abs, one.values()))
+def differences(engine: Any, truth: PinocchioModel, q: Array, v: Array) -> Array:
+    """Errors (3,) of an engine's mass matrix, gravity torques and torques in motion, relative to the largest value."""
+    still, model = np.zeros(len(q)), engine.model
+    pairs = (
+        (model.mass_matrix(q), truth.mass_matrix(q), 0.0),
+        (model.bias(q, still), truth.bias(q, still), 1e-3),
+        (model.bias(q, v), truth.bias(q, v), 1e-3),
+    )
+    return np.array([np.abs(ours - true).max() / max(np.abs(true).max(), least) for ours, true, least in pairs])

@@ -12,14 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators import MODES
 from support.random_robots import random_urdf
 
-REFERENCES = {
-    0: ("link_torque",), 1: ("link_position",), 2: ("reference_1", "reference_2"),
-    3: ("equilibrium_position", "stiffness_preset"), 4: ("motor_1_torque", "motor_2_torque"),
-    5: ("reference_1", "reference_2"), 6: ("equilibrium_position", "stiffness_preset"),
-    7: ("motor_1_voltage", "motor_2_voltage"), 8: ("motor_1_current", "motor_2_current"),
-}  # fmt: skip
 SPRINGS = {
     "sea": {"spring_stiffness": (5.0, 40.0), "max_deflection": (0.5, 1.5)},
     "qbmove": {"spring_a_1": (4.0, 8.0), "spring_a_2": (4.0, 8.0), "spring_k_1": (0.01, 0.1), "spring_k_2": (0.01, 0.1)},
@@ -104,7 +99,7 @@ class RandomRun:
         if driven:
             keys["actuators"] = {j.name: {"type": j.actuator, "mode": j.mode, "parameters": j.parameters} for j in driven}
             keys["references"] = {
-                j.name: {name: wave.keys() for name, wave in zip(REFERENCES[j.mode], j.references, strict=False)}
+                j.name: {name: wave.keys() for name, wave in zip(MODES[j.mode].references, j.references, strict=False)}
                 for j in driven
             }
         keys["external_torques"] = {j.name: j.external.keys() for j in self.joints if j.external is not None}

@@ -1,6 +1,6 @@
-"""Independent event-driven solution of a planar arm with two joints, friction and inelastic stops.
+"""Independent event-driven solution of an arm with two joints, friction and inelastic stops, on Pinocchio's dynamics.
 
-At zero, the arm hangs in -z. Between events, moving joints obey smooth equations, and joints that stick or rest at a stop do
+Between events, moving joints obey smooth equations, and joints that stick or rest at a stop do
 not move. Events: a sliding joint stops, a joint reaches a stop, a resting joint starts to move.
 """
 
@@ -13,6 +13,8 @@ from itertools import product
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from support.pinocchio_model import PinocchioModel
+
 Array = np.ndarray
 AT_REST = 1e-9
 """Speed below which a joint is at rest (rad/s), and distance within which it touches its stop (rad)."""
@@ -20,39 +22,20 @@ AT_REST = 1e-9
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """Two equal links: mass (kg), centre of mass at `reach` (m), inertia about it (kg m^2), distance between the joints (m)."""
+    """Arm with the dynamics of its robot file; friction (N m) and stops (rad) of its two joints."""
 
-    mass: float
-    reach: float
-    inertia: float
-    length: float
-    gravity: float
+    model: PinocchioModel
     friction: tuple[float, float]
     lower: tuple[float, float]
     upper: tuple[float, float]
-
-    def mass_matrix(self, q: Array) -> Array:
-        """Mass matrix (2, 2), kg m^2."""
-        m, c, i, far = self.mass, self.reach, self.inertia, self.length
-        tip = i + m * c * c
-        cross = m * far * c * np.cos(q[1])
-        return np.array([[2 * i + m * c * c + m * (far * far + c * c) + 2 * cross, tip + cross], [tip + cross, tip]])
-
-    def bias(self, q: Array, v: Array) -> Array:
-        """Coriolis, centrifugal and gravity torques (2,), N m."""
-        m, c, far, g = self.mass, self.reach, self.length, self.gravity
-        swing = m * far * c * np.sin(q[1])
-        low = g * m * c * np.sin(q[0] + q[1])
-        first = -swing * (2 * v[0] * v[1] + v[1] ** 2) + g * m * (c + far) * np.sin(q[0]) + low
-        return np.array([first, swing * v[0] ** 2 + low])
 
     def held(self, q: Array, v: Array, push: Array, signs: tuple[int, ...]) -> tuple[Array, Array]:
         """Accelerations (2,), and torques (2,) of friction or stops that keep resting joints (sign 0) at rest.
 
         signs: direction in which each joint slides, or 0.
         """
-        inertia = self.mass_matrix(q)
-        force = push - self.bias(q, v) - np.array(self.friction) * signs
+        inertia = self.model.mass_matrix(q)
+        force = push - self.model.bias(q, v) - np.array(self.friction) * signs
         free = [j for j in (0, 1) if signs[j]]
         acceleration = np.zeros(2)
         if free:
@@ -82,7 +65,7 @@ class StoppedArm:
 
     def impact(self, q: Array, v: Array) -> Array:
         """Velocities after the impacts at the stops."""
-        inverse = np.linalg.inv(self.mass_matrix(q))
+        inverse = np.linalg.inv(self.model.mass_matrix(q))
         outward = [1 if q[j] >= self.upper[j] - AT_REST else -1 if q[j] <= self.lower[j] + AT_REST else 0 for j in (0, 1)]
         touching = [j for j in (0, 1) if outward[j]]
         for chosen in ([], *([j] for j in touching), touching):

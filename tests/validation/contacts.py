@@ -1,4 +1,4 @@
-"""Checks of contacts and wrenches: a sliding box, a pushed box, a force on a link."""
+"""Checks of contacts: a sliding box, a pushed box, bodies at rest."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.scenario import Scenario
-from asrsim.scenario.data import World, WorldObject, Wrench
-from asrsim.signals import Constant, Sinusoid
+from asrsim.scenario.data import World, WorldObject
+from asrsim.signals import Constant
 from asrsim.simulation.run import Run, simulate
 from validation.check import Check, engine
-from validation.models import Body, chain, column, read, run
+from validation.models import Body, chain, read
 
 FRICTION = 0.23
 """Coulomb coefficient of the paper's box (section 4.2.3)."""
@@ -150,24 +150,3 @@ def landing() -> Iterator[Check]:
     yield Check(name="force on a fallen robot by the ground", figure=error, bound=5e-2, unit="N", source="its weight")
     height = abs(float(samples.bodies["body"][-1, 2]) - 0.05)
     yield Check(name="height of a fallen robot", figure=height, bound=1e-4, unit="m", source="half its thickness")
-
-
-def link_wrench() -> Iterator[Check]:
-    """Effect of a force at a point of a link, compared with its moment about the joint, in both frames."""
-    body = Body(mass=0.5, reach=0.08, inertia=6e-4)
-    wave = Sinusoid(amplitude=2.0, frequency=1.0)
-    point = (0.0, 0.0, -0.1)
-    across = Wrench(link="link_1", force=(wave, None, None), point=point, frame="link")
-    pushed = run(chain(body), duration=1.0, wrenches=(across,))
-    turned = run(chain(body), duration=1.0, external={"joint_1": Sinusoid(amplitude=-0.2, frequency=1.0)})
-    error = float(np.max(np.abs(column(pushed, "link_position") - column(turned, "link_position"))))
-    yield Check(
-        name="force across a link against its torque", figure=error, bound=1e-12, unit="rad", source="lever times force"
-    )
-    down = Wrench(link="link_1", force=(None, None, Constant(value=-0.5 * 9.81)), point=(0.0, 0.0, -0.08))
-    lifted = run(chain(body), duration=1.0, initial=[0.5], wrenches=(down,))
-    heavier = run(chain(body), duration=1.0, initial=[0.5], gravity=2.0 * 9.81)
-    error = float(np.max(np.abs(column(lifted, "link_position") - column(heavier, "link_position"))))
-    yield Check(
-        name="force down at the centre of mass against gravity", figure=error, bound=1e-12, unit="rad", source="m g twice"
-    )

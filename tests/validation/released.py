@@ -43,8 +43,7 @@ def distance(case: Mapping[str, Any], table: Array, columns: list[str]) -> float
     """Largest relative error of a case. For sums that cancel, the error is relative to the larger term."""
     tags = "".join(f"<{tag}>{value!r}</{tag}>" for tag, value in case["tags"].items())
     robot = read(URDF.format(plugin=case["plugin"], mode=case["mode"], tags=tags))
-    first_step = case["t_start"] + case["dT"] if case["t_start"] else None
-    found = toolbox_rows(robot, table[:, 0], table[:, 1:5], first_step)
+    found = toolbox_rows(robot, table[:, 1:5], case["dT"], case["t_start"] + case["dT"])
     worst = 0.0
     for name, ours in COLUMNS.items():
         if name in case["undefined_columns"]:

@@ -44,7 +44,7 @@ SECTIONS: tuple[Section, ...] = (
         ),
     ),
     Section(
-        title="Contacts and wrenches",
+        title="Contacts",
         text=(
             "By default, PyBullet ends its contact solver after 50 iterations or at a residual of 1e-7; boxes and joints "
             "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim allows 500 iterations or "
@@ -59,7 +59,6 @@ SECTIONS: tuple[Section, ...] = (
             contacts.stopping,
             contacts.resting,
             contacts.landing,
-            contacts.link_wrench,
         ),
         slow=frozenset({"stopping"}),
     ),
@@ -91,10 +90,9 @@ SECTIONS: tuple[Section, ...] = (
         title="Independent dynamics",
         text=(
             "Mass matrix, gravity torques and velocity torques of the engines are compared with Pinocchio at 20 random "
-            "states for each robot. A simulated swing in space is compared with Pinocchio's forward dynamics integrated "
-            "by DOP853."
+            "states for each robot."
         ),
-        measures=(dynamics.rigid_body, dynamics.spatial_swing),
+        measures=(dynamics.rigid_body,),
         needs="pinocchio",
     ),
     Section(

@@ -37,7 +37,7 @@ OUTPUTS = (
 """Names of the outputs. As in the released code, modes without a spring give NaN for springs and 0 for motors."""
 
 
-def toolbox_rows(robot: Robot, time: Array, motion: Array, first_step: float | None) -> dict[str, Array]:
+def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) -> dict[str, Array]:
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
     (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), initial_positions={}, link_damping={})
     shape = shape_of([drive], [None])
@@ -51,11 +51,12 @@ def toolbox_rows(robot: Robot, time: Array, motion: Array, first_step: float | N
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()
     rows = []
-    for step, (q, v, *_), goal in zip(steps_of(time, first_step), motion.tolist(), goals, strict=True):
+    for row, ((q, v, *_), goal) in enumerate(zip(motion.tolist(), goals, strict=True)):
+        h = step if row else first_step
         s[POSITION], s[ENGINE_VELOCITY] = q, v
         before = [s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
-        z = (step, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
-        advance(s, p, k, z, [0.0, *goal], step, True, False)
+        z = (h, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
+        advance(s, p, k, z, [0.0, *goal], h, True, False)
         rows.append((s[TORQUE], *_outputs(drive, q, before, s)))
     return dict(zip(OUTPUTS, np.array(rows).T, strict=True))
 
@@ -73,23 +74,3 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence
     stiffness = law(q, *(before if mode.number == 4 else (x, y)), drive.elastic)
     x, y = (x, y) if mode.motor else (0.0, 0.0)
     return (*torques, stiffness, x, v_x, drive_x, y, v_y, drive_y)
-
-
-def steps_of(time: Array, first: float | None) -> list[float]:
-    """Step of each row without the rounding errors of the times, s. By default, the first step equals the second."""
-    if len(time) < 2:
-        return [first if first is not None else (float(time[0]) or 1e-3)]
-    rounding = 4.0 * float(np.spacing(np.max(np.abs(time))))
-    steps = np.diff(time)
-    mean = float(steps.mean())
-    if np.all(np.abs(steps - mean) <= rounding):
-        lengths = [_simplest(mean, rounding / len(steps) + np.spacing(mean))] * len(steps)
-    else:
-        lengths = [_simplest(step, rounding) for step in steps.tolist()]
-    return [lengths[0] if first is None else first, *lengths]
-
-
-def _simplest(step: float, rounding: float) -> float:
-    """Decimal number with the fewest digits that differs from `step` by at most `rounding`."""
-    candidates = (float(f"{step:.{digits}g}") for digits in range(1, 17))
-    return next((one for one in candidates if abs(one - step) <= rounding), step)

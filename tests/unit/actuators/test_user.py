@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,9 +20,9 @@ from asrsim.identification.door import Door
 from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import equilibrium_position
 from asrsim.robot import load_robot
-from asrsim.robot.values import has_spring
 from asrsim.scenario.data import Scenario
 from support.paths import ROOT
+from validation.models import Body, chain, column, run
 
 EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
 DOCS = ROOT / "docs/actuators.md"
@@ -47,12 +47,6 @@ class Mine(Actuator):
     motors = 1
     parameters = (Parameter(name="k", default=3.0, unit="N m/rad", doc="stiffness"),)
 """
-
-
-@pytest.fixture(autouse=True)
-def registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every test leaves the registry as it was."""
-    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
 
 
 def write(tmp_path: Path, text: str, name: str = "mine.py") -> Path:
@@ -204,67 +198,6 @@ class Linear(Actuator):
         return 0.5 * (theta_1 + theta_2)
 
 
-class WrongStiffness(Linear):
-    @staticmethod
-    def stiffness(q, theta_1, theta_2, parameters):
-        return 2.001 * parameters[0]
-
-
-class Repelling(Linear):
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        return parameters[0] * (q - theta_1), parameters[0] * (q - theta_2)
-
-    @staticmethod
-    def stiffness(q, theta_1, theta_2, parameters):
-        return -2.0 * parameters[0]
-
-
-class Active(Linear):
-    """Motor 2 pulls on motor 1, but not the other way round: a loop makes work."""
-
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        return parameters[0] * (theta_1 - q) + 0.5 * (theta_2 - q), parameters[0] * (theta_2 - q)
-
-    @staticmethod
-    def stiffness(q, theta_1, theta_2, parameters):
-        return 2.0 * parameters[0] + 0.5
-
-
-class Overflowing(Linear):
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        return (theta_1 - q) / 0.0, 0.0
-
-
-class Remembering(Linear):
-    calls: list[float] = []  # noqa: RUF012 (the fault under test)
-
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        Remembering.calls.append(q)
-        return parameters[0] * (theta_1 - q) + 1e-3 * len(Remembering.calls), parameters[0] * (theta_2 - q)
-
-
-class OneMotorMap(Linear):
-    @staticmethod
-    def equilibrium_position(theta_1, theta_2):
-        return theta_1
-
-
-class Biased(Linear):
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        return parameters[0] * (theta_1 - q) + 0.1, parameters[0] * (theta_2 - q)
-
-
-class WrongEnergy(Linear):
-    @staticmethod
-    def elastic_energy(q, theta_1, theta_2, parameters):
-        return parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2)
-
-
 class Deadband(Linear):
     """Legitimate: flat around zero, with corners."""
 
@@ -280,29 +213,45 @@ class Deadband(Linear):
 
 
 @pytest.mark.parametrize(
-    "actuator", [ACTUATORS.get(name) for name in ("sea", "qbmove", "bavs", "awas_ii")] + [Linear, Deadband]
+    "actuator", [ACTUATORS.get(name) for name in ("sea", "qbmove", "bavs", "awas_ii")] + [Linear, Deadband, THREE]
 )
-def test_good_laws_pass(actuator: type[Actuator]) -> None:
+def test_good_laws_pass(actuator: type[Actuator] | str, tmp_path: Path) -> None:
+    if isinstance(actuator, str):
+        (actuator,) = load_plugin_file(write(tmp_path, actuator))
     report = check_actuator(actuator)
     assert [check.name for check in report.checks if not check.passed] == []
     assert len(report.checks) == 8
 
 
+CALLS: list[float] = []
+
+
+def remembering(q, theta_1, theta_2, p):
+    CALLS.append(q)
+    return p[0] * (theta_1 - q) + 1e-3 * len(CALLS), p[0] * (theta_2 - q)
+
+
 @pytest.mark.parametrize(
-    ("actuator", "failed"),
+    ("failed", "laws"),
     [
-        (WrongStiffness, "stiffness"),
-        (Repelling, "restoring"),
-        (Active, "passive"),
-        (Overflowing, "finite"),
-        (Remembering, "pure"),
-        (OneMotorMap, "reference map"),
-        (Biased, "reference map"),
-        (WrongEnergy, "energy"),
+        ("stiffness", {"stiffness": lambda q, x, y, p: 2.001 * p[0]}),
+        ("restoring", {
+            "elastic_torques": lambda q, x, y, p: (p[0] * (q - x), p[0] * (q - y)), "stiffness": lambda q, x, y, p: -2.0 * p[0],
+        }),
+        # Motor 2 pulls on motor 1, but not the other way round: a loop makes work.
+        ("passive", {
+            "elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.5 * (y - q), p[0] * (y - q)),
+            "stiffness": lambda q, x, y, p: 2.0 * p[0] + 0.5,
+        }),
+        ("finite", {"elastic_torques": lambda q, x, y, p: ((x - q) / 0.0, 0.0)}),
+        ("pure", {"elastic_torques": remembering}),
+        ("reference map", {"equilibrium_position": lambda x, y: x}),
+        ("reference map", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.1, p[0] * (y - q))}),
+        ("energy", {"elastic_energy": lambda q, x, y, p: p[0] * ((x - q) ** 2 + (y - q) ** 2)}),
     ],
-)
-def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str) -> None:
-    report = check_actuator(actuator)
+)  # fmt: skip
+def test_each_fault_is_found_by_its_check(failed: str, laws: dict[str, Callable[..., object]]) -> None:
+    report = check_actuator(type("Faulty", (Linear,), {name: staticmethod(law) for name, law in laws.items()}))
     assert not report.passed
     check = next(check for check in report.checks if check.name == failed)
     assert not check.passed
@@ -339,32 +288,6 @@ def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
     assert (tmp_path / "ran").exists()
 
 
-class Slack(Actuator):
-    """A spring with play."""
-
-    name = "slack"
-    title = "Slack"
-    source = "these tests"
-    motors = 1
-    parameters = (Parameter(name="play", default=0.5, unit="rad", doc="to either side"),)
-
-    @staticmethod
-    def elastic_torques(q, theta_1, theta_2, parameters):
-        return max(theta_1 - q - parameters[0], 0.0) - max(q - theta_1 - parameters[0], 0.0), 0.0
-
-    @staticmethod
-    def stiffness(q, theta_1, theta_2, parameters):
-        return float(abs(theta_1 - q) > parameters[0])
-
-
-@pytest.mark.parametrize("most", [0.05, 0.4, 0.9])
-@pytest.mark.parametrize("play", [0.0, 0.03, 0.3, 0.8, 5.0])
-def test_a_spring_with_play_beyond_its_limit_is_no_spring(play: float, most: float) -> None:
-    ACTUATORS.add("slack", Slack)
-    block = SimpleNamespace(actuator="slack", values=lambda: {"play": play, "max_deflection": most})
-    assert has_spring(block) == (play < most)
-
-
 def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
     load_plugin_file(write(tmp_path, THREE))
     urdf = tmp_path / "arm.urdf"
@@ -375,15 +298,30 @@ def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
     )
 
 
-def test_laws_of_three_motors_pass_every_check(tmp_path: Path) -> None:
-    (actuator,) = load_plugin_file(write(tmp_path, THREE))
-    report = check_actuator(actuator)
-    assert [check.name for check in report.checks if not check.passed] == []
-
-
 def test_a_law_with_too_few_positions_is_named(tmp_path: Path) -> None:
     missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
     assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
+
+
+@pytest.mark.parametrize("mode", [3, 6])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_three_motors_swing_a_link_by_their_springs(tmp_path: Path, mode: int, compiled: bool) -> None:
+    """I q'' = 3 k (mean - q): from rest at 0, the link swings about the mean of the standing motors, 0.3 rad."""
+    load_plugin_file(write(tmp_path, THREE))
+    inertia, k, goals = 0.02, 5.0, (0.4, 0.3, 0.2)
+    result = run(
+        chain(Body(actuator="three", mass=1e-9, reach=0.0, inertia=inertia)), mode=mode, gravity=0.0, duration=0.5,
+        references={"equilibrium_position": 0.3, "stiffness_preset": 0.1}, compiled=compiled,
+        parameters={f"motor_{i}_inertia": 1e6 for i in (1, 2, 3)},
+        **({} if mode == 3 else {"initial_motor_positions": {"joint_1": goals}}),
+    )  # fmt: skip
+    position = column(result, "link_position")
+    expected = 0.3 * (1.0 - np.cos(np.sqrt(3.0 * k / inertia) * result.samples.time))
+    np.testing.assert_allclose(position, expected, atol=1e-3)
+    for i, theta in enumerate(goals, start=1):
+        np.testing.assert_allclose(column(result, f"motor_{i}_position"), theta, atol=1e-6)
+        np.testing.assert_allclose(column(result, f"elastic_torque_{i}"), k * (theta - position), atol=1e-6)
+    assert np.abs(column(result, "energy_residual")).max() < 1e-3
 
 
 @pytest.mark.parametrize("mode", [2, 5])

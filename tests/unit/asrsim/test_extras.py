@@ -25,7 +25,7 @@ from support.paths import ROOT
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 
 
-def read_hdf5() -> object:
+def read_hdf5():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lab.mat"
         path.write_bytes(b"\x89HDF")
@@ -46,7 +46,7 @@ USES: dict[str, tuple[str, Callable[[], object]]] = {
 
 
 @pytest.mark.parametrize("extra", USES)
-def test_without_it_the_extra_is_named(extra: str, monkeypatch: pytest.MonkeyPatch):
+def test_without_it_the_extra_is_named(extra, monkeypatch):
     module, use = USES[extra]
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=rf"'?{module}'?(,| which| is)* not installed") as caught:
@@ -59,12 +59,12 @@ def test_every_extra_of_users_is_tried():
     assert set(USES) == set(extras) - {"dev", "docs"}
 
 
-def test_an_environment_without_pip_is_named(monkeypatch: pytest.MonkeyPatch):
+def test_an_environment_without_pip_is_named(monkeypatch):
     monkeypatch.setattr("asrsim.extras.find_spec", lambda name: None)
     assert install("sweep") == f"pip --python {sys.prefix} install 'asrsim[sweep]'"
 
 
-def test_a_library_that_is_broken_gives_its_own_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_library_that_is_broken_gives_its_own_reason(tmp_path, monkeypatch):
     (tmp_path / "broken_one.py").write_text("raise ImportError('built for another numpy')\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InputError, match="broken_one cannot be loaded: built for another numpy"):

@@ -13,7 +13,7 @@ from asrsim.outfile import MARKS, check_output, is_ours, make_folder, write_text
 PAGE = '<meta name="generator" content="asrsim 1">'
 
 
-def test_an_own_file_is_replaced_without_remains(tmp_path: Path):
+def test_an_own_file_is_replaced_without_remains(tmp_path):
     path = tmp_path / "page.html"
     write_text(path, PAGE, "page")
     write_text(path, "naïve ω", "page")
@@ -22,7 +22,7 @@ def test_an_own_file_is_replaced_without_remains(tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", MARKS)
-def test_a_file_of_somebody_else_stays(tmp_path: Path, kind: str):
+def test_a_file_of_somebody_else_stays(tmp_path, kind):
     path = tmp_path / "file"
     path.write_text("# a file about asrsim, by hand: asrsim run scenario.yaml\n")
     with pytest.raises(OutputError, match="was not written by asrsim"):
@@ -32,7 +32,7 @@ def test_a_file_of_somebody_else_stays(tmp_path: Path, kind: str):
     assert path.read_text() == "new"
 
 
-def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path):
+def test_an_empty_file_holds_nothing_to_lose(tmp_path):
     path = tmp_path / "page.html"
     path.touch()
     write_text(path, "new", "page")
@@ -40,7 +40,7 @@ def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path):
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_links_are_not_followed(tmp_path: Path, there: bool):
+def test_links_are_not_followed(tmp_path, there):
     target, link = tmp_path / "precious", tmp_path / "page.html"
     if there:
         target.write_text(PAGE)
@@ -52,7 +52,7 @@ def test_links_are_not_followed(tmp_path: Path, there: bool):
     assert not there or target.read_text() == PAGE
 
 
-def test_an_input_is_never_an_output_even_when_allowed(tmp_path: Path):
+def test_an_input_is_never_an_output_even_when_allowed(tmp_path):
     path, other = tmp_path / "page.html", tmp_path / "hard.html"
     path.write_text(PAGE)
     os.link(path, other)
@@ -68,11 +68,11 @@ def test_a_device_is_written_to_as_it_is():
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_failed_write_leaves_the_earlier_file(tmp_path: Path, error: BaseException):
+def test_a_failed_write_leaves_the_earlier_file(tmp_path, error):
     path = tmp_path / "page.html"
     path.write_text(PAGE)
 
-    def fail() -> None:
+    def fail():
         with written(path, "page") as stream:
             stream.write(b"half")
             raise error
@@ -83,7 +83,7 @@ def test_a_failed_write_leaves_the_earlier_file(tmp_path: Path, error: BaseExcep
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_in_the_way_stays(tmp_path: Path):
+def test_a_folder_in_the_way_stays(tmp_path):
     folder = tmp_path / "page.html"
     folder.mkdir()
     with pytest.raises(OutputError, match=r"page\.html: cannot be written: "):
@@ -91,18 +91,18 @@ def test_a_folder_in_the_way_stays(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [folder]
 
 
-def test_a_file_where_a_folder_should_be_is_named(tmp_path: Path):
+def test_a_file_where_a_folder_should_be_is_named(tmp_path):
     (tmp_path / "file").touch()
     for folder in (tmp_path / "file", tmp_path / "file" / "deeper" / "still"):
         with pytest.raises(OutputError, match=r"cannot make the folder: .*/file is a file$"):
             make_folder(folder)
 
 
-def test_a_folder_that_is_not_there_is_an_output_error(tmp_path: Path):
+def test_a_folder_that_is_not_there_is_an_output_error(tmp_path):
     with pytest.raises(OutputError, match="No such file or directory"):
         write_text(tmp_path / "nowhere" / "page.html", "text", "page")
 
 
-def test_an_unreadable_file_is_not_overwritten(tmp_path: Path):
+def test_an_unreadable_file_is_not_overwritten(tmp_path):
     assert not is_ours(tmp_path, "page")
     assert not is_ours(tmp_path / "nowhere", "page")

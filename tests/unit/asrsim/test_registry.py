@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 
@@ -43,7 +42,7 @@ xyz="0 1 0"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value
 
 
 @pytest.fixture
-def installed(tmp_path: Path) -> Path:
+def installed(tmp_path):
     """A folder on the path with an installed package that registers two engines, one that is none, and a stepping."""
     (tmp_path / "elsewhere.py").write_text(MODULE)
     info = tmp_path / "elsewhere-1.0.dist-info"
@@ -72,7 +71,7 @@ print(json.dumps({**engines, "halfway": outcome(stepping="halfway")}))
 """
 
 
-def test_engines_and_steppings_of_other_packages_run_or_are_named(installed: Path) -> None:
+def test_engines_and_steppings_of_other_packages_run_or_are_named(installed):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(installed)])}
     done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=installed, env=environment, capture_output=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])
@@ -85,13 +84,13 @@ def test_engines_and_steppings_of_other_packages_run_or_are_named(installed: Pat
     assert "weightless" in found["nothing"], "the choices name the other engines"
 
 
-def test_the_first_question_finds_what_is_installed(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
     """Whichever it is: entry, membership, names."""
     monkeypatch.syspath_prepend(installed)
     points = [EntryPoint(name, f"elsewhere:{name}", "asrsim.engines") for name in ("weightless", "missing", "nothing")]
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == "asrsim.engines" else [])
 
-    def fresh() -> Registry[EngineEntry]:
+    def fresh():
         return Registry("engine", "asrsim.engines", instance=EngineEntry)
 
     assert fresh().get("weightless").doc == "MuJoCo without gravity"

@@ -22,7 +22,6 @@ from asrsim.identification.track import Played
 from asrsim.identification.write import as_dict, figures, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
-from asrsim.robot.vary import physical
 from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.run import run_again
 from support.identify_files import CHIRP, SEA, record, write
@@ -368,13 +367,6 @@ def test_progress_tells_a_time_that_remains(lab, monkeypatch):
     assert late
     assert all(0.0 <= one.remaining < 600.0 for one in late)
     assert late[-1].remaining <= late[0].remaining
-
-
-def test_inertias_stay_physical(lab):
-    robot = load_robot(lab / "lab.urdf")
-    found = physical(robot, {"link_1": {"izz": 0.05}})["link_1"]
-    assert found["izz"] == 0.05
-    assert found["ixx"] + found["iyy"] >= 0.05
 
 
 @pytest.mark.parametrize("factor", [8.0, 0.125])

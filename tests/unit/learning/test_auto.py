@@ -22,46 +22,47 @@ from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.twin import fit_twin
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
 from asrsim.simulation.run import simulate
-from support import independent_arm
-from support.lessons import inputs_in, record
+from support.lessons import inputs_in, plant_of, play, record
 from support.paths import ROOT
-from support.random_arms import random_arm
 from support.robots import drive_with
+from support.soft_arm import perturbed, random_arm
 
 ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
 
 
-def learned(arm, folder, **ilc):
+def learned(plant):
     """(prepared, result) of an arm in simulation."""
-    plant = make_plant(arm.make(folder, **ilc))
     with learning_model(plant) as model:
         prepared = prepare_learning(plant, model)
         return prepared, learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
 
 
+def weaker(arm, factor):
+    """Arm whose torque limits are multiplied."""
+    return arm.scaled(lambda name: factor if name == "motor_1_max_torque" else 1.0)
+
+
 @pytest.mark.parametrize("seed", [5, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 10, 17))])
 def test_arms_that_can_follow_do_without_tuning(seed, tmp_path):
-    prepared, result = learned(random_arm(seed), tmp_path)
+    prepared, result = learned(plant_of(tmp_path, *random_arm(seed)))
     assert prepared.reach(result) == "within reach"
     assert min(trial.worst for trial in result.trials[:6]) <= 0.02
     assert result.best.worst <= 0.005
 
 
 def test_a_motion_out_of_reach_is_told_with_joint_and_time(tmp_path):
-    arm = random_arm(5)
-    weak = replace(arm, urdf=re.sub(r"(<mot_._tauMax>)[^<]*", r"\g<1>0.05", arm.urdf))
-    prepared, result = learned(weak, tmp_path, max_iterations=4)
-    assert re.search(r"out of reach: .* off; joint_1 at [\d.]+ s: motor torque", prepared.reach(result))
-    assert any(line.startswith("beyond its limit: joint_1 at") for line in prepared.before)
+    arm, *motion = random_arm(5)
+    prepared, result = learned(plant_of(tmp_path, weaker(arm, 0.01), *motion, max_iterations=4))
+    assert re.search(r"out of reach: .* off; joint_\d at [\d.]+ s: motor torque", prepared.reach(result))
+    assert any(line.startswith("beyond its limit: joint_") for line in prepared.before)
 
 
 def test_a_motor_torque_beyond_its_limit_for_a_moment_is_within_reach_if_no_error_is_left(tmp_path):
     """Inverse dynamics needs 140 % of the torque; with the limit in force trials come within the tolerance."""
-    arm = random_arm(9101)
-    with learning_model(make_plant(arm.make(tmp_path))) as model:
+    arm, *motion = random_arm(2)
+    with learning_model(plant_of(tmp_path, arm, *motion)) as model:
         most = max(item.score for item in model.inverse.demands if item.what == "motor torque")
-    weak = replace(arm, urdf=re.sub(r"(<mot_._tauMax>)([^<]*)", lambda tag: f"{tag[1]}{float(tag[2]) * most / 1.4}", arm.urdf))
-    prepared, result = learned(weak, tmp_path)
+    prepared, result = learned(plant_of(tmp_path, weaker(arm, most / 1.4), *motion))
     assert prepared.demands[0].what == "motor torque"
     assert prepared.demands[0].score == pytest.approx(1.4, abs=0.01)
     assert prepared.reach(result).startswith("within reach, although")
@@ -93,12 +94,12 @@ def test_joints_that_do_not_learn_are_soft_too():
 @pytest.mark.slow
 @pytest.mark.parametrize("joint", ["joint_1", "joint_4"])
 def test_one_joint_of_a_soft_arm_learns_while_the_others_follow(joint, tmp_path):
-    arm = random_arm(734)
-    motions = arm.scenario["ilc"]["trajectory"]
-    given = arm.scenario["references"]
-    others = {name: {**given[name], "equilibrium_position": motions[name]} for name in motions if name != joint}
-    alone = replace(arm, scenario={**arm.scenario, "references": {**given, **others}})
-    _, result = learned(alone, tmp_path, trajectory={joint: motions[joint]})
+    arm, motions, duration = random_arm(2, joints=4)
+    references = {name: {"equilibrium_position": motions[name], "stiffness_preset": arm.preset} for name in motions}
+    del references[joint]["equilibrium_position"]
+    block = {"trajectory": {joint: motions[joint]}, "tolerance": 0.005, "max_iterations": 15}
+    path = arm.write(tmp_path, duration=duration, initial="equilibrium", references=references, ilc=block)
+    _, result = learned(make_plant(load_scenario(path)[0]))
     assert result.converged
 
 
@@ -140,14 +141,14 @@ def test_learning_ends_after_more_than_patience_trials_without_progress(patience
 
 def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
     """Inputs of the last moments act behind the end; they must be those that hold the pose."""
-    _, result = learned(random_arm(1), tmp_path, first_guess="zero", max_iterations=4, tolerance=1e-5)
+    _, result = learned(plant_of(tmp_path, *random_arm(1), first_guess="zero", max_iterations=4, tolerance=1e-5))
     steps = np.abs(np.diff(result.inputs, axis=0))
     assert steps[-300:].max() < 2.0 * steps[1000:-300].max()
 
 
 def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     """The twin is the robot, and not only closer to it."""
-    plant = make_plant(random_arm(6).make(tmp_path))
+    plant = plant_of(tmp_path, *random_arm(6))
     links = [plant.robot.joint(joint).child for joint in plant.joints]
     masses = {link.name: link.mass for link in plant.robot.links}
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
@@ -160,9 +161,8 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
 
 def test_learning_goes_on_with_recordings_of_a_robot_that_is_not_asrsim(tmp_path):
     """Masses and stiffnesses off by 25 %, losses by 50 %, 10 ms, 1 mrad of noise."""
-    arm, motion, duration = independent_arm.random_arm(0)
-    scenario = load_scenario(arm.write(tmp_path, motion, duration))[0]
-    plant, robot = make_plant(scenario), arm.other(0)
+    arm, *motion = random_arm(0)
+    plant, robot = plant_of(tmp_path, arm, *motion), perturbed(arm, 0)
     with learning_model(plant) as model:
         inputs = model.guess
     errors = []
@@ -185,15 +185,15 @@ def test_learning_goes_on_with_recordings_of_a_robot_that_is_not_asrsim(tmp_path
 @pytest.mark.slow
 def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
     """A gain of 3 makes errors grow; the law `auto` finds a better input for the same robot and says nothing."""
-    arm, motion, duration = independent_arm.random_arm(4)
-    robot = arm.other(4)
+    arm, *motion = random_arm(4)
+    robot = perturbed(arm, 4)
     for name, ilc in {"fixed": {"law": "paper", "gain": 3.0, "first_guess": "inverse_dynamics"}, "auto": {}}.items():
-        plant = make_plant(load_scenario(arm.write(tmp_path / name, motion, duration, **ilc))[0])
+        plant = plant_of(tmp_path / name, arm, *motion, **ilc)
         with learning_model(plant) as model:
             first = model.guess
         before = record(tmp_path / name / "trial_0.csv", plant, robot, first)
         step = next_input(plant, tmp_path / name, tmp_path / name / "trial_0.csv")
-        after = np.abs(plant.reference - robot.move(plant.time, inputs_in(tmp_path / name / "next.csv", plant))).max()
+        after = np.abs(plant.reference - play(robot, plant, inputs_in(tmp_path / name / "next.csv", plant))).max()
         assert (after > 1.2 * before) == (step.warning is not None) == (name == "fixed")
 
 

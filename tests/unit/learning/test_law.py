@@ -158,3 +158,12 @@ def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(wor
     trials = [given.trial(number, np.zeros((2, 1)), np.full((2, 1), error)) for number, error in enumerate(worst)]
     found = FixedGain(given, settings()).verdict(trials, 2)
     assert (found is not None) == ends
+
+
+@pytest.mark.parametrize("cutoff", [0.5, 2.0])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_the_filter_keeps_a_ramp_to_its_ends(cutoff, order):
+    """If the padding were shorter than the filter's memory, its transient would remain in the first samples."""
+    time = np.arange(0, 20, 0.005)
+    ramp = np.column_stack([time, 3 - 0.5 * time])
+    assert np.abs(zero_phase(ramp, cutoff, order, 0.005) - ramp).max() < 1e-3 / cutoff

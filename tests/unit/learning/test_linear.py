@@ -13,9 +13,9 @@ from asrsim.kinematics.desired import DesiredMotion
 from asrsim.learning.linear import linearise_along, spring_slopes
 from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import EVERY, InputSplines, lift
-from asrsim.learning.plant import make_plant
-from support.random_arms import random_arm
+from support.lessons import plant_of
 from support.robots import drive_with
+from support.soft_arm import random_arm
 
 MASS, LENGTH, GRAVITY = 0.5, 0.08, 9.81
 INERTIA = MASS * LENGTH**2
@@ -103,11 +103,16 @@ def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", [5, 6])
+def test_changes_of_the_input_last_until_the_end_of_the_tail():
+    knots = InputSplines.over(1.0, 0.3).knots
+    assert (knots[0], knots[-1]) == pytest.approx((0.0, 1.3))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""
-    arm = random_arm(seed, friction=False)
-    plant = make_plant(arm.make(tmp_path))
+    arm, *motion = random_arm(seed)
+    plant = plant_of(tmp_path, arm.scaled(lambda name: 0.0 if "friction" in name else 1.0), *motion)
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
     with learning_model(plant) as model:
         linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,65 +11,42 @@ import pytest
 
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
-
-rosbags = pytest.importorskip("rosbags")
-from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin  # noqa: E402
-from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
+from support.bags import NUMBER, START, STATE, header, joint_state, write_bag
 
 N = 40
-ZERO = 1_700_000_000_000_000_000
-STAMPS = ZERO + 10_000_000 * np.arange(N)
+STAMPS = START + 10_000_000 * np.arange(N)
 TIME = 0.01 * np.arange(N)
 Q = np.array([np.sin(TIME), np.cos(TIME)])
+ANGLE, COMMAND, TEXT = "lab_msgs/msg/Angle", "/arm/elbow/equilibrium_position", "std_msgs/msg/String"
+JOINTS = np.array(["shoulder", "elbow"])
 
 
-def joint_state(store: Any, i: int, stamp: int, names: list[str], ros1: bool) -> Any:
-    types = store.types
-    time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
-    header = {"seq": i, "stamp": time, "frame_id": ""} if ros1 else {"stamp": time, "frame_id": ""}
-    return types["sensor_msgs/msg/JointState"](
-        header=types["std_msgs/msg/Header"](**header), name=names, position=Q[: len(names), i].copy(),
-        velocity=np.array([]), effort=2 * Q[: len(names), i],
-    )  # fmt: skip
+def states(types, i, stamp):
+    """Positions, and twice as large efforts; each second message lists the joints in the other order, as two publishers do."""
+    order = [1, 0] if i % 2 else [0, 1]
+    return joint_state(types, stamp, JOINTS[order].tolist(), Q[order, i], 2 * Q[order, i])
 
 
-def write_ros1(path: Path, *, offset: int = 0, bad: int = 0) -> Path:
+def write_ros1(path, *, offset=0, bad=0):
     """offset: ns by which the headers' stamps are late; bad: ns by which that of message 17 is off."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(path) as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        command = writer.add_connection("/arm/elbow/equilibrium_position", "std_msgs/msg/Float64", typestore=store)
-        text = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp + offset + bad * (i == 17), ["shoulder", "elbow"], ros1=True)
-            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
-            value = store.types["std_msgs/msg/Float64"](data=0.5 * i)
-            writer.write(command, stamp, store.serialize_ros1(value, "std_msgs/msg/Float64"))
-            word = store.types["std_msgs/msg/String"](data="hello")
-            writer.write(text, stamp, store.serialize_ros1(word, "std_msgs/msg/String"))
-    return path
+    topics = {
+        "/joint_states": (STATE, lambda types, i, time: states(types, i, time + offset + bad * (i == 17))),
+        COMMAND: (NUMBER, lambda types, i, time: types[NUMBER](0.5 * i)),
+        "/chatter": (TEXT, lambda types, i, time: types[TEXT]("hello")),
+    }
+    return write_bag(path, "ros1", topics, STAMPS)
 
 
-def write_ros2(path: Path, storage: StoragePlugin, version: int = 9) -> Path:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    definition = "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"
-    store.register(get_types_from_msg(definition, "lab_msgs/msg/Angle"))
-    with Writer2(path, version=version, storage_plugin=storage) as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        own = writer.add_connection("/lab/angle", "lab_msgs/msg/Angle", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=False)
-            writer.write(states, stamp, store.serialize_cdr(message, "sensor_msgs/msg/JointState"))
-            angle = store.types["lab_msgs/msg/Angle"](
-                angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=message.header
-            )
-            writer.write(own, stamp, store.serialize_cdr(angle, "lab_msgs/msg/Angle"))
-    return path
+def write_ros2(path, kind, version=9):
+    def angle(types, i, time):
+        return types[ANGLE](angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=header(types, time))
+
+    definitions = {ANGLE: "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"}
+    topics = {"/joint_states": (STATE, states), "/lab/angle": (ANGLE, angle)}
+    return write_bag(path, kind, topics, STAMPS, definitions=definitions, version=version)
 
 
-def check(path: Path) -> None:
+def check(path):
     recording = read_recording(path)
     np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
     assert recording.joints == ("shoulder", "elbow")
@@ -78,21 +54,7 @@ def check(path: Path) -> None:
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
 
 
-def test_joints_in_any_order(tmp_path: Path) -> None:
-    """Two publishers, each with its own order of the joints."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(tmp_path / "lab.bag") as writer:
-        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        for i, stamp in enumerate(STAMPS.tolist()):
-            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=True)
-            if i % 2:
-                message.name.reverse()
-                message.position[:], message.effort[:] = message.position[::-1].copy(), message.effort[::-1].copy()
-            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
-    check(tmp_path / "lab.bag")
-
-
-def test_ros1_bag(tmp_path: Path) -> None:
+def test_ros1_bag(tmp_path):
     path = write_ros1(tmp_path / "lab.bag")
     check(path)
     recording = read_recording(path)
@@ -101,8 +63,8 @@ def test_ros1_bag(tmp_path: Path) -> None:
     assert any(f.key == "/chatter" for f in recording.findings)
 
 
-@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
-def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path, storage: StoragePlugin) -> None:
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path, storage):
     path = write_ros2(tmp_path / "bag", storage)
     check(path)
     check(next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3")))
@@ -111,11 +73,11 @@ def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path,
     np.testing.assert_allclose(recording.channels["/lab/angle/pair[1]"].values, np.arange(N))
 
 
-def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
+def test_unknown_message_types_without_definition(tmp_path):
     """Bags before ROS 2 Iron hold no definitions; types outside of the standard ones cannot be read."""
     import sqlite3
 
-    path = write_ros2(tmp_path / "bag", StoragePlugin.SQLITE3, version=8)
+    path = write_ros2(tmp_path / "bag", "sqlite3", version=8)
     database = sqlite3.connect(next(path.glob("*.db3")))
     tables = [row[0] for row in database.execute("select name from sqlite_master where type = 'table'")]
     if "message_definitions" in tables:
@@ -129,7 +91,7 @@ def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab.bag", "lab.mcap", "lab.db3"])
-def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
+def test_damaged_and_empty_bags(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"no bag at all" * 50)
     with pytest.raises(RecordingError, match="no bag at all"):
@@ -139,7 +101,7 @@ def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
         read_recording(path)
 
 
-def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
+def test_own_logs_are_recordings_too(tmp_path):
     from asrsim.log import LogWriter
     from asrsim.samples import JointInfo, RunInfo, Samples
 
@@ -154,15 +116,17 @@ def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("off", [-3600, 45, 4_000_000])
-def test_one_bad_stamp_leaves_out_one_message(tmp_path: Path, off: int) -> None:
+def test_one_bad_stamp_leaves_out_one_message(tmp_path, off):
     recording = read_recording(write_ros1(tmp_path / "lab.bag", bad=off * 10**9))
     column = recording.column("elbow", "link_position")
     np.testing.assert_allclose(np.diff(column.time), np.diff(np.delete(STAMPS, 17)) * 1e-9, atol=1e-9)
     np.testing.assert_allclose(column.values, np.delete(Q[1], 17))
 
 
-@pytest.mark.parametrize(("late", "used"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False), (5.0 - ZERO * 1e-9, False)])
-def test_stamps_near_the_time_of_recording_are_used(tmp_path: Path, late: float, used: bool) -> None:
+@pytest.mark.parametrize(
+    ("late", "used"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False), (5.0 - START * 1e-9, False)]
+)
+def test_stamps_near_the_time_of_recording_are_used(tmp_path, late, used):
     """Within a second it is the way of the messages; beyond, another clock, which is said."""
     path = write_ros1(tmp_path / "lab.bag", offset=round(late * 1e9))
     recording = read_recording(path)
@@ -171,9 +135,7 @@ def test_stamps_near_the_time_of_recording_are_used(tmp_path: Path, late: float,
     assert begins[0] - begins[1] == pytest.approx(late if used else 0.0, abs=1e-9)
 
 
-def mcap(
-    path: Path, messages: dict[str, Callable[[int, int], dict[str, Any]]], *, encoding: str = "json", chunk: int = 10**6
-) -> Path:
+def mcap(path, messages, *, encoding="json", chunk=10**6):
     """Topics' JSON messages by their number and the ns at which they were sent; the recorder got them 1.5 times as late."""
     from mcap.writer import Writer
 
@@ -183,14 +145,14 @@ def mcap(
         schema = writer.register_schema("lab/State", "jsonschema", b"{}")
         channels = {topic: writer.register_channel(topic, encoding, schema) for topic in messages}
         for i in range(N):
-            got, sent = ZERO + 15_000_000 * i, ZERO + 10_000_000 * i
+            got, sent = START + 15_000_000 * i, START + 10_000_000 * i
             for topic, message in messages.items():
                 writer.add_message(channels[topic], log_time=got, publish_time=got, data=json.dumps(message(i, sent)).encode())
         writer.finish()
     return path
 
 
-def parts(stamp: int, whole: str, rest: str) -> dict[str, int]:
+def parts(stamp, whole, rest):
     return {whole: stamp // 10**9, rest: stamp % 10**9}
 
 
@@ -203,24 +165,24 @@ SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("name", SENT)
-def test_json_messages_were_measured_when_they_say(tmp_path: Path, name: str) -> None:
+def test_json_messages_were_measured_when_they_say(tmp_path, name):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"names": [], "q": Q[:, i].tolist()}})
     column = read_recording(path, joints=["a", "b"]).column("b", "link_position")
     np.testing.assert_allclose(column.time, TIME, atol=1e-6)
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)
 
 
-def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path: Path) -> None:
+def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, _: {"t": 1000 * TIME[i], "q": Q[0, i]}})
     found = read_recording(path)
     np.testing.assert_allclose(found.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
     np.testing.assert_allclose(read_recording(path, mapping=["/state/t=time [ms]"]).time, TIME, atol=1e-6)
 
 
-def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
+def test_a_topic_whose_clock_restarts_is_not_read(tmp_path):
     messages = {
         "/state": lambda i, t: {"q": Q[0, i]},
-        "/bad": lambda i, t: {"stamp": parts(ZERO + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
+        "/bad": lambda i, t: {"stamp": parts(START + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
     }
     path = mcap(tmp_path / "a.mcap", messages)
     recording = read_recording(path)
@@ -228,7 +190,7 @@ def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
     assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
 
 
-def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> None:
+def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {"data": 0.5 * i}}, chunk=400)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     recording = read_recording(path, mapping=["/q=elbow.link_position [deg]"])
@@ -238,7 +200,7 @@ def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> 
     assert any(f.code == "truncated" for f in recording.findings)
 
 
-def test_unknown_encodings_say_what_the_file_holds(tmp_path: Path) -> None:
+def test_unknown_encodings_say_what_the_file_holds(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {}}, encoding="protobuf")
     with pytest.raises(RecordingError, match=r"/q \(lab/State\).*protobuf.*JointState"):
         read_recording(path)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from asrsim.plots import read_curves, style
-from asrsim.plots.limits import panel_limits
 from asrsim.recordings.names import find_joint
 from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
 from support.plot_example import made_up_log
 
 
-def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
+def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
     time = np.arange(1001) * 0.001
     rows = {name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
             for name, scale in (("soft", 1.0), ("stiff", 3.0))}  # fmt: skip
@@ -56,7 +52,7 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
             for n in (0, 1)} <= seen  # fmt: skip
 
 
-def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) -> None:
+def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
     fine = made_up_log(tmp_path / "fine" / "log.mcap", variant="fine", count=4001, step=0.001)
     coarse = made_up_log(tmp_path / "coarse" / "log.mcap", variant="coarse", count=101, step=0.02)
     grid, runs = read_runs([fine, coarse], quantities=["link_position", "nothing"])
@@ -75,38 +71,11 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) 
         assert grid.time[there].max() == pytest.approx(end, abs=width)
 
 
-URDF = (
-    '<robot name="made_up">'
-    '<joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
-    '<joint name="joint_2" type="continuous"><limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>'
-)
-
-
-def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
-    time = np.arange(1001) * 0.001
-    apart = {"motor_1_position": 0.3 + 0.1 * time, "motor_2_position": -0.1 - 0.1 * time}
-    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=2, values=apart))
-    given = {"motor_1_max_torque": 2.0, "motor_2_max_torque": 3.0, "max_deflection": 0.7}
-    info = replace(run.info, urdf=URDF, resolved={**run.info.resolved, "parameters": {"joint_1": given}})
-    run = replace(run, info=info)
-    found = lambda joint, panel: [curve.values.tolist() for curve in panel_limits(run, joint, panel)]  # noqa: E731
-    assert found("joint_1", "position") == found("joint_1", "quantity:link_position") == [[-0.3] * 2, [0.5] * 2]
-    assert found("joint_1", "torque") == found("joint_1", "link_torque") == [[-4.0] * 2, [4.0] * 2]
-    assert found("joint_1", "motor_torque") == [[-2.0] * 2, [2.0] * 2, [-3.0] * 2, [3.0] * 2]
-    assert found("joint_1", "quantity:motor_2_torque") == [[-3.0] * 2, [3.0] * 2]
-    assert found("joint_1", "velocity") == []
-    assert [found("joint_2", panel) for panel in ("position", "torque", "motor_torque", "deflection")] == [[]] * 4
-    upper, lower = panel_limits(run, "joint_1", "deflection")
-    np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
-    np.testing.assert_allclose(lower.values, -upper.values)
-    assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2
-
-
 @pytest.mark.parametrize(
     ("name", "joint", "rest"),
     [("elbow_1_pos", "elbow_1", " _pos"), ("elbow_12_pos", None, "elbow_12_pos"), ("myelbow_1", None, "myelbow_1"),
      ("Elbow1 [rad]", "elbow_1", "  [rad]"), ("q_deg", None, "q_deg"), ("left_elbow_1", "left_elbow_1", " ")],
 )  # fmt: skip
-def test_the_longest_joint_name_in_a_column_is_found(name: str, joint: str | None, rest: str) -> None:
+def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ yourdfpy = pytest.importorskip("yourdfpy")
 EXAMPLES = sorted((ROOT / "examples" / "urdf").glob("*.urdf"))
 
 
-def check(path: Path) -> None:
+def check(path):
     robot = load_robot(path)
     other = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)
     source = np.random.default_rng(1)
@@ -34,12 +32,12 @@ def check(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_links_of_the_examples_are_where_yourdfpy_has_them(path: Path) -> None:
+def test_links_of_the_examples_are_where_yourdfpy_has_them(path):
     check(path)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_links_of_random_trees_are_where_yourdfpy_has_them(seed: int, tmp_path: Path) -> None:
+def test_links_of_random_trees_are_where_yourdfpy_has_them(seed, tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(random_urdf(seed, square=False), encoding="utf-8")
     check(path)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
-from asrsim.robot import Robot, load_robot, with_overrides
+from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.numbers import read_number
 from asrsim.robot.tags import parameter_tags
 
@@ -18,14 +16,14 @@ REQUIRED = "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>f
 LINK = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
 
-def block(tags: str = "", *, actuator: str = "qbmove", joint: str = "elbow", mode: str = "5", required: str = REQUIRED) -> str:
+def block(tags="", *, actuator="qbmove", joint="elbow", mode="5", required=REQUIRED):
     return (
         f'<gazebo><plugin name="act" filename="lib{actuator}_plugin.so">\n'
         f"<joint>{joint}</joint>\n<operation_mode>{mode}</operation_mode>{required}\n{tags}\n</plugin></gazebo>"
     )
 
 
-def urdf(blocks: str) -> str:
+def urdf(blocks):
     return f"""<robot name="arm">
 <link name="world"/>
 <joint name="elbow" type="revolute"><parent link="world"/><child link="forearm"/><axis xyz="0 1 0"/>
@@ -41,8 +39,8 @@ def urdf(blocks: str) -> str:
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[[str], Robot]:
-    def reader(blocks: str) -> Robot:
+def read(tmp_path):
+    def reader(blocks):
         path = tmp_path / "arm.urdf"
         path.write_text(urdf(blocks))
         return load_robot(path)
@@ -50,18 +48,18 @@ def read(tmp_path: Path) -> Callable[[str], Robot]:
     return reader
 
 
-def codes(robot: Robot) -> set[str]:
+def codes(robot):
     return {problem.code for problem in robot.warnings}
 
 
-def errors(read: Callable[[str], Robot], blocks: str) -> dict[str, object]:
+def errors(read, blocks):
     with pytest.raises(InputError) as caught:
         with_overrides(read(blocks))
     return {problem.code: problem for problem in caught.value.problems}
 
 
 @pytest.mark.parametrize("name", ["sea", "qbmove", "bavs", "awas_ii"])
-def test_every_tag_reaches_its_parameter(name: str, read: Callable[[str], Robot]) -> None:
+def test_every_tag_reaches_its_parameter(name, read):
     tags = parameter_tags(ACTUATORS.get(name))
     assert len(set(tags.values())) == len(tags)
     # Each gets its own value, so that no two can be mixed up.
@@ -72,7 +70,7 @@ def test_every_tag_reaches_its_parameter(name: str, read: Callable[[str], Robot]
     assert all(value.origin == "tag" and value.line == 14 for value in robot.actuators[0].parameters.values())
 
 
-def test_defaults_are_the_released_codes(read: Callable[[str], Robot]) -> None:
+def test_defaults_are_the_released_codes(read):
     values = read(block()).actuators[0].parameters
     assert (values["motor_1_damping"].value, values["motor_2_friction_torque"].value) == (0.2698, 0.02)
     assert (values["controller_2_proportional"].value, values["controller_1_derivative"].value) == (125.0, 4.5)
@@ -80,7 +78,7 @@ def test_defaults_are_the_released_codes(read: Callable[[str], Robot]) -> None:
     assert values["spring_a_1"].tag == "spring_a1"
 
 
-def test_free_text_comments_blanks_and_infinity(read: Callable[[str], Robot]) -> None:
+def test_free_text_comments_blanks_and_infinity(read):
     robot = read(
         block(
             "# free text\n<spring_a1>11 </spring_a1> # more <!-- and a comment -->\n<max_def> 0.5<!-- rad --> </max_def>"
@@ -92,19 +90,19 @@ def test_free_text_comments_blanks_and_infinity(read: Callable[[str], Robot]) ->
     assert (values["motor_1_min_position"], values["motor_1_max_position"]) == (-math.inf, math.inf)
 
 
-def test_later_dialect(read: Callable[[str], Robot]) -> None:
+def test_later_dialect(read):
     entry = read(block("<namespace>alter/right</namespace><t_sample>0.01</t_sample>")).actuators[0]
     assert (entry.namespace, entry.sample_time) == ("alter/right", 0.01)
 
 
-def test_older_foreign_plugin_of_the_same_name_is_named_and_not_simulated(read: Callable[[str], Robot]) -> None:
+def test_older_foreign_plugin_of_the_same_name_is_named_and_not_simulated(read):
     robot = read('<gazebo><plugin name="p" filename="libqbmove_plugin.so"><command_topic>/c</command_topic></plugin></gazebo>')
     assert robot.actuators == ()
     assert [problem.code for problem in robot.warnings] == ["foreign-dialect", "no-actuators"]
     assert "l1va/qbmove_ros" in robot.warnings[0].message
 
 
-def test_foreign_plugins_and_references_are_left_alone(read: Callable[[str], Robot]) -> None:
+def test_foreign_plugins_and_references_are_left_alone(read):
     robot = read(
         '<gazebo><plugin name="ros_control" filename="libgazebo_ros_control.so"><joint>nothing</joint></plugin></gazebo>'
         '<gazebo reference="hand"><mu1>3</mu1><sensor name="s"><plugin name="i" filename="libimu.so"/></sensor></gazebo>'
@@ -114,7 +112,7 @@ def test_foreign_plugins_and_references_are_left_alone(read: Callable[[str], Rob
     assert robot.warnings == ()
 
 
-def test_arithmetic_is_evaluated_and_said_to_be_misread(read: Callable[[str], Robot]) -> None:
+def test_arithmetic_is_evaluated_and_said_to_be_misread(read):
     robot = read(block("<spring_a>1.21*pow(10,-6)</spring_a>", actuator="bavs"))
     value = robot.actuators[0].parameters["spring_a"]
     assert value.value == pytest.approx(1.21e-6, rel=1e-12)
@@ -129,7 +127,7 @@ def test_arithmetic_is_evaluated_and_said_to_be_misread(read: Callable[[str], Ro
     [("1.5", 1.5), (" -2e-3 ", -2e-3), (".5", 0.5), ("3.", 3.0), ("2*(3+4)/7", 2.0), ("-pow(2, 3)*-1", 8.0), ("1-2-3", -4.0),
      ("8/2/2", 2.0), ("10 # note", 10.0), ("+inf", math.inf)],
 )  # fmt: skip
-def test_numbers(text: str, value: float) -> None:
+def test_numbers(text, value):
     assert read_number(text)[0] == pytest.approx(value)
 
 
@@ -138,7 +136,7 @@ def test_numbers(text: str, value: float) -> None:
     ["", "abc", "1,5", "0.5 Nm", "1/0", "pow(10,400)", "pow(-1,0.5)", "__import__('os')", "2**3", "1e999*2", "(((1)", "pow(1)",
      "(" * 100 + "1" + ")" * 100, "1+" * 200 + "1", "1e5e5", "os.system"],
 )  # fmt: skip
-def test_bad_numbers_are_refused(text: str) -> None:
+def test_bad_numbers_are_refused(text):
     with pytest.raises(ValueError, match=r"\w"):
         read_number(text)
 
@@ -164,23 +162,18 @@ def test_bad_numbers_are_refused(text: str) -> None:
         (block(actuator="qbmoves"), "unknown-actuator", 11, "libqbmove_plugin.so"),
     ],
 )  # fmt: skip
-def test_bad_blocks(read: Callable[[str], Robot], blocks: str, code: str, line: int, says: str) -> None:
+def test_bad_blocks(read, blocks, code, line, says):
     found = errors(read, blocks)
     assert set(found) == {code}
     assert found[code].line == line
     assert says in str(found[code])
 
 
-def test_missing_required_tags(read: Callable[[str], Robot]) -> None:
+def test_missing_required_tags(read):
     found = errors(read, '<gazebo><plugin name="a" filename="libsea_plugin.so"><joint>elbow</joint></plugin></gazebo>')
     assert "operation_mode" in found["missing-tag"].message
     robot = read(block(required=""))
     assert [problem.code for problem in robot.warnings] == ["missing-tag"] * 3
-
-
-def test_all_problems_come_at_once(read: Callable[[str], Robot]) -> None:
-    found = errors(read, block("<spring_a1>x</spring_a1><mot_2_J>-1</mot_2_J>", joint="knee", mode="9"))
-    assert set(found) == {"unknown-joint", "operation-mode", "not-a-number", "out-of-range"}
 
 
 @pytest.mark.parametrize(
@@ -190,13 +183,13 @@ def test_all_problems_come_at_once(read: Callable[[str], Robot]) -> None:
         ("<ctrl_1_P>99</ctrl_1_P>", "one-controller-set", "motor 2 keeps"),
     ],
 )
-def test_warnings_of_a_block(read: Callable[[str], Robot], tags: str, code: str, says: str) -> None:
+def test_warnings_of_a_block(read, tags, code, says):
     (warning,) = read(block(tags)).warnings
     assert warning.code == code
     assert says in str(warning)
 
 
-def test_effort_limits_that_matter_to_an_actuator(tmp_path: Path) -> None:
+def test_effort_limits_that_matter_to_an_actuator(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(block()).replace('effort="100"', 'effort="0"', 1))
     assert codes(load_robot(path)) == {"zero-effort-limit"}
@@ -214,12 +207,12 @@ def test_effort_limits_that_matter_to_an_actuator(tmp_path: Path) -> None:
         ("alterego/alterego_v3_fixedbase-true_fixedhands-true", 14, "qbmove"),
     ],
 )
-def test_real_robots_load_unmodified(name: str, actuators: int, kind: str, shared: Path) -> None:
+def test_real_robots_load_unmodified(name, actuators, kind, shared):
     robot = load_robot(shared / "robots" / f"{name}.urdf")
     assert [entry.actuator for entry in robot.actuators] == [kind] * actuators
 
 
-def test_alterego_values(shared: Path) -> None:
+def test_alterego_values(shared):
     robot = load_robot(shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf")
     shoulder = next(entry for entry in robot.actuators if entry.joint == "base_link_to_left_shoulder_flange")
     assert (shoulder.mode, shoulder.namespace, shoulder.sample_time) == (1, "robot_alterego_sim/left", 0.01)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import warnings
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -23,14 +22,14 @@ URDFS = sorted((ROOT / "examples/urdf").glob("dof*.urdf"))
 TEXTS = [PENDULUM, *(path.read_text() for path in URDFS)]
 
 
-def write(seed: int, folder: Path) -> Path:
+def write(seed, folder):
     source = random.Random(seed)
     path = folder / "damaged.urdf"
     path.write_bytes(damaged(source.choice(TEXTS), source))
     return path
 
 
-def read(seed: int, folder: Path) -> str:
+def read(seed, folder):
     """robot or error; another exception, or a warning of NumPy's, is a fault of ours."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -44,7 +43,7 @@ def read(seed: int, folder: Path) -> str:
     return "robot"
 
 
-def run(seed: int, folder: Path) -> str:
+def run(seed, folder):
     """refused by `check`, refused by the run alone, or ran."""
     path = write(seed, folder)
     if robot_report(path).errors:
@@ -57,13 +56,13 @@ def run(seed: int, folder: Path) -> str:
 
 
 @pytest.mark.parametrize(("first", "count"), [(0, 300), pytest.param(10_000, 5000, marks=pytest.mark.slow)])
-def test_damaged_files_give_robots_or_robot_errors(first: int, count: int, tmp_path: Path) -> None:
+def test_damaged_files_give_robots_or_robot_errors(first, count, tmp_path):
     outcomes = Counter(read(seed, tmp_path) for seed in range(first, first + count))
     assert set(outcomes) == {"robot", "error"}
     assert outcomes["robot"] > count // 10
 
 
 @pytest.mark.parametrize(("first", "count"), [(1000, 60), pytest.param(50_000, 1000, marks=pytest.mark.slow)])
-def test_what_check_passes_runs(first: int, count: int, tmp_path: Path) -> None:
+def test_what_check_passes_runs(first, count, tmp_path):
     outcomes = Counter(run(seed, tmp_path) for seed in range(first, first + count))
     assert set(outcomes) == {"refused", "ran"}

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 from lxml import etree
 
 from asrsim.errors import RobotError
-from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed
+from asrsim.robot import engine_urdf, load_robot, merge_fixed
 from asrsim.robot.inertia import inertia_tensor, principal_axes
 from asrsim.robot.model import Link
 from asrsim.robot.numbers import plain_number, read_number
@@ -26,7 +24,7 @@ from support.random_robots import random_urdf
 angle = st.floats(-7.0, 7.0)
 
 
-def arm(*, axis: str = "0 1 0", origin: str = "0 0 0.2", mass: str = "0.5", limit: str = 'lower="-3" upper="3"') -> str:
+def arm(*, axis="0 1 0", origin="0 0 0.2", mass="0.5", limit='lower="-3" upper="3"'):
     """Two joints, the second of them with what is to be read."""
     inertial = '<inertial><origin xyz="0 0 -0.1"/><mass value="{}"/><inertia ixx="1e-3" iyy="2e-3" izz="3e-3"/></inertial>'
     return (
@@ -40,8 +38,8 @@ def arm(*, axis: str = "0 1 0", origin: str = "0 0 0.2", mass: str = "0.5", limi
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[[str], Robot]:
-    def reader(text: str) -> Robot:
+def read(tmp_path):
+    def reader(text):
         (tmp_path / "r.urdf").write_text(text)
         return load_robot(tmp_path / "r.urdf")
 
@@ -57,7 +55,7 @@ NOT_NUMBERS = [
 
 @pytest.mark.parametrize("text", NOT_NUMBERS)
 @pytest.mark.parametrize("place", ["origin", "scale", "block"])
-def test_a_text_that_readers_differ_on_is_refused(text: str, place: str, read: Callable[[str], Robot]) -> None:
+def test_a_text_that_readers_differ_on_is_refused(text, place, read):
     """What Python takes for one number and an engine's `atof` for another is an error at every place."""
     whole = arm(origin=f"0 0 {text}" if place == "origin" else "0 0 0.2")
     if place == "scale":
@@ -70,14 +68,14 @@ def test_a_text_that_readers_differ_on_is_refused(text: str, place: str, read: C
         read(whole)
 
 
-def test_blanks_of_xml_are_blanks_to_all(read: Callable[[str], Robot]) -> None:
+def test_blanks_of_xml_are_blanks_to_all(read):
     robot = read(arm(origin="0&#9;0\n&#13; 0.2 ", mass="&#9;0.5 "))
     assert robot.joint("k").origin == (0.0, 0.0, 0.2)
     assert 'xyz="0.0 0.0 0.2"' in engine_urdf(robot)[0]
 
 
 @given(st.text(max_size=8) | st.from_regex(r"[+-]?[0-9_.eE \u00a0]{1,8}", fullmatch=True))
-def test_a_number_is_what_c_reads_or_an_error(text: str) -> None:
+def test_a_number_is_what_c_reads_or_an_error(text):
     """Whatever is read is ASCII and the whole of it a C number: atof, which engines use, cannot read another."""
     for read_one in (plain_number, lambda text: read_number(text)[0]):
         try:
@@ -106,7 +104,7 @@ def test_a_number_is_what_c_reads_or_an_error(text: str) -> None:
         ("1e-200 0 0", True),
     ],
 )
-def test_an_axis_reaches_the_engine_as_its_direction(axis: str, warned: bool, read: Callable[[str], Robot]) -> None:
+def test_an_axis_reaches_the_engine_as_its_direction(axis, warned, read):
     robot = read(arm(axis=axis))
     assert ("axis-length" in {problem.code for problem in robot.warnings}) == warned
     written = [
@@ -119,7 +117,7 @@ def test_an_axis_reaches_the_engine_as_its_direction(axis: str, warned: bool, re
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_text_says_what_was_read(seed: int, tmp_path: Path) -> None:
+def test_the_text_says_what_was_read(seed, tmp_path):
     """Written and read again it is the same robot, every number by its bits, inertias by their tensor."""
     (tmp_path / "r.urdf").write_text(random_urdf(seed))
     robot = load_robot(tmp_path / "r.urdf")
@@ -133,7 +131,7 @@ def test_the_text_says_what_was_read(seed: int, tmp_path: Path) -> None:
         assert np.abs(inertia_tensor(one) - inertia_tensor(other)).max() <= 4e-15 * largest
 
 
-def test_nothing_but_the_data_gets_through(read: Callable[[str], Robot]) -> None:
+def test_nothing_but_the_data_gets_through(read):
     robot = read(
         arm().replace(
             "</link>",
@@ -152,7 +150,7 @@ def test_nothing_but_the_data_gets_through(read: Callable[[str], Robot]) -> None
     assert not attributes & {"concave", "group", "damping", "friction", "soft_lower_limit"}
 
 
-def test_colours_by_name_and_of_their_own(read: Callable[[str], Robot]) -> None:
+def test_colours_by_name_and_of_their_own(read):
     visual = '<visual><geometry><sphere radius="1"/></geometry><material name="{}">{}</material></visual>'
     shapes = visual.format("red", "") + visual.format("own", '<color rgba="0 1 0 1"/>') + visual.format("none", "")
     text = arm().replace("</link>", shapes + "</link>", 1)
@@ -172,7 +170,7 @@ def test_colours_by_name_and_of_their_own(read: Callable[[str], Robot]) -> None:
         ('<mesh filename="a.stl" scale="x"/>', "scale is not made of numbers"),
     ],
 )
-def test_shapes_that_cannot_be_made(geometry: str, words: str, read: Callable[[str], Robot]) -> None:
+def test_shapes_that_cannot_be_made(geometry, words, read):
     text = arm().replace("</link>", f"<collision><geometry>{geometry}</geometry></collision></link>", 1)
     with pytest.raises(RobotError, match=re.escape(words)):
         read(text)
@@ -185,13 +183,13 @@ def test_shapes_that_cannot_be_made(geometry: str, words: str, read: Callable[[s
 
 
 @given(angle, st.one_of(angle, st.sampled_from([math.pi / 2, -math.pi / 2, 1.5708, -1.5708, 1.5707963])), angle)
-def test_angles_give_their_rotation_back(roll: float, pitch: float, yaw: float) -> None:
+def test_angles_give_their_rotation_back(roll, pitch, yaw):
     rotation = rotation_matrix((roll, pitch, yaw))
     assert np.abs(rotation_matrix(roll_pitch_yaw(rotation)) - rotation).max() < 4e-16 * 3
 
 
 @given(hnp.arrays(float, (3, 3), elements=st.floats(-1.0, 1.0)), st.tuples(angle, angle, angle))
-def test_principal_axes_give_the_tensor_back(root: np.ndarray, rpy: tuple[float, float, float]) -> None:
+def test_principal_axes_give_the_tensor_back(root, rpy):
     tensor = root @ root.T
     xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
     link = Link(name="l", mass=1.0, inertia=(xx, xy, xz, yy, yz, zz), inertial_rpy=rpy)
@@ -203,7 +201,7 @@ def test_principal_axes_give_the_tensor_back(root: np.ndarray, rpy: tuple[float,
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_links_of_the_file_are_found_in_the_merged_robot(seed: int, tmp_path: Path) -> None:
+def test_links_of_the_file_are_found_in_the_merged_robot(seed, tmp_path):
     (tmp_path / "r.urdf").write_text(random_urdf(seed, moving=3, fixed=8))
     robot = load_robot(tmp_path / "r.urdf")
     merged = merge_fixed(robot)
@@ -218,7 +216,7 @@ def test_links_of_the_file_are_found_in_the_merged_robot(seed: int, tmp_path: Pa
         assert merged.places[body.name].pose.is_identity
 
 
-def test_shapes_move_with_their_link(read: Callable[[str], Robot]) -> None:
+def test_shapes_move_with_their_link(read):
     text = arm().replace(
         "</robot>",
         '<link name="hand"><collision><origin xyz="0 0 1" rpy="0 1.5708 0"/><geometry><sphere radius="1"/></geometry>'
@@ -243,9 +241,7 @@ def test_shapes_move_with_their_link(read: Callable[[str], Robot]) -> None:
         ("continuous", 'lower="-1" upper="2"', None),
     ],
 )
-def test_limits_of_a_joint_reach_the_engine(
-    kind: str, limit: str, expected: tuple | None, read: Callable[[str], Robot]
-) -> None:
+def test_limits_of_a_joint_reach_the_engine(kind, limit, expected, read):
     p = pytest.importorskip("pybullet")
 
     text = arm(limit=limit)

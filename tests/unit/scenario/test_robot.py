@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
+from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from support.paths import ROOT
-from support.robots import write_plain_arm
 
 
 def block(joint, actuator, mode):
@@ -163,28 +161,6 @@ def test_a_longer_lever_allows_a_larger_sigma(load):
     assert check_against_robot(load(text), arm())[0] == []
 
 
-def test_all_errors_at_once(load):
-    text = "initial: {a: 1}\nmodes: {b: 1}\nreferences: {c: {d: 1}}\nexternal_torques: {e: 1}\n"
-    assert len(check_against_robot(load(text), arm())[0]) == 4
-
-
-@pytest.mark.parametrize(
-    ("wrong", "key"),
-    [
-        ({"parameters": {"nobody": {"spring_k": 1.0}}}, "parameters.nobody"),
-        ({"parameters": {"joint_2": {"sprung_k": 1.0}}}, "parameters.joint_2.sprung_k"),
-        ({"modes": {"nobody": 1}}, "modes.nobody"),
-        ({"actuators": {"*": "sea", "nobody": "sea"}}, "actuators.nobody"),
-    ],
-)
-def test_actuators_that_the_scenario_gives_stay_where_something_else_is_wrong(tmp_path, wrong, key):
-    """One fault is one line: the references of the others are not told of as well."""
-    robot = load_robot(write_plain_arm(tmp_path))
-    keys = {"actuators": "sea", "references": {"joint_1": {"equilibrium_position": 0.1}}, "duration": 1.0}
-    scenario = make_scenario(robot.path, **{**keys, **wrong})
-    assert [problem.key for problem in check_against_robot(scenario, robot)[0]] == [key]
-
-
 def test_parameters_and_namespace_are_replaced(load, tmp_path):
     (tmp_path / "m.yaml").write_text("namespace: lab\njoints_name: [sea, vsa]\n")
     scenario = load('manager: m.yaml\nparameters: {"*": {spring_k1: 0.02}, vsa: {max_def: 0.5}, sea: {spring_k: 200}}\n')
@@ -197,15 +173,6 @@ def test_parameters_and_namespace_are_replaced(load, tmp_path):
     assert sea.values()["spring_stiffness"] == 200.0
     assert {b.namespace for b in (vsa, sea, awas)} == {"lab"}
     assert check_against_robot(scenario, arm())[0] == []
-
-
-def test_mode_1_brings_its_own_controller_defaults(load):
-    robot = apply_to_robot(load("modes: {vsa: 1}\nparameters: {vsa: {ctrl_1_D: 0.3}}\n"), arm())
-    values = robot.actuators[0].values()
-    assert (robot.actuators[0].mode, robot.actuators[1].mode) == (1, 6)
-    assert values["controller_1_proportional"] == 0.8
-    assert values["controller_1_derivative"] == 0.3
-    assert robot.actuators[1].values()["controller_1_proportional"] == 125.0
 
 
 def test_a_joints_own_references_go_before_those_for_all():
@@ -231,7 +198,7 @@ STARTS = [({}, True), ({"arm": -1.5}, False), ({"*": -1.5}, False)]
 
 
 @pytest.mark.parametrize(("initial", "told"), STARTS)
-def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path: Path, initial: dict[str, float], told: bool) -> None:
+def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path, initial, told):
     text = (
         '<robot name="r"><link name="l"/><joint name="arm" type="revolute"><parent link="l"/><child link="m"/>'
         '<limit lower="-2" upper="-1" effort="9" velocity="9"/></joint><link name="m"><inertial><mass value="1"/>'
@@ -253,43 +220,10 @@ TWO_JOINTS = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
     ({"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}}, False),
     ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
 ])  # fmt: skip
-def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys: dict[str, Any], told: bool) -> None:
+def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys, told):
     """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
     warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]
     assert any(problem.code == "unused-entry" for problem in warnings) == told
-
-
-@pytest.mark.parametrize(("table", "value", "passive"), [
-    ("initial", 0.1, True), ("external_torques", 0.1, True), ("link_damping", {"constant": 0.1}, False),
-])  # fmt: skip
-def test_an_entry_for_all_is_for_the_passive_joint_where_it_has_one(table: str, value: object, passive: bool) -> None:
-    """Tables of every joint that moves, and of driven ones only."""
-    driven = ("*", "vsa", "sea", "awas")
-    for names, told in ((driven, not passive), ((*driven[:3],), False), ((*driven, "free"), True)):
-        if "free" in names and not passive:
-            continue
-        scenario = make_scenario(TWO_JOINTS, duration=1.0, **{table: dict.fromkeys(names, value)})
-        found = [problem for part in check_against_robot(scenario, arm()) for problem in part if problem.code == "unused-entry"]
-        assert bool(found) == told
-
-
-PLUGIN = """<gazebo><plugin name="p" filename="lib{0}_plugin.so"><joint>{1}</joint><operation_mode>{2}</operation_mode>
-<namespace>here</namespace><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>
-"""
-
-
-def test_warnings_of_a_replaced_actuator_end_and_those_of_joints_stay(tmp_path: Path) -> None:
-    plain = write_plain_arm(tmp_path)
-    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
-    text = plain.read_text(encoding="utf-8")
-    mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
-    text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
-    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_tauMax>1e6</mot_1_tauMax></plugin>")
-    (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{block}</robot>"), encoding="utf-8")
-    robot = load_robot(tmp_path / "other.urdf")
-    assert {"mimic-joint", "unusual-value"} <= {one.code for one in robot.warnings}
-    scenario = make_scenario(tmp_path / "other.urdf", duration=1.0, actuators={second: "sea"})
-    assert [one.code for one in apply_to_robot(scenario, robot).warnings] == ["mimic-joint"]
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="the system has no devices")

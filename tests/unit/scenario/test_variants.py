@@ -12,7 +12,7 @@ from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
 from asrsim.scenario.starter import relocated
 from asrsim.signals import Constant, Ramp, Step
-from support.bags import write_bag
+from support.bags import ramp_bag
 
 TEXT = """
 robot: arm.urdf
@@ -136,7 +136,7 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
     """Two recordings of one name in two folders are told apart, and found again from a folder of attachments."""
     for name, value in (("one", 1), ("two", 2)):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "ref.csv").write_text(f"time,q\n0,{value}\n")
+        (tmp_path / name / "ref.csv").write_text(f"time,q\n0,{value}\n1,{value}\n")
     plays = "".join(
         f"  {j}: {{reference_1: {{playback: {{file: {f}/ref.csv, column: q}}}}}}\n" for j, f in (("a", "one"), ("b", "two"))
     )
@@ -152,13 +152,13 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
     for name, file in scenario.attachments.items():
         (folder / name).write_bytes(file.read_bytes())
     moved = scenario_from_data(data, base_dir=folder, robot=tmp_path / "arm.urdf")
-    assert moved.references["b"]["reference_1"].samples[1].tolist() == [2.0]
+    assert moved.references["b"]["reference_1"].samples[1].tolist() == [2.0, 2.0]
 
 
 def test_a_folder_bag_is_attached_file_by_file(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     (tmp_path / "lab").mkdir()
-    write_bag(tmp_path / "lab" / "run", ros1=False)
+    ramp_bag(tmp_path / "lab" / "run", "mcap")
     play = {"playback": {"file": "lab/run", "column": "/q"}}
     (tmp_path / "s.yaml").write_text(
         json.dumps({"robot": "arm.urdf", "duration": 1, "references": {"a": {"reference_1": play, "reference_2": play}}})
@@ -175,9 +175,9 @@ def test_a_relocated_scenario_finds_every_file(tmp_path):
     for folder in (lab / "data", lab / "ros", other):
         folder.mkdir(parents=True)
     (lab / "arm.urdf").write_text("<robot name='arm'/>")
-    (lab / "data" / "ref.csv").write_text("time,q\n0,1\n")
+    (lab / "data" / "ref.csv").write_text("time,q\n0,1\n1,1\n")
     (lab / "data" / "hand.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0))
-    write_bag(lab / "data" / "run", ros1=False)
+    ramp_bag(lab / "data" / "run", "mcap")
     files = {"reference_1": {"file": "data/run", "column": "/q"}, "reference_2": {"file": "data/ref.csv", "column": "q"}}
     given = {
         "robot": {"file": "arm.urdf", "packages": {"arm_description": "ros"}}, "duration": 1,

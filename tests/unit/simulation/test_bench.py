@@ -1,4 +1,4 @@
-"""The engine of a test bench: prescribed motion, and motors that start at rest."""
+"""Engine of a test bench: links follow prescribed motions, and motors start at rest."""
 
 from __future__ import annotations
 

@@ -1,12 +1,10 @@
-"""The same bits in every recorded quantity: however time is cut, from a snapshot, after a reset, compiled or not."""
+"""Every recorded quantity has the same bits from a snapshot, compiled or not, and in every process."""
 
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,55 +12,21 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.samples import Samples
 from asrsim.scenario import Scenario
 from asrsim.simulation.simulation import Simulation
+from support.bits import Tape, assert_same, busy_keys
 from support.random_runs import random_run
-from support.tape import Tape, assert_same
 from validation.models import INSTALLED
-
-WHOLE = (8192,)
 
 
 def busy(folder: Path, engine: str, *, seed: int = 0, fixed: bool = True) -> Scenario:
-    """Everything that acts at once: sensors, wrenches, damping by stiffness, jumps, friction of motors, limits of effort."""
     run = random_run(seed, fixed=fixed, friction=True, moving=3, duration=0.2)
-    keys = run.keys()
-    keys["effects"] = {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}}
-    last = re.findall(r'<child link="(\w+)"', run.urdf)[-1]
-    force = [{"step": {"at": 0.0503, "to": 1.0}}, 0, {"sinusoid": {"amplitude": 1.0, "frequency": 3.0}}]
-    keys["wrenches"] = [{"link": last, "force": force, "torque": [0, 0.1, 0]}]
-    keys["link_damping"] = {j.name: {"constant": 0.05, "ratio": 0.1, "inertia": 0.02} for j in run.joints if j.actuator}
-    return asrsim.make_scenario(run.write(folder), engine=engine, **keys)
-
-
-def record(scenario: Scenario, sizes: Sequence[int], *, compiled: bool = False, flushed: bool = False) -> Samples:
-    """sizes: of the blocks that are advanced by, in turns; flushed: after each."""
-    tape = Tape()
-    with Simulation(scenario, sinks=[tape], compiled=compiled) as simulation:
-        total, turn = simulation.total, 0
-        while simulation.substep < total:
-            simulation.advance_to(min(total, simulation.substep + sizes[turn % len(sizes)]))
-            turn += 1
-            if flushed:
-                simulation.flush()
-        return tape.of(simulation)
-
-
-@pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_results_do_not_depend_on_the_steps_per_call(tmp_path: Path, engine: str, fixed: bool) -> None:
-    scenario = busy(tmp_path, engine, fixed=fixed)
-    whole = record(scenario, WHOLE)
-    assert {"motor_work", "friction_loss", "damping_loss", "energy_residual"} <= whole.values.keys()
-    assert_same(whole, record(scenario, (1,)))
-    assert_same(whole, record(scenario, (10,)))
-    assert_same(whole, record(scenario, (1, 3, 2, 64, 7), flushed=True))
+    return asrsim.make_scenario(run.write(folder), engine=engine, **busy_keys(run))
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_contacts_continue_from_a_snapshot(tmp_path: Path, engine: str) -> None:
-    """A pile that slides on the ground: the solver's start is the last step's end."""
+    """Boxes slide on the ground. The contact solver starts from the forces of the last step, which belong to the state."""
     scenario = busy(tmp_path, engine, seed=1)
     boxes = {
         f"box_{i}": {"shape": "box", "size": [0.3, 0.2, 0.1], "mass": 0.5, "position": [3 + 0.02 * i, 0, 0.05 + 0.1 * i]}
@@ -88,7 +52,7 @@ def test_contacts_continue_from_a_snapshot(tmp_path: Path, engine: str) -> None:
     [
         ("bullet", True),
         ("mujoco", False),
-        # A loop takes seconds to compile, and these two share nearly all of it with those above.
+        # A loop takes seconds to compile, and these two have nearly the same code as those above.
         pytest.param("bullet", False, marks=pytest.mark.slow),
         pytest.param("mujoco", True, marks=pytest.mark.slow),
     ],
@@ -97,9 +61,13 @@ def test_compiled_has_the_bits_of_plain(tmp_path: Path, engine: str, fixed: bool
     pytest.importorskip("numba")
     pytest.importorskip({"bullet": "pybullet"}.get(engine, engine))
     scenario = busy(tmp_path, engine, fixed=fixed)
-    plain = record(scenario, WHOLE)
-    assert_same(plain, record(scenario, WHOLE, compiled=True))
-    assert_same(plain, record(scenario, (1, 3, 2, 64, 7), compiled=True, flushed=True))
+    found = []
+    for compiled in (False, True):
+        tape = Tape()
+        with Simulation(scenario, sinks=[tape], compiled=compiled) as simulation:
+            found.append(tape.of(simulation))
+    assert_same(*found)
+    assert {"motor_work", "friction_loss", "damping_loss", "energy_residual"} <= found[0].values.keys()
 
 
 def test_fresh_processes_have_the_same_bits() -> None:

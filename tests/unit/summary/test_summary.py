@@ -6,9 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +23,7 @@ from asrsim.summary.table import limit_columns, limit_note, measure_columns
 from support.paths import EXAMPLES, ROOT
 
 
-def test_numbers_are_those_of_the_samples(tiny) -> None:
+def test_numbers_are_those_of_the_samples(tiny):
     result = asrsim.run(tiny.scenario, overrides=["duration=3"])
     q, time = result["elbow"].link_position, result.time
     measures = result.summary.joint("elbow").measures
@@ -38,14 +36,12 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert measures.peak_deflection == np.abs(0.5 * (time >= 0.1) - q).max()
     outside = np.flatnonzero(np.abs(q - measures.steady_state) > 0.02 * measures.steady_state)
     assert measures.settling == pytest.approx(time[outside[-1]] - 0.1, abs=0.002)
-    cells = {heading: texts for heading, texts, _ in measure_columns(result.summary)}
-    assert float(cells["over-\nshoot %"][0]) == pytest.approx(100.0 * (q.max() / measures.steady_state - 1.0), abs=0.1)
-    assert float(cells["settling\ns"][0]) == pytest.approx(measures.settling, abs=1e-3)
-    assert float(cells["steady\nrad"][0]) == pytest.approx(measures.steady_state, abs=1e-5)
-    assert float(cells["peak defl.\nrad"][0]) == pytest.approx(measures.peak_deflection, rel=1e-2)
+    cells = [texts[0] for _, texts, _ in measure_columns(result.summary)]
+    shown = (measures.steady_state, measures.steady_state_error, 100.0 * measures.overshoot, measures.settling)
+    assert [float(text) for text in cells[2:6]] == pytest.approx(shown, rel=5e-3)
 
 
-def test_the_error_is_measured_from_the_desired_position(tiny) -> None:
+def test_the_error_is_measured_from_the_desired_position(tiny):
     result = asrsim.run(tiny.scenario, overrides=["duration=3", "desired={elbow: {step: {at: 0.2, to: 0.45}}}"])
     measures = result.summary.joint("elbow").measures
     assert measures.steady_state == pytest.approx(0.477, abs=0.01)
@@ -53,7 +49,7 @@ def test_the_error_is_measured_from_the_desired_position(tiny) -> None:
 
 
 @pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])
-def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
+def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal):
     result = asrsim.run(tiny.scenario, overrides=[f"references={{elbow: {{equilibrium_position: {signal}}}}}"])
     measures = result.summary.joint("elbow").measures
     assert math.isnan(measures.overshoot)
@@ -61,7 +57,7 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isfinite(measures.steady_state_error)
 
 
-def test_the_error_in_a_task_is_measured_from_the_path() -> None:
+def test_the_error_in_a_task_is_measured_from_the_path():
     """The planned references are off the path by the springs' and motors' sag; the arm itself ends on the path."""
     poses = [{"time": 0.0, "position": [0.3, -0.1, 0.1565]}, {"time": 1.0, "position": [0.3, -0.08, 0.1565]}]
     task = {"link": "link_5", "point": [0.094, 0.0, 0.0], "poses": poses, "preset": 0.4}
@@ -76,7 +72,7 @@ def test_the_error_in_a_task_is_measured_from_the_path() -> None:
     assert abs(joint.steady_state_error) < min(0.5 * sag, 0.01)
 
 
-def test_an_equilibrium_start_has_no_step(tiny) -> None:
+def test_an_equilibrium_start_has_no_step(tiny):
     """The link hangs below its reference from the start and a push shakes it: there is no step to overshoot."""
     start = ["initial=equilibrium", "references={elbow: {equilibrium_position: 0.5}}", "duration=3"]
     push = "external_torques={elbow: {pulse_train: {high: 0.05, start: 0.1, period: 10, width: 0.1}}}"
@@ -88,7 +84,7 @@ def test_an_equilibrium_start_has_no_step(tiny) -> None:
     assert stepped.summary.joint("elbow").measures.overshoot > 0.0
 
 
-def test_limits_are_counted_in_substeps(tiny) -> None:
+def test_limits_are_counted_in_substeps(tiny):
     tiny.robot.write_text(tiny.robot.read_text().replace('effort="50" velocity="100"', 'effort="2" velocity="1"'))
     result = asrsim.run(tiny.scenario, overrides=["substeps=1"])
     joint = result.summary.joint("elbow")
@@ -102,13 +98,13 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
 
 
-def test_a_run_stopped_at_once_simulated_nothing(tiny) -> None:
+def test_a_run_stopped_at_once_simulated_nothing(tiny):
     summary = asrsim.run(tiny.scenario, stop=lambda: True).summary
     assert (summary.status, summary.samples) == ("interrupted", 0)
     assert limit_note(summary) == "nothing was simulated"
 
 
-def test_two_saturated_motors_are_one_saturated_joint() -> None:
+def test_two_saturated_motors_are_one_saturated_joint():
     scenario = ROOT / "examples/scenarios/step_2dof.yaml"
     weak = [f"parameters.*.motor_{i}_max_torque=0.05" for i in (1, 2)]
     result = asrsim.run(scenario, variant="soft", overrides=["duration=0.2", *weak])
@@ -119,7 +115,7 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
 
 
-def test_undefined_numbers_are_null_in_json(tiny) -> None:
+def test_undefined_numbers_are_null_in_json(tiny):
     result = asrsim.run(tiny.scenario, overrides=["modes=0", "references={elbow: {link_torque: 0}}", "duration=0.1"])
     joint = result.summary.as_dict()["joints"][0]
     assert joint["steady_state_error"] is None
@@ -129,7 +125,7 @@ def test_undefined_numbers_are_null_in_json(tiny) -> None:
     assert cells["error\nrad"] == ("-",)
 
 
-def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch):
     result = asrsim.run(tiny.scenario)
     samples, joints = result.samples, result.run.info.joints
     n = len(samples.time)
@@ -150,7 +146,7 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("kept", [40, 150, 10**6])
-def test_a_summary_does_not_depend_on_the_chunks(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_summary_does_not_depend_on_the_chunks(kept, monkeypatch):
     monkeypatch.setattr(collect, "KEPT", kept)
     info = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
     time = np.arange(1001) * 1e-3
@@ -180,7 +176,7 @@ def test_a_summary_does_not_depend_on_the_chunks(kept: int, monkeypatch: pytest.
         assert found[0].measures[0].peak_deflection == np.abs(noise[1] - noise[0]).max()
 
 
-def test_arrays_in_another_order_keep_their_joints(tiny) -> None:
+def test_arrays_in_another_order_keep_their_joints(tiny):
     """A manager's joint order changes the description; the numbers must follow."""
     tiny.robot.write_text(TWO_JOINTS)
     (tiny.folder / "manager.yaml").write_text("joints_name: [second, first]\n")
@@ -196,11 +192,11 @@ def test_arrays_in_another_order_keep_their_joints(tiny) -> None:
     assert result.summary.joint("first").effort == 0
 
 
-def _rows(samples: Samples, rows: slice) -> Samples:
+def _rows(samples, rows):
     return replace(samples, time=samples.time[rows], values={name: values[rows] for name, values in samples.values.items()})
 
 
-def _joint(name: str, parent: str, effort: float) -> str:
+def _joint(name, parent, effort):
     return f"""<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 1 0"/>
 <limit effort="{effort}" velocity="100"/></joint>
 <link name="{name}_link"><inertial><mass value="0.5"/><inertia ixx="1e-2" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/>
@@ -213,7 +209,7 @@ def _joint(name: str, parent: str, effort: float) -> str:
 TWO_JOINTS = f"<robot name='two'><link name='world'/>{_joint('first', 'world', 100)}{_joint('second', 'first_link', 1)}</robot>"
 
 
-def test_claims_and_summary_see_every_step_whatever_is_logged(tiny, tmp_path: Path) -> None:
+def test_claims_and_summary_see_every_step_whatever_is_logged(tiny, tmp_path):
     """A blow of 10 ms between two samples of a log of 10 Hz: its peak is claimed, seen and summarised, and not logged."""
     blow = "external_torques={elbow: {pulse_train: {high: 30, period: 10, width: 0.01, start: 0.42}}}"
     claims = [
@@ -234,7 +230,7 @@ def test_claims_and_summary_see_every_step_whatever_is_logged(tiny, tmp_path: Pa
     assert json.loads((tmp_path / "thin/summary.json").read_text())["samples"] == 11
 
 
-def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
+def test_claims_about_objects_and_tips_see_every_step(tmp_path):
     scenario = ROOT / "examples/scenarios/box_push_5dof.yaml"
     path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
     drop = "world.objects.box.position=[0.30, 0.1625, 0.14]"
@@ -251,7 +247,7 @@ def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
         assert np.array_equal(thin.contacts[name], forces[::50]), name
 
 
-def test_a_run_is_ok_without_contradiction(tiny) -> None:
+def test_a_run_is_ok_without_contradiction(tiny):
     """Neither its end, nor a claim, nor another engine."""
     claimed = "expect=[{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 9}]"
     summary = asrsim.run(tiny.scenario, overrides=["duration=0.1", claimed]).summary
@@ -283,9 +279,7 @@ JUDGED = [
 
 
 @pytest.mark.parametrize(("usual", "otherwise", "said"), JUDGED)
-def test_a_joint_that_ends_on_a_stop_or_stuck_is_warned_of(
-    tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None
-) -> None:
+def test_a_joint_that_ends_on_a_stop_or_stuck_is_warned_of(tiny, usual, otherwise, said):
     now = SimpleNamespace(**{"balanced": False, **usual, **otherwise})
     run = simulate(load_scenario(tiny.scenario)[0], duration=0.001)
     joints = [

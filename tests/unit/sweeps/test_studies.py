@@ -18,7 +18,7 @@ from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import Runner, alone
 from asrsim.sweeps.run import crashed_row
 from asrsim.sweeps.sensitivity import influences, sobol
-from asrsim.sweeps.show import say_summary, varying
+from asrsim.sweeps.show import as_dict, remarks, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
@@ -211,7 +211,7 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     )
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
     seen = []
-    stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].here >= 3}
+    stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].done >= 3}
     assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
 
@@ -304,7 +304,7 @@ def test_an_edited_manifest_is_refused_or_leaves_the_rows_unchanged(tmp_path):
         try:
             table = Table(tmp_path)
             assert [table[name] for name in table.columns][-1].tolist() == [0.0, 1 / 7, 2 / 7]
-            list(say_summary(table)), table.to_arrow()
+            as_dict(table), table.to_arrow()
         except InputError as error:
             told.append(str(error))
     assert len(told) > 30
@@ -388,6 +388,12 @@ def test_sobol_indices_of_a_function_with_interactions(tmp_path):
         assert found[key] == pytest.approx(both, abs=0.02)
 
 
+def test_an_influence_compares_the_lowest_fifth_of_a_key_with_the_highest(tmp_path):
+    first = influences(designed(tmp_path, 256, lambda x, y, z: {"it": x}), "it")[0]
+    assert first.key == "a.x"
+    assert (first.low, first.high) == pytest.approx((-0.8 * np.pi, 0.8 * np.pi), abs=0.02)
+
+
 def designed(folder, samples, results_of, missing=()):
     """A finished study of a Saltelli design over three keys; missing: runs without a row."""
     over = dict.fromkeys(["a.x", "a.y", "a.z"], "uniform(-3.141592653589793, 3.141592653589793)")
@@ -414,7 +420,7 @@ def test_sobol_indices_leave_out_base_samples_with_empty_results(tmp_path):
     assert (found.samples, found.left_out, found.reason) == (256, 4, "")
     for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
         assert found.indices[key][:2] == pytest.approx((share, share), abs=0.03)
-    assert any("without 4 of 256 base samples" in line for line in say_summary(table))
+    assert any("without 4 of 256 base samples" in line for line in remarks(table))
 
 
 def test_sobol_intervals_cover_the_truth_and_halve_with_fourfold_samples(tmp_path):

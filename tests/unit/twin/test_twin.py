@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import DivergenceError, InputError, RecordingError
+from asrsim.errors import InputError, RecordingError
 from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
 from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
-from asrsim.twin.mismatch import Mismatch
-from asrsim.twin.observer import ObserverResponse
-from support.independent_joint import FINE, QBMOVE, SEA, Joint, record
 from support.paths import EXAMPLES
+from support.soft_arm import QBMOVE, SEA, SoftArm, record
 
 NOISE = 1e-3
 """rad, of the positions."""
 
 
-def wrong(joint: Joint) -> dict[str, float]:
+def goal(value):
+    """Commands of one joint."""
+    return {"joint_1": {"equilibrium_position": value}}
+
+
+def wrong(joint: SoftArm) -> SoftArm:
     """Springs 10 % off, friction 50 %, damping 20 %."""
     factors = {"spring_k": 1.1, "spring_stiffness": 1.1, "friction": 0.5, "damping": 0.8}
-    return {
-        name: value * next((factor for part, factor in factors.items() if part in name), 1.0)
-        for name, value in joint.numbers.items()
-    }
+    return joint.scaled(lambda name: next((factor for part, factor in factors.items() if part in name), 1.0))
 
 
 def motion(time, seed, *, rests):
@@ -44,15 +44,15 @@ def motion(time, seed, *, rests):
 
 def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
     """Each step of a wrong twin of an independent robot, which is hit with 1 N m for 0.15 s; and the robot's positions."""
-    half = np.arange(round(2 * seconds / FINE) + 1) * 0.5 * FINE
-    goals, outer = motion(half, seed, rests=rests), np.zeros(len(half) // 2)
+    time, step = 1e-3 * np.arange(round(1e3 * seconds) + 1), 1e-4
+    outer = np.zeros((round(seconds / step), 1))
     for number, at in enumerate(hits):
-        outer[round(at / FINE) : round((at + 0.15) / FINE)] = (-1.0) ** number
-    robot = joint.move(goals, round(1e-3 / FINE), outer=outer)
+        outer[round(at / step) : round((at + 0.15) / step)] = (-1.0) ** number
+    robot = joint.move(time, lambda at: motion(at, seed, rests=rests)[:, None], outer=outer, step=step)[:, 0]
     measured = robot[:, 0] + NOISE * np.random.default_rng(seed).normal(size=len(robot))
     preset = {"stiffness_preset": 0.3} if joint.motors == 2 else {}
-    goals = goals[:: 2 * round(1e-3 / FINE)]
-    with asrsim.Twin(joint.write(folder, wrong(joint)), bandwidth=8) as twin:
+    goals = motion(time, seed, rests=rests)
+    with asrsim.Twin(wrong(joint).write(folder), bandwidth=8) as twin:
         steps = [
             twin.step(measured[k : k + 1], {"joint_1": {"equilibrium_position": goals[k], **preset}})
             for k in range(len(measured))
@@ -63,23 +63,24 @@ def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
 def spring_of(joint, robot):
     """Torque of the robot's springs in N m, and their stiffness in N m/rad."""
     deflections = robot[:, 1:] - robot[:, :1]
+    (numbers,) = joint.joints
     if joint.motors == 1:
-        k = joint.numbers["spring_stiffness"]
+        k = numbers["spring_stiffness"]
         return k * deflections[:, 0], np.full(len(robot), k)
-    a, k = joint.numbers["spring_a_1"], joint.numbers["spring_k_1"]
+    a, k = numbers["spring_a_1"], numbers["spring_k_1"]
     return k * np.sinh(a * deflections).sum(axis=1), a * k * np.cosh(a * deflections).sum(axis=1)
 
 
 @pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
 def test_a_wrong_twin_finds_hits_and_nothing_else(joint, tmp_path):
-    hits = (15.2, 16.1, 17.3, 18.2, 19.4)
-    steps, robot = followed(joint, tmp_path, seconds=20.0, hits=hits, seed=7)
+    hits = (10.2, 11.1, 12.3, 13.2)
+    steps, robot = followed(joint, tmp_path, seconds=14.0, hits=hits, seed=7)
     torque, stiffness = spring_of(joint, robot)
-    free = slice(5000, 15000)
+    free = slice(5000, 10000)
     external = np.array([step.external_torque[0] for step in steps])
-    assert np.sqrt(np.mean(external[free] ** 2)) < 0.03 * np.abs(torque[:15000]).max()
+    assert np.sqrt(np.mean(external[free] ** 2)) < 0.03 * np.abs(torque[:10000]).max()
     alarm = np.array([step.alarm[0] for step in steps])
-    assert not alarm[:15200].any()
+    assert not alarm[:10200].any()
     delays = [int(np.argmax(alarm[round(1e3 * at) :])) for at in hits]
     assert min(delays) > 0
     assert max(delays) <= 15
@@ -95,26 +96,10 @@ def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
     assert not any(step.alarm[0] for step in followed(joint, tmp_path, seconds=600.0, seed=12, rests=True)[0])
 
 
-def test_a_wrong_spring_is_found_through_the_motors_response():
-    inertia, damping, gain, stiffness, rate = 0.02, 0.5, 8.0, 4.0, 12.0
-    mismatch = Mismatch(np.array([inertia, damping, gain])[:, None, None], step=1e-3, bandwidth=8.0, interval=0.01)
-    observer = ObserverResponse(1, step=1e-3, bandwidth=8.0)
-    share = stiffness / (gain + stiffness - inertia * rate**2 + 1j * damping * rate)
-    for k in range(10_000):
-        spring = np.exp(1j * rate * 1e-3 * k)
-        torque, link = 0.1 * ((1.0 - share) * spring).real, np.cos(7.3e-3 * k)
-        torque = observer.update(np.array([torque]))[0]
-        mismatch.take(*(np.array(value) for value in ([torque], [[spring.real]], [[stiffness]], [link], [[0.0]])))
-        if k % 10 == 0:
-            mismatch.learn(np.array([True]))
-    assert mismatch.spring == pytest.approx(0.1, rel=0.02)
-    assert np.abs(mismatch.external()).max() < 3e-3
-
-
 def test_a_robot_at_rest_shows_no_stiffness(tmp_path):
     generator = np.random.default_rng(0)
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
-        steps = [twin.step({"joint_1": NOISE * generator.normal()}, {"joint_1": 0.0}) for _ in range(4000)]
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
+        steps = [twin.step({"joint_1": NOISE * generator.normal()}, goal(0.0)) for _ in range(2000)]
     assert np.isnan([step.stiffness[0] for step in steps]).all()
     assert not any(step.alarm[0] for step in steps)
 
@@ -130,7 +115,7 @@ def test_a_torque_on_one_joint_is_seen_at_that_joint_alone(five):
         for _ in range(1500):
             found = twin.step(robot.observe().link_position, {})
             robot.advance()
-    np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.05)
+    np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.06)
     assert found.time == pytest.approx(1.499)
 
 
@@ -140,7 +125,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
         for _ in range(300):
             positions = dict(zip(twin.joints, robot.observe().link_position, strict=True))
             del positions["joint_2"]
-            found = twin.step(positions, {"joint_1": np.nan})
+            found = twin.step(positions, goal(np.nan))
             notes += found.notes
             robot.advance()
     assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
@@ -150,25 +135,21 @@ def test_a_joint_that_is_not_measured_runs_free(five):
 
 
 def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
-        before = [twin.step({"joint_1": 0.0}, {"joint_1": 0.0}) for _ in range(600)][-1]
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
+        before = [twin.step({"joint_1": 0.0}, goal(0.0)) for _ in range(600)][-1]
         jump = twin.step({"joint_1": 0.6}, {})
-        after = [twin.step({"joint_1": 0.6}, {"joint_1": 0.6}) for _ in range(100)][-1]
+        after = [twin.step({"joint_1": 0.6}, goal(0.6)) for _ in range(100)][-1]
     assert not before.notes
     assert "+0.6 from its twin" in jump.notes[0]
     assert abs(after.residual[0]) < 0.02
 
 
 def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
-    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
-        twin.step({"joint_1": 0.1}, {"joint_1": 0.1})
-
-        def fails(self, steps=1):
-            monkeypatch.undo()
-            raise DivergenceError("joint_1 ran away", joint="joint_1", time=0.0)
-
-        monkeypatch.setattr(asrsim.Simulation, "advance", fails)
-        assert "joint_1 ran away" in twin.step({"joint_1": 0.1}, {}).notes[0]
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
+        twin.step({"joint_1": 0.1}, goal(0.1))
+        with monkeypatch.context() as patch:
+            patch.setattr(asrsim.Worlds, "healthy", np.zeros(6, dtype=bool))
+            assert "the twin diverged" in twin.step({"joint_1": 0.1}, {}).notes[0]
         assert not twin.step({"joint_1": 0.1}, {}).notes
 
 
@@ -178,14 +159,14 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with pytest.raises(InputError, match="no dynamics"):
         asrsim.Twin(asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="bench", duration=1.0))
     with asrsim.Twin(five) as twin:
-        with pytest.raises(InputError, match="joint_9"):
-            twin.step({"joint_9": 0.0}, {})
-        with pytest.raises(InputError, match=r"commands.*must be a number"):
-            twin.step([0.0] * 5, {"joint_1": "fast"})
-        with pytest.raises(InputError, match="5 positions"):
-            twin.step([0.0], {})
+        for positions in ({"joint_9": 0.0}, [0.0]):
+            with pytest.raises(InputError, match="5 positions, of joint_1, joint_2"):
+                twin.step(positions, {})
+        for commands in ({"joint_1": 0.3}, goal("fast")):
+            with pytest.raises(InputError, match="numbers by name of the reference"):
+                twin.step([0.0] * 5, commands)
         with pytest.raises(InputError, match="elbow"):
-            twin.step([0.0] * 5, {"elbow": 0.0})
+            twin.step([0.0] * 5, {"elbow": {"equilibrium_position": 0.0}})
 
 
 # -- live ------------------------------------------------------------------------------------------------------------
@@ -268,7 +249,7 @@ def recorded(folder, *, late=0.0):
 
 
 def test_a_recording_is_followed(tmp_path):
-    scenario = SEA.write(tmp_path, wrong(SEA))
+    scenario = wrong(SEA).write(tmp_path)
     found = follow(scenario, recorded(tmp_path))
     assert found.notes == ()
     assert found.rows()[0]["alarms"] == []
@@ -279,7 +260,7 @@ def test_a_recording_is_followed(tmp_path):
 
 
 def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
-    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path, late=0.06)
+    scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.06)
     notes = follow(scenario, path).notes
     assert "clocks apart" in notes[0]
     assert "--lag 0.06" in notes[0]
@@ -289,7 +270,7 @@ def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
 def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
-    notes = follow(SEA.write(tmp_path, SEA.numbers), path).notes
+    notes = follow(SEA.write(tmp_path), path).notes
     assert notes[0] == "joint_1: no command equilibrium_position is recorded: it follows the scenario"
 
 
@@ -297,11 +278,11 @@ def test_a_recording_without_positions_is_an_error(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("link_position", "motor_1_velocity"))
     with pytest.raises(RecordingError, match="needs link_position"):
-        follow(SEA.write(tmp_path, SEA.numbers), path)
+        follow(SEA.write(tmp_path), path)
 
 
 def test_command_prints_a_table_or_json(tmp_path, asrsim_command):
-    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path)
+    scenario, path = SEA.write(tmp_path), recorded(tmp_path)
     done = asrsim_command("twin", str(scenario), "-e", str(path), "--out", str(tmp_path / "out"), "--json")
     assert done.code == 0
     assert json.loads(done.out)["joints"][0]["joint"] == "joint_1"

@@ -1,11 +1,15 @@
-"""Sink that records the samples of a simulation, and comparison of samples bit for bit."""
+"""Simulations of random runs with many effects, and comparison of their samples bit for bit."""
 
 from __future__ import annotations
+
+import re
+from typing import Any
 
 import numpy as np
 
 from asrsim.samples import Samples, concatenate
 from asrsim.simulation.simulation import Simulation
+from support.random_runs import RandomRun
 
 
 class Tape:
@@ -33,3 +37,15 @@ def assert_same(first: Samples, second: Samples, *, moves: bool = True) -> None:
     for name, poses in first.bodies.items():
         np.testing.assert_array_equal(poses, second.bodies[name], err_msg=name)
     assert not moves or np.nanmax(np.abs(first.values["link_velocity"])) > 0.01
+
+
+def busy_keys(run: RandomRun) -> dict[str, Any]:
+    """Keys of the scenario, with late and noisy sensors, a wrench that jumps, and damping that follows the stiffness."""
+    last = re.findall(r'<child link="(\w+)"', run.urdf)[-1]
+    force = [{"step": {"at": 0.0503, "to": 1.0}}, 0, {"sinusoid": {"amplitude": 1.0, "frequency": 3.0}}]
+    damping = {"constant": 0.05, "ratio": 0.1, "inertia": 0.02}
+    return run.keys() | {
+        "effects": {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}},
+        "wrenches": [{"link": last, "force": force, "torque": [0, 0.1, 0]}],
+        "link_damping": {joint.name: damping for joint in run.joints if joint.actuator},
+    }

@@ -1,4 +1,4 @@
-"""Whatever is done to a simulation, it goes on with the bits of a fresh one that was given the same since its last reset."""
+"""After any sequence of operations, a simulation equals a fresh one with the operations since the last reset, bit for bit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from asrsim.samples import concatenate
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.simulation import Simulation
+from support.bits import Tape, assert_same, busy_keys
 from support.random_runs import RandomRun, random_run
-from support.tape import Tape, assert_same
 from validation.models import INSTALLED
 
 Numbers = dict[str, dict[str, float]]
@@ -24,17 +24,17 @@ Numbers = dict[str, dict[str, float]]
 
 @dataclass
 class Program:
-    """Operations by chance on one simulation, and what a fresh one must be given to stand where it stands."""
+    """Random operations on one simulation, and what brings a fresh simulation to the same state."""
 
     prepared: Prepared
     run: RandomRun
     source: np.random.Generator
     compiled: bool
     parameters: Numbers = field(default_factory=dict)
-    """Taken over by resets; they stay."""
+    """Parameters of all resets, which later resets keep."""
     start: dict[str, Any] = field(default_factory=dict)
     done: list[tuple[Any, ...]] = field(default_factory=list)
-    """Since the last reset: steps, or a reference with its value."""
+    """Operations since the last reset: a number of steps, or a reference with its value."""
     kept: list[tuple[Any, ...]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -94,7 +94,7 @@ class Program:
         return found | {heavy: other}
 
     def _fresh(self) -> Prepared:
-        """The scenario at the start of the last reset, read anew, with the substeps of the old."""
+        """Scenario with the start of the last reset and the same substeps."""
         scenario, found = self.prepared.scenario, self.prepared.resolution
         moved = replace(
             scenario, substeps=found.substeps, motor_substeps=found.motor_substeps,
@@ -104,7 +104,7 @@ class Program:
         return prepare(moved, self.prepared.robot).vary(self.parameters)
 
     def check(self) -> None:
-        """Against a fresh simulation whose time is cut otherwise."""
+        """Compare with a fresh simulation that advances step by step."""
         self.simulation.flush()
         tape = Tape()
         with Simulation(self._fresh(), sinks=[tape], compiled=self.compiled) as fresh:
@@ -132,11 +132,7 @@ def run_program(folder: Path, engine: str, seed: int, *, compiled: bool = False)
     source = np.random.default_rng([seed, 5])
     moving = int(source.integers(1, 5))
     run = random_run(seed, fixed=bool(source.random() < 0.6), friction=True, moving=moving, duration=0.1)
-    keys = run.keys()
-    if source.random() < 0.5:
-        keys["effects"] = {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}}
-    if source.random() < 0.4:
-        keys["link_damping"] = {j.name: {"constant": 0.05, "ratio": 0.1, "inertia": 0.02} for j in run.joints if j.actuator}
+    keys = busy_keys(run) if source.random() < 0.7 else run.keys()
     robot = run.write(folder)
     if source.random() < 0.5:
         robot.write_text(robot.read_text(encoding="utf-8").replace('friction="0"', 'friction="0.1"'), encoding="utf-8")
@@ -150,14 +146,14 @@ def run_program(folder: Path, engine: str, seed: int, *, compiled: bool = False)
 
 @pytest.mark.parametrize("seed", [30, 37, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(24))])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_program_of_operations_has_the_bits_of_a_fresh_run(tmp_path: Path, engine: str, seed: int) -> None:
+def test_random_operations_have_the_bits_of_a_fresh_run(tmp_path: Path, engine: str, seed: int) -> None:
     compiled = seed < 4 and available()
     run_program(tmp_path, engine, seed, compiled=compiled)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_objects_are_those_of_the_present_run(tmp_path: Path, engine: str) -> None:
-    """A reset with other numbers may need another world, in which the ball falls anew."""
+def test_objects_fall_from_their_start_after_each_reset(tmp_path: Path, engine: str) -> None:
+    """A reset with other parameters may build another world, in which the ball falls from its start."""
     run = random_run(31, fixed=True, friction=False, moving=2, duration=0.1)
     world = {"objects": {"ball": {"shape": "sphere", "size": 0.05, "mass": 0.1, "position": [3, 3, 3]}}}
     prepared = prepare(asrsim.make_scenario(run.write(tmp_path), engine=engine, **{**run.keys(), "world": world}))

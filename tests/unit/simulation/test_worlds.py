@@ -1,0 +1,161 @@
+"""Many worlds at once: rollouts, states, and parameters of their own, equal to single runs bit for bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim import Scenario, make_scenario
+from asrsim.errors import SimulationError
+from asrsim.signals import Signal, Sinusoid
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import make_engine
+from asrsim.simulation.worlds import Start, Worlds
+from support.paths import EXAMPLES
+from validation.models import INSTALLED
+
+
+def arm(**keys: Any) -> Scenario:
+    """Arm with two qbMoves."""
+    return make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", **{"engine": "mujoco", "compiled": False, **keys})
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
+def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
+    """All channels agree bit for bit, for an electric motor in mode 6 and for ideal motors in mode 3."""
+    electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
+    scenario = arm(duration=0.02, stepping=stepping,
+        modes={"joint_1": 6, "joint_2": 3}, parameters={"joint_1": electric}, substeps=3,
+        initial={"joint_1": {"position": 0.1, "velocity": 0.3}},
+        references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.2, "frequency": 3}}}},
+    )  # fmt: skip
+    samples = asrsim.run(scenario).samples
+    with Worlds(prepare(scenario), 1) as worlds:
+        found = worlds.rollout(tuple(samples.values))
+    for name, values in samples.values.items():
+        np.testing.assert_array_equal(found[name][0], values, err_msg=name)
+
+
+def test_unwatched_worlds_have_the_same_bits() -> None:
+    """Energies and counts follow from the motion, so they may be left out. Then counts cannot be read."""
+    scenario = arm(duration=0.05, modes=6,
+        parameters={"*": {"hysteresis_torque": 0.2, "motor_1_max_velocity": 0.5}},
+        references={"*": {"equilibrium_position": {"sinusoid": {"amplitude": 0.4, "frequency": 5.0}}}},
+    )  # fmt: skip
+    names = ["link_position", "link_torque", "motor_1_velocity"]
+    with Worlds(scenario, 1, names=names, watched=False) as bare, Worlds(scenario, 1, names=names) as watched:
+        found, expected = bare.rollout(names), watched.rollout(names)
+        for name in names:
+            np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+        assert watched.counts(0).motor_speed[0] > 0
+        for read in (bare.counts, bare.sane):
+            with pytest.raises(SimulationError, match="watched=True"):
+                read(0)
+
+
+def test_a_rollout_with_other_inputs_equals_a_scenario_with_them() -> None:
+    """Inputs that a start does not state are those of the scenario."""
+    first, second, third = (Sinusoid(amplitude=0.1 * i, frequency=2.0 + i) for i in (1, 2, 3))
+    push = {"joint_2": {"sinusoid": {"amplitude": 0.3, "frequency": 7.0}}}
+    prepared = prepare(arm(duration=0.05, modes=3, substeps=2, external_torques=push))
+    equilibria = {"joint_1": {"equilibrium_position": first}}
+    starts: list[tuple[dict[str, dict[str, Signal]], dict[str, Signal]]] = [
+        ({}, {}), ({}, {"joint_1": second}), (equilibria, {"joint_2": third}), (equilibria, {}),
+    ]  # fmt: skip
+    ends = set()
+    with Worlds(prepared, 1) as worlds:
+        for references, torques in starts:
+            inputs = {joint: dict(values) for joint, values in references.items()}
+            for joint, torque in torques.items():
+                inputs.setdefault(joint, {})["external_torque"] = torque
+            found = worlds.rollout(["link_position"], start=Start(references=inputs))["link_position"][0]
+            scenario = replace(
+                prepared.scenario, references={**prepared.scenario.references, **references},
+                external_torques={**prepared.scenario.external_torques, **torques},
+            )  # fmt: skip
+            np.testing.assert_array_equal(found, asrsim.run(scenario).samples.values["link_position"])
+            ends.add(tuple(found[-1].tolist()))
+    assert len(ends) == len(starts)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_model_of_varied_robots_has_their_inertias(engine: str) -> None:
+    """Robots that were modelled before and different friction have no effect."""
+    prepared = prepare(arm(duration=0.02, engine=engine, modes={"*": 1}))
+    robot, motion = prepared.robot, ([0.3, -0.4], [1.0, 2.0], [3.0, -1.0])
+    rubbing = replace(robot, joints=tuple(replace(joint, friction=0.1) for joint in robot.joints))
+    heavy, heavy_rubbing = (
+        replace(light, links=tuple(replace(link, mass=2.0 * (link.mass or 0.0)) for link in light.links))
+        for light in (robot, rubbing)
+    )
+    found = []
+    with Worlds(prepared, 1, compiled=False) as worlds:
+        for varied in (robot, heavy, rubbing, heavy_rubbing, robot):
+            fresh, _ = make_engine(prepared.scenario, varied)
+            found.append(worlds.model_of(varied).inverse_dynamics(*motion))
+            np.testing.assert_allclose(found[-1], fresh.model.inverse_dynamics(*motion), rtol=1e-9)
+            fresh.close()
+    assert [bool(np.allclose(torques, found[0])) for torques in found] == [True, False, True, False, True]
+
+
+def test_repeated_parameters_give_the_same_bits() -> None:
+    """Other parameters in between, in another world or in the same one, have no effect."""
+    scenario = make_scenario(
+        EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
+        references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
+    )  # fmt: skip
+    light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
+    with Worlds(scenario, 2) as worlds:
+        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
+    assert np.array_equal(first, again)
+    assert np.array_equal(first, turned)
+    assert not np.array_equal(first[0], first[1])
+
+
+def test_worlds_continue_from_a_state_as_a_single_simulation_does() -> None:
+    """A world that diverges stops alone, until its state is set again."""
+    scenario = arm(duration=1.0, modes={"*": 6})
+    with Worlds(scenario, 2) as worlds, asrsim.Simulation(scenario) as single:
+        worlds.set_state({"joint_1": [0.1, 0.3]}, {"joint_2": 1.0})
+        worlds.set_reference("joint_1", "external_torque", [1e305, 0.0])
+        worlds.advance(20)
+        assert worlds.healthy.tolist() == [False, True]
+        single.reset({"joint_1": 0.3}, velocities={"joint_2": 1.0})
+        single.advance(20)
+        np.testing.assert_array_equal(worlds.observe().link_position[1], single.observe().link_position)
+        worlds.set_state({"joint_1": 0.1}, worlds=[0])
+        worlds.advance(1)
+        assert worlds.healthy.all()
+        assert worlds.time.tolist() == [0.001, 0.021]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_worlds_have_the_bits_of_single_runs_in_any_order(threads: int) -> None:
+    """Each world has its own parameters and references."""
+    scenario = arm(duration=0.2, modes={"*": 6}, compiled=True)
+    numbers = [{"link_2": {"mass": 0.3 + 0.1 * i}, "joint_1": {"damping": 0.01 * i}} for i in range(4)]
+    goals = np.linspace(-0.5, 0.7, 4)
+    ends = []
+    for own, goal in zip(numbers, goals, strict=True):
+        with asrsim.Simulation(scenario) as single:
+            single.reset(parameters=own)
+            single.set_reference("joint_1", "equilibrium_position", goal)
+            single.advance(30)
+            ends.append([single.observe().link_position, single.read(["link_torque"])["link_torque"]])
+    with Worlds(scenario, 4, threads=threads) as worlds:
+        worlds.reset([asrsim.Start(parameters=own) for own in numbers])
+        worlds.set_reference("joint_1", "equilibrium_position", goals)
+        kept = worlds.snapshot()
+        for _ in range(2):
+            worlds.advance(10, worlds=[3, 1])
+            worlds.advance(20)
+            worlds.advance(10, worlds=[True, False, True, False])
+            found = worlds.observe().link_position, worlds.read(["link_torque"])["link_torque"]
+            np.testing.assert_array_equal(found[0], [position for position, _ in ends])
+            np.testing.assert_array_equal(found[1], [torque for _, torque in ends])
+            worlds.restore(kept)
