@@ -16,8 +16,15 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.desired import DesiredMotion, knot_distance, model_time, smooth_motion
-from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
+from asrsim.kinematics.drive_inverse import (
+    SLOW,
+    DesiredMotion,
+    DriveMotion,
+    drive_backwards,
+    knot_distance,
+    model_time,
+    smooth_motion,
+)
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
 from asrsim.robot.model import Joint, Robot

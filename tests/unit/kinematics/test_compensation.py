@@ -9,7 +9,7 @@ from asrsim.actuators import AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibrium_for_load
-from asrsim.kinematics.compensation import equilibria_for_loads
+from asrsim.kinematics.drive_inverse import equilibria_for_loads
 from support.robots import drive_with
 
 

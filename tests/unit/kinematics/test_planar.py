@@ -12,7 +12,7 @@ import pytest
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import PoseTrajectory, follow, plan
-from asrsim.kinematics.trajectory import minimum_jerk
+from asrsim.kinematics.path import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
 
