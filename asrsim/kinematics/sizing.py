@@ -301,14 +301,11 @@ def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
     for block in blocks:
         spring, step = _stiffness_and_step(scenario, block)
         factor = max(SLOW**2 * inertia[block.joint] / max(spring, 1e-9), 1.0)
-        changes = dict.fromkeys(linear_parameters(ACTUATORS.get(block.actuator), block.values()), factor)
-        if 2.0 * factor * spring > sum(drive_of(block).proportional):
-            changes |= {name: factor for name in block.values() if name.endswith("_proportional")}
+        gain = factor if 2.0 * factor * spring > sum(drive_of(block).proportional) else 1.0
         needed = factor * spring * step + loads.get(block.joint, 0.0)
         lacking = needed / (STEP_SHARE * min(drive_of(block).max_torque, default=math.inf))
-        changes |= dict.fromkeys(motor_limits(block.values()), lacking)
-        values = {name: _rounded(part * block.values()[name]) for name, part in changes.items() if part > 1.0}
-        found |= {block.joint: values} if values else {}
+        if values := _scaled(block, spring=factor, gain=gain, limit=lacking):
+            found[block.joint] = values
     return found
 
 
@@ -353,20 +350,23 @@ def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Parameters of stronger motors if a motor is at its limit, else of stiffer controllers or springs; empty if no parameter
     would help."""
-    actuator, values = ACTUATORS.get(block.actuator), block.values()
     most = 4.0 if weak.falls else 2.0
     # The sag of a joint on its stop is unknown, since the stop ends the motion.
     factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
-    drive = drive_of(block)
-    lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
+    lacking = abs(weak.load) / (RESERVE * min(drive_of(block).max_torque, default=math.inf))
     # A load above the spring's largest torque may hide that the motor reached its limit first.
     if weak.limited or lacking > 1.0:
-        names, factor = motor_limits(values), max(1.25, lacking)
-    elif weak.droop > 0.3 * weak.sag:
-        names = tuple(f"controller_{i}_proportional" for i in range(1, actuator.motors + 1))
-    else:
-        names = linear_parameters(actuator, values)
-    return {name: _rounded(factor * values[name]) for name in names}
+        return _scaled(block, limit=max(1.25, lacking))
+    return _scaled(block, gain=factor) if weak.droop > 0.3 * weak.sag else _scaled(block, spring=factor)
+
+
+def _scaled(block: ActuatorBlock, *, spring: float = 1.0, gain: float = 1.0, limit: float = 1.0) -> dict[str, float]:
+    """Parameters multiplied by factors above 1: of springs, gains of controllers, and limits of motors."""
+    values = block.values()
+    factors = dict.fromkeys(linear_parameters(ACTUATORS.get(block.actuator), values), spring)
+    factors |= {name: gain for name in values if name.endswith("_proportional")}
+    factors |= dict.fromkeys(motor_limits(values), limit)
+    return {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.0}
 
 
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
