@@ -23,7 +23,6 @@ MARKS = {
     "page": rb'<meta name="generator" content="asrsim ',
     "picture": rb"Software\0asrsim|/Creator \(asrsim\)|<dc:title>asrsim</dc:title>|\x21\xfe\x06asrsim|\xa9cmt.{8,24}asrsim",
     "metrics": rb"\Asource,joint,quantity,measure,value,unit\r?\n",
-    "bench": rb"\Atime,[^\n]+\.link_position,[^\n]+\.link_torque,",
     "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
     "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
     "limits": rb"\A# Limits of `asrsim design`",

@@ -14,12 +14,12 @@ from hypothesis import HealthCheck, settings
 
 from support.tiny import PENDULUM, SCENARIO, Tiny
 
-# How long an example takes is the machine's affair: a busy one is no fault of the code.
+# On a busy machine, an example may take long without a fault of the code.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_machine")
 
 
-# Bytecode is kept: otherwise pytest rewrites every test, and processes that tests start compile the package again.
+# Without stored bytecode, pytest rewrites every test again, and processes that tests start compile the package again.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
@@ -28,7 +28,7 @@ LONGEST = ("test_examples.py",)
 
 
 def pytest_collection_finish() -> None:
-    """What is loaded by now stays: going through all of it again and again is a twentieth of the tests' time."""
+    """Exempt the loaded modules from garbage collection, which would otherwise take a twentieth of the tests' time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
@@ -36,8 +36,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that use the fixture `shared` get the mark of that name. The longest tests go first, so that no worker is left
-    alone with one of them at the end."""
+    """Mark tests that use the fixture `shared`. Start the longest tests first, so that no worker runs them alone at the end."""
     for item in items:
         if "shared" in getattr(item, "fixturenames", ()):
             item.add_marker("shared")
@@ -46,7 +45,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(autouse=True)
 def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a test registers (plugin files do, in this process) ends with it: no test sees another's actuators."""
+    """Remove what a test registers, also by loading plugin files, at the end of the test."""
     from asrsim.actuators import ACTUATORS
     from asrsim.engines import ENGINES
     from asrsim.live import TRANSPORTS
@@ -60,7 +59,7 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """The folder `shared` beside the project, with real robots and recordings; where it is missing, the test is skipped."""
+    """Folder `shared` beside the project, with real robots and recordings. Without the folder, the test is skipped."""
     if not SHARED.is_dir():
         pytest.skip("there is no folder 'shared' beside the project")
     return SHARED
@@ -77,7 +76,7 @@ def tiny(tmp_path: Path) -> Tiny:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command gave."""
+    """Exit code and output of a command."""
 
     code: int
     out: str
@@ -89,7 +88,7 @@ Command = Callable[..., Outcome]
 
 @pytest.fixture
 def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
-    """Runs `asrsim` with arguments, in this process, from `tmp_path`."""
+    """Function that runs `asrsim` with arguments, in this process, in the folder `tmp_path`."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
 
@@ -108,7 +107,7 @@ def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """A test that asks for PyBullet where it has no wheels is skipped."""
+    """Skip a test that needs PyBullet where PyBullet is not installed."""
     try:
         return (yield)
     except ModuleNotFoundError as error:

@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 GROUPS = {
-    "Simulate": {"run": "run", "live": "live", "bench": "bench", "rerun": "rerun"},
+    "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
     "Look": {"plot": "plot", "render": "render", "report": "report_page"},
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
     "Use elsewhere": {"export": "export", "twin": "twin"},

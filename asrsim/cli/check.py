@@ -43,6 +43,8 @@ def check(
         )
     if not files:
         raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
+    if (argument or package) and all(map(_is_scenario, files)):
+        raise typer.BadParameter("belongs to robots; a scenario states it under `robot`", param_hint="--arg or --package")
     arguments, packages = pairs(argument, "--arg"), folders(package, "--package")
     reports = [
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)

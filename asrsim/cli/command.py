@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,6 +65,10 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
         @functools.wraps(function)
         def run(**arguments: Any) -> None:
             json, silent, files = (arguments.pop(name, default) for name, default in reversed(defaults.items()))
+            for name, value in arguments.items():
+                numbers = value if isinstance(value, tuple) else (value,)
+                if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+                    raise typer.BadParameter("must be finite", param_hint=f"--{name.replace('_', '-')}")
             given = {"plugin": files or [], "quiet": silent or json, "json": json}
             with json_errors(json):
                 load_plugins(files)

@@ -65,10 +65,11 @@ def ilc(
             return _next(plant, folder, recording, mapping, lag_of(align))
         return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
     except KeyboardInterrupt:
-        complain(f"\nasrsim: interrupted; the trials so far are in {folder / 'state.npz'}: continue with --resume")
-        return Done(
-            data={"ok": False, "errors": [{"message": "interrupted"}], "state": str(folder / "state.npz")}, code=INTERRUPTED
-        )
+        state = folder / "state.npz"
+        kept = f"the trials so far are in {state}: continue with --resume" if state.exists() else "no trial was finished"
+        complain(f"\nasrsim: interrupted; {kept}")
+        errors = [{"message": "interrupted"}]
+        return Done(data={"ok": False, "errors": errors, "state": state if state.exists() else None}, code=INTERRUPTED)
 
 
 def _learn(

@@ -23,8 +23,8 @@ class StatusLine:
     def __init__(self, *, show: bool) -> None:
         self._talks = show
         self._shows = show and is_terminal(sys.stderr)
-        self._before = (clock.perf_counter(), 0.0, 0.0)
-        """Wall-clock time, time spent working and simulated time at the last update, s."""
+        self._before = (clock.perf_counter(), 0.0)
+        """Wall-clock time and simulated time at the last update, s."""
 
     def __enter__(self) -> Self:
         return self
@@ -42,16 +42,11 @@ class StatusLine:
         """Rewrite the status line with the current numbers of the session."""
         if not self._shows:
             return
-        now, figures = clock.perf_counter(), session.figures()
-        busy, simulated = figures["busy"], session.simulation.time
-        wall = now - self._before[0]
-        load, speed = ((value - before) / wall for value, before in zip((busy, simulated), self._before[1:], strict=True))
-        self._before = (now, busy, simulated)
+        now, simulated, figures = clock.perf_counter(), session.simulation.time, session.figures()
+        speed = (simulated - self._before[1]) / (now - self._before[0])
+        self._before = (now, simulated)
         state = "paused" if session.paused else f"{speed:.2f} x real time"
-        text = (
-            f"{simulated:9.2f} s  {state}  load {100 * load:3.0f} %  late {1e3 * figures['late_p50']:.2f} ms, "
-            f"p99 {1e3 * figures['late_p99']:.2f} ms  {commands(figures)}"
-        )
+        text = f"{simulated:9.2f} s  {state}  late {1e3 * figures['late_p99']:.2f} ms (p99)  {commands(figures)}"
         sys.stderr.write(f"\r\x1b[K{text}")
         sys.stderr.flush()
 

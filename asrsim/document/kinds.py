@@ -61,9 +61,10 @@ REQUIRED: Any = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """Declaration of a key in a mapping."""
+    """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
 
     name: str
+    """Name of the key; "": the declaration of an entry."""
     kind: Kind[Any]
     default: Any = REQUIRED
     doc: str = ""
@@ -210,7 +211,8 @@ class Text(Kind[str]):
         if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
-            raise reading.fault(node, path, f"must be {self.noun}", code="type")
+            article = "the " if self.noun.startswith("name") else ""
+            raise reading.fault(node, path, f"must be {article}{self.noun}", code="type")
         return node.value
 
     def schema(self) -> Schema:
@@ -439,7 +441,7 @@ class Either(Kind[Any]):
         for kind in self.options:
             if kind.fits(node):
                 return kind.read(node, path, reading)
-        raise reading.fault(node, path, f"must be a {self.text}", code="type")
+        raise reading.fault(node, path, f"must be {self.text}", code="type")
 
     def schema(self) -> Schema:
         return {"anyOf": [kind.schema() for kind in self.options]}

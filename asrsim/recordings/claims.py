@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
 from asrsim.plain import one_or_more
-from asrsim.recordings.align import Alignment, Reader, align_recording, series_of
+from asrsim.recordings.align import Reader, align_recording, series_of
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.recordings.read import read_recording
+from asrsim.recordings.reading import modified
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -22,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class RecordedSeries:
-    """Recordings that the claims about a run refer to; each is read and aligned once."""
+    """Recordings that the claims about a run refer to; each is aligned once for the same options."""
 
     def __init__(self, infos: Sequence[JointInfo], read: Reader) -> None:
         self._infos = infos
         self._read = read
-        self._alignments: dict[str, Alignment] = {}
+        self._lags: dict[tuple[str, ...], float] = {}
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
         """The claim's quantity of a joint in the run and the recording, aligned by the claim's options `lag` and `lag_limit`.
@@ -36,31 +37,29 @@ class RecordedSeries:
         """
         recording, pairing = require_columns(claim, self._infos, (joint,))
         own = {recorded: name for recorded, name in pairing.items() if name == joint.name}
-        lag, limit = claim.options.get("lag", "auto"), claim.options.get("lag_limit")
-        key = f"{claim.against} {lag} {limit} {_mapping(claim)} {claim.options.get('rate')}"
-        if key not in self._alignments:
+        options = claim.options
+        key = (str(claim.against), *(str(options.get(name)) for name in ("lag", "lag_limit", "map", "rate")))
+        if key not in self._lags:
+            lag, limit = options.get("lag", "auto"), options.get("lag_limit")
             series = series_of(self._read, self._infos)
-            self._alignments[key] = align_recording(recording, pairing, series, lag=lag, limit=limit, infos=self._infos)
+            self._lags[key] = align_recording(recording, pairing, series, lag=lag, limit=limit, infos=self._infos).lag
         sources = DERIVED_SOURCES.get(claim.quantity, (claim.quantity,))
         samples = self._read([name for name in joint.quantities if name in sources], (joint.name,))
-        result = compare(
-            samples, recording, infos=self._infos, joints=own, quantities=(claim.quantity,), lag=self._alignments[key].lag
-        )
-        return result.series[0]
+        found = compare(samples, recording, infos=self._infos, joints=own, quantities=(claim.quantity,), lag=self._lags[key])
+        return found.series[0]
 
 
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
 ) -> tuple[Recording, dict[str, str]]:
-    """Recording named by the claim's `against`, and its joints mapped to the run's joints; cached until the file changes.
+    """Recording named by the claim's `against`, and its joints mapped to the run's joints; cached until a file changes.
 
     The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
     quantity for one of the joints in `about`.
     """
     path = Path(str(claim.against))
-    newest = path.stat().st_mtime_ns if path.exists() else 0
-    joints = tuple(info.name for info in infos)
-    recording = _recording(path, newest, joints, _mapping(claim), claim.options.get("rate"))
+    joints, mapping = tuple(info.name for info in infos), one_or_more(claim.options.get("map", ()))
+    recording = _recording(path, modified(path), joints, mapping, claim.options.get("rate"))
     pairing, _ = match_joints(joints, recording)
     found = tuple(
         f"{pairing[str(column.joint)]}.{column.quantity}"
@@ -82,9 +81,7 @@ def require_columns(
 
 
 @lru_cache(maxsize=4)
-def _recording(path: Path, _newest: int, joints: tuple[str, ...], mapping: tuple[str, ...], rate: float | None) -> Recording:
+def _recording(
+    path: Path, _modified: tuple[int, int], joints: tuple[str, ...], mapping: tuple[str, ...], rate: float | None
+) -> Recording:
     return read_recording(path, joints=joints, mapping=list(mapping), rate=rate)
-
-
-def _mapping(claim: Expectation) -> tuple[str, ...]:
-    return one_or_more(claim.options.get("map", ()))

@@ -148,12 +148,6 @@ class Recording:
         names = [column.joint for column in self.channels.values() if column.joint is not None and column.quantity]
         return tuple(dict.fromkeys(names))
 
-    def quantities(self, joint: str) -> tuple[str, ...]:
-        """Names of the quantities recorded for a joint."""
-        return tuple(
-            column.quantity for column in self.channels.values() if column.joint == joint and column.quantity is not None
-        )
-
     def column(self, joint: str, quantity: str) -> Column:
         """Column of a joint's quantity. Raises RecordingError, which lists the columns, where it is missing."""
         for column in self.channels.values():

@@ -162,10 +162,9 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
     """Index of a column by its header (with or without unit, in any case), or by its number in the file."""
     labels = [column.name for column in columns]
-    plain = [split_header(label)[0] for label in labels]
-    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
-        for spelling in (wanted, wanted.lower()):
-            if spelling in candidates:
-                return candidates.index(spelling)
+    for spelt in (str, str.lower):
+        for names in (labels, [split_header(label)[0] for label in labels]):
+            if spelt(wanted) in (spellings := [spelt(name) for name in names]):
+                return spellings.index(spelt(wanted))
     numbers = [column.place or i for i, column in enumerate(columns, start=1)]
     return numbers.index(int(wanted)) if wanted.isdecimal() and int(wanted) in numbers else None

@@ -54,7 +54,7 @@ def propose(
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
-    """Lines of `map`: used columns, ambiguous columns as comments to complete, and problems of the file as comments."""
+    """Lines of `map`: used columns, and ambiguous columns as comments to complete."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
     yield "map:" if any(column.quantity for column in columns) else "map: {}"
@@ -67,10 +67,8 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
         yield _line(f"  # {_text(column.source)}: {target}", f"? {column.question}")
-    others = [column.source for column in columns if not (column.quantity or column.question)]
-    yield from [f"# not used: {', '.join(others)}"] if others else []
-    odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
-    yield from ["# problems of the file:", *odd] if odd else []
+    if others := [column.source for column in columns if not (column.quantity or column.question)]:
+        yield f"# not used: {', '.join(others)}"
 
 
 def _line(text: str, reason: str) -> str:

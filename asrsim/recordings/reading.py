@@ -172,6 +172,12 @@ def reading_file(path: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
+def modified(path: Path) -> tuple[int, int]:
+    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches notice changes by them."""
+    beside = reading_file(path)
+    return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
+
+
 def load_reading(path: Path) -> Reading:
     """Reading options from a document. Raises RecordingError with all problems."""
     try:

@@ -35,7 +35,7 @@ def split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
     if " " not in line and '"' not in line:  # most files: no cell needs more work
         return line.split(separator)
-    if separator is not None and '"' in line:
+    if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip(' "') for cell in line.split(separator)]
 
@@ -264,20 +264,20 @@ def _encoding(path: Path) -> str:
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
     """Separator and decimal mark that make most cells numbers; a separator or mark stated in `reading` is kept."""
-    best: tuple[float, str | None, str] = (-1.0, None, ".")
-    for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
+
+    def score(separator: str | None, decimal: str) -> float:
+        """Fraction of the lines' cells that are values; a layout with one column is chosen only if no other fits."""
         rows = [split(line, separator) for line in lines]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
-        for decimal in (reading.decimal,) if reading.decimal else (".", ","):
-            if decimal == separator and not reading.decimal:
-                continue
-            # A separator at the end of each line makes a blank last cell, which must not lower the score.
-            whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
-            good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
-            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # a layout with one column is chosen only if no other fits
-            if score > best[0]:
-                best = score, separator, decimal
-    return best[1], best[2]
+        # A separator at the end of each line makes a blank last cell, which must not lower the score.
+        whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
+        good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
+        return round(good - (0.4 if columns == 1 else 0.0), 3)
+
+    separators = [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values()
+    marks = (reading.decimal,) if reading.decimal else (".", ",")
+    layouts = [(separator, mark) for separator in separators for mark in marks if mark != separator or reading.decimal]
+    return max(layouts, key=lambda layout: score(*layout))
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

@@ -7,9 +7,8 @@ file is removed only if its name and its mark (`asrsim.outfile`) show that a run
 from __future__ import annotations
 
 import json
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -91,7 +90,9 @@ def find_logs(place: Path) -> list[Path]:
         raise InputError(message, file=place, hint=hint, code="no-log")
     bad = {problem.file for problem in unreadable_logs(place)}
     logs = [log for log in logs if log not in bad]
-    return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
+    variants = _variants_of(logs[0]) if len(logs) > 1 else []
+    # The folder of a variant has the variant's name; other folders come last.
+    return sorted(logs, key=lambda log: [*variants, log.parent.name].index(log.parent.name))
 
 
 def unreadable_logs(place: Path) -> list[Problem]:
@@ -118,22 +119,16 @@ def _logs_in(place: Path) -> list[Path]:
     return own or sorted(place.glob(f"*/{LOG}"))
 
 
-def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
-    """Sort key for logs: the order of variants in the scenario; other logs come last."""
+def _variants_of(log: Path) -> list[str]:
+    """Names of the variants in the scenario of a log, in the scenario's order; empty if the log cannot be read."""
     from asrsim.document.yaml_reader import parse_yaml
     from asrsim.log import open_log
 
-    places: dict[Path, float] = {}
-    for log in logs:
-        places[log] = math.inf
-        # An unreadable log is reported later, when its samples are read.
-        with suppress(AsrsimError):
-            info = open_log(log).info
-            scenario = parse_yaml(info.scenario).plain()
-            listed = scenario.get("variants") if isinstance(scenario, dict) else None
-            names = list(listed) if isinstance(listed, dict) else []
-            places[log] = names.index(info.variant) if info.variant in names else math.inf
-    return lambda log: (places[log], str(log))
+    with suppress(AsrsimError):
+        scenario = parse_yaml(open_log(log).info.scenario).plain()
+        if isinstance(scenario, dict) and isinstance(scenario.get("variants"), dict):
+            return list(scenario["variants"])
+    return []
 
 
 def inputs_of(scenario: Scenario) -> tuple[Path, ...]:

@@ -32,8 +32,9 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
             increase. Each problem states file, line and column.
     """
     from asrsim.recordings.names import find_raw
+    from asrsim.recordings.reading import modified
 
-    content, recording = _read(path, time_column, *_newest(path))
+    content, recording = _read(path, time_column, modified(path))
     columns = [(table, raw) for table in content.tables for raw in table.columns]
     place = find_raw(column, [raw for _, raw in columns])
     table = None if place is None else columns[place][0]
@@ -60,23 +61,16 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
 
 def series_names(path: Path) -> tuple[str, ...]:
     """Headers of all columns except the time, without units. Raises RecordingError for a file without a table."""
+    from asrsim.recordings.reading import modified
     from asrsim.recordings.units import split_header
 
-    content, _ = _read(path, None, *_newest(path))
+    content, _ = _read(path, None, modified(path))
     return tuple(split_header(column.name)[0] for table in content.tables for column in table.columns)
-
-
-def _newest(path: Path) -> tuple[int, int]:
-    """Modification times of the file and of the document beside it, ns: keys of the cache, so that changes are noticed."""
-    from asrsim.recordings.reading import reading_file
-
-    beside = reading_file(path)
-    return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
 # Cached, as a scenario often plays several columns of one file.
 @lru_cache(maxsize=2)
-def _read(path: Path, time_column: str | None, _file: int, _document: int) -> tuple[Content, Recording]:
+def _read(path: Path, time_column: str | None, _modified: tuple[int, int]) -> tuple[Content, Recording]:
     from asrsim.recordings.read import read_tables
     from asrsim.recordings.reading import TimeKeys, resolve_reading
 

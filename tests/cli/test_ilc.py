@@ -58,6 +58,20 @@ def test_ilc_fails_if_learning_does_not_converge(asrsim_command, lift):
     assert json.loads(result.out)["outcome"] == "exhausted"
 
 
+@pytest.mark.parametrize("kept", [True, False])
+def test_interrupted_ilc_says_whether_trials_are_kept(asrsim_command, lift, tmp_path, monkeypatch, kept):
+    def interrupted(*given, **options):
+        if kept:
+            (tmp_path / "here" / "state.npz").write_bytes(b"state")
+        raise KeyboardInterrupt
+
+    (tmp_path / "here").mkdir()
+    monkeypatch.setattr("asrsim.learning.session.run_session", interrupted)
+    outcome = asrsim_command("ilc", lift, "--out", "here")
+    assert outcome.code == 130
+    assert ("--resume" in outcome.err) == kept
+
+
 def trials_in(state):
     with np.load(state) as stored:
         return len(stored["inputs"])

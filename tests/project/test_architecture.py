@@ -1,4 +1,4 @@
-"""The rules of docs/architecture.md, read from the source and tried in fresh interpreters."""
+"""Rules of docs/architecture.md, checked in the source and in new interpreters."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MODULES = {module_name(path): path for path in SOURCES}
 
 @cache
 def imported(path: Path, *, everywhere: bool) -> tuple[str, ...]:
-    """Modules that a file imports: when it is loaded, or everywhere also inside functions and for type checkers."""
+    """Modules that a file imports when it is loaded. everywhere: also inside functions and for type checkers."""
     return tuple(_imported(list(ast.parse(path.read_text(encoding="utf-8")).body), everywhere))
 
 
@@ -63,7 +63,7 @@ def users_of(library: str) -> set[str]:
 
 
 def cycle(graph: dict[str, set[str]]) -> list[str]:
-    """One way round in a graph, or nothing."""
+    """A cycle in a graph, or an empty list."""
     done: set[str] = set()
 
     def visit(node: str, way: list[str]) -> list[str]:
@@ -80,12 +80,12 @@ def cycle(graph: dict[str, set[str]]) -> list[str]:
     return next((found for node in sorted(graph) if (found := visit(node, []))), [])
 
 
-def test_no_module_imports_itself_on_a_detour():
+def test_modules_are_imported_without_cycles():
     graph = {name: {used for used in imported(path, everywhere=False) if used in MODULES} for name, path in MODULES.items()}
     assert cycle(graph) == []
 
 
-def test_no_package_imports_itself_on_a_detour():
+def test_packages_are_imported_without_cycles():
     def home(name: str) -> str:
         return ".".join(name.split(".")[:2])
 
@@ -96,14 +96,14 @@ def test_no_package_imports_itself_on_a_detour():
     assert cycle(graph) == []
 
 
-def test_pybullet_stays_behind_the_engine_interface():
+def test_only_its_engine_imports_pybullet():
     users = users_of("pybullet")
     assert users
     assert all(name.startswith("engines/bullet") for name in users), users
 
 
 @pytest.mark.parametrize("folder", ["plots", "report", "metrics", "log", "recordings"])
-def test_what_reads_logs_does_not_know_the_simulation(folder):
+def test_readers_of_logs_do_not_import_the_simulation(folder):
     for path in sorted((PACKAGE / folder).rglob("*.py")):
         known = {name for name in imported(path, everywhere=True) if name.startswith(("asrsim.simulation", "asrsim.engines"))}
         assert not known, f"{path.relative_to(ROOT)} imports {known}"
@@ -124,7 +124,7 @@ def test_nothing_outside_imports_the_core_s_inner_files() -> None:
             assert not inner.intersection(imported(path, everywhere=True)), name
 
 
-def test_identification_reaches_the_simulation_through_its_door_alone():
+def test_one_module_of_identification_imports_the_simulation():
     inner = ("asrsim.simulation", "asrsim.engines", "asrsim.actuators.vectorised", "asrsim.actuators.detailed_motor")
     users = {
         path.stem
@@ -134,13 +134,13 @@ def test_identification_reaches_the_simulation_through_its_door_alone():
     assert users == {"door"}
 
 
-def test_the_library_does_not_know_its_command_line():
+def test_the_library_does_not_import_its_command_line():
     for name, path in MODULES.items():
         used = {other for other in imported(path, everywhere=True) if other.startswith("asrsim.cli")}
         assert not used or name.startswith(("asrsim.cli", "asrsim.__main__")), f"{name} imports {used}"
 
 
-def test_actuators_see_numbers_only():
+def test_actuators_import_no_engine_and_no_robot():
     for path in sorted((PACKAGE / "actuators").glob("*.py")):
         used = {name for name in imported(path, everywhere=True) if name.startswith("asrsim.")}
         allowed = ("asrsim.actuators", "asrsim.errors", "asrsim.rebind", "asrsim.registry")
@@ -165,7 +165,7 @@ main()
 
 
 def test_everything_public_is_documented():
-    """Docstrings: ruff's D1, the only rule asked here, so that it also holds where a file would silence the linter."""
+    """Docstrings by ruff's rule D1, also in files that silence the linter."""
     ruff = [sys.executable, "-m", "ruff", "check", "--isolated", "--ignore-noqa", "--no-cache", "--select", "D1"]
     pytest.importorskip("ruff")
     done = subprocess.run(
@@ -175,7 +175,7 @@ def test_everything_public_is_documented():
     assert done.returncode == 0, done.stdout
 
 
-def test_whatever_is_imported_in_functions_outside_the_package_is_there() -> None:
+def test_imports_in_functions_of_scripts_exist() -> None:
     """Benchmarks, examples and documentation import inside functions, which tests seldom call."""
     root = ROOT
     missing = [

@@ -27,7 +27,7 @@ def test_json_has_medians_goals_and_machine() -> None:
     assert row["goal"] == 0.1
 
 
-def test_a_row_that_does_not_exist_is_refused_with_those_that_do() -> None:
+def test_an_unknown_row_is_refused_with_the_known_names() -> None:
     result = benchmark("--only", "nothing")
     assert result.returncode == 2
     assert all(name in result.stderr for name in ("loop_v2", "reset", "check"))

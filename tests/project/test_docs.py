@@ -1,4 +1,4 @@
-"""The documentation says what the code does: generated parts, snippets, links, commands, pictures."""
+"""Documentation and code agree: generated parts, snippets, links, commands, pictures."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_the_schema_is_current():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page):
+def test_targets_of_links_exist(page):
     for found in LINK.finditer(plain(page.read_text(encoding="utf-8"))):
         target = found[1] or found[2]
         if "://" in target:
@@ -95,7 +95,7 @@ def test_links_lead_somewhere(page):
             assert mark in [anchor(heading) for heading in headings], f"{page.name}: {target}"
 
 
-def test_every_page_can_be_found_from_the_index():
+def test_the_index_lists_every_page_and_pages_show_every_picture():
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     for page in (ROOT / "docs").glob("*.md"):
         assert page.name == "index.md" or f"({page.name})" in index, page.name
@@ -121,8 +121,8 @@ def test_commands_in_the_documentation_exist(page):
 
 
 def test_names_of_the_library_in_the_pages_exist(tiny):
-    """Every `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` of the text can be asked for."""
-    # What other packages register under has names that look alike.
+    """Every name such as `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` in the pages exists."""
+    # Groups of entry points have similar names.
     registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
@@ -153,7 +153,7 @@ def printed_commands(page: Path) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if printed_commands(page)], ids=lambda page: page.name)
 def test_commands_run_as_they_are_printed(page, asrsim_command):
-    """Where `asrsim examples` was called. What needs a robot or a cluster of one's own stands in blocks of another kind."""
+    """In a folder with the examples. Commands that need a user's robot or a cluster are in blocks of another language."""
     assert asrsim_command("examples", "--overwrite").code == 0
     for line in printed_commands(page):
         done = asrsim_command(*shlex.split(line, comments=True)[1:])
@@ -169,8 +169,8 @@ def test_every_command_has_a_summary_an_example_and_help_for_its_options(name):
         assert parameter.help, f"{name}: {parameter.name} has no help"
 
 
-def test_readme_block_is_that_of_the_example():
-    """The URDF block stands so in the robot of the first command, and reads as what the text says."""
+def test_urdf_in_the_readme_is_in_the_example_robot():
+    """The robot is that of the first command."""
     (block,) = snippets("xml")
     robot = ROOT / "examples/urdf/dof2_horizontal.urdf"
     flat = " ".join(robot.read_text(encoding="utf-8").split())
@@ -178,8 +178,8 @@ def test_readme_block_is_that_of_the_example():
     assert load_robot(robot).actuators[0].joint == "joint_1"
 
 
-def test_readme_scenario_runs_as_the_example_does(tmp_path):
-    """The scenario beside it is the example's, shortened: its two variants are the example's."""
+def test_scenario_in_the_readme_agrees_with_the_example(tmp_path):
+    """The scenario of the README is a shortened example with equal variants."""
     code = snippets("yaml")[0]
     path = ROOT / "examples/scenarios" / "step_2dof.yaml"
     short = tmp_path / "step_2dof.yaml"
@@ -192,8 +192,8 @@ def test_readme_scenario_runs_as_the_example_does(tmp_path):
         assert scenario.robot.resolve() == full[name].robot.resolve()
 
 
-def test_readme_shows_what_the_first_command_prints(asrsim_command):
-    """Times, speeds and the default engine differ from machine to machine; all else stands in README as printed."""
+def test_the_readme_shows_the_output_of_its_first_command(asrsim_command):
+    """Times, speeds and the default engine depend on the machine."""
 
     def fixed(text: str) -> list[str]:
         varying = r"in [\d.]+ s \([\d.]+ x real time\)|(bullet|mujoco), (plain|compiled) loop"

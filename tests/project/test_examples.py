@@ -1,4 +1,4 @@
-"""The examples: robots that load without a remark, scenarios that name their figure and whose claims hold."""
+"""Examples: robots load without warnings; scenarios name their figure, and their claims hold."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_every_figure_has_its_scenario():
 
 
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
-def test_robots_load_without_a_remark(path):
+def test_robots_load_without_warnings(path):
     robot = load_robot(path)
     plain = ["no-actuators"] if path.stem == "plain_arm" else []
     assert [warning.code for warning in robot.warnings] == plain
@@ -36,7 +36,7 @@ def test_robots_load_without_a_remark(path):
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_scenarios_name_their_figure_and_fit_their_robot(path):
+def test_scenarios_name_their_figure_and_have_no_warnings(path):
     assert re.match(rf"# Figure {FIGURES[path.stem]} of Mengacci", path.read_text())
     for scenario in load_scenario(path):
         errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
@@ -59,7 +59,7 @@ def test_claims_hold(scenario):
 
 
 def test_the_stiff_awas_ii_is_resolved_at_one_millisecond():
-    """At 530 Hz omega h is 3.3: without substeps the joint would settle elsewhere (its deflection saturates)."""
+    """At 530 Hz omega h is 3.3. Without substeps, the deflection would saturate, and the joint settle elsewhere."""
     scenario = load_scenario(EXAMPLES / "scenarios" / "step_1dof_awas_ii.yaml", variant="stiff")[0]
     assert scenario.step == 1e-3
     assert simulate(scenario).resolution.substeps >= 16

@@ -1,4 +1,4 @@
-"""The package as others get it: what is declared, what the wheel holds, and that it works away from the repository."""
+"""Declared requirements, contents of the distributions, and the installed wheel."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LOCKED = {
 """Locked version of each library."""
 
 
-def test_python_has_no_upper_bound_and_what_has_no_wheels_everywhere_is_marked():
+def test_requirements_without_wheels_everywhere_have_markers():
     assert PROJECT["requires-python"] == ">=3.11"
     for name in ("pybullet", "numba"):
         (text,) = (text for text in PROJECT["dependencies"] if text.startswith(name))
@@ -53,7 +53,7 @@ def test_the_versions_agree():
 
 
 def test_imports_are_declared():
-    """Every library that the package imports is a requirement of its own, not one that happens to come with another."""
+    """Every library that the package imports is its own requirement, not only one of another requirement."""
     import ast
 
     names = {
@@ -83,7 +83,7 @@ def test_imports_are_declared():
 
 @pytest.fixture(scope="module")
 def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with sdist and wheel, built by the backend that pyproject.toml names; the wheel from the sdist."""
+    """Folder with a source distribution, and a wheel built from it by the backend in pyproject.toml."""
     pytest.importorskip("hatchling.build")
     folder = tmp_path_factory.mktemp("dist")
     build = "import sys; from hatchling.build import build_sdist, build_wheel; globals()[sys.argv[1]](sys.argv[2])"
@@ -96,7 +96,7 @@ def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def files_below(folder: str) -> list[Path]:
-    """Files of ours: not the caches of Python and Numba."""
+    """Files of the project, without caches of Python and Numba."""
     found = (path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     return [path for path in found if path.suffix not in (".nbi", ".nbc")]
 
@@ -118,8 +118,8 @@ def test_the_source_distribution_can_be_tested(distributions):
     assert (source / "tests/project/test_packaging.py").is_file()
 
 
-def test_the_wheel_works_away_from_the_repository(distributions, tmp_path):
-    """The wheel unpacked into an environment that has our requirements and nothing of the repository."""
+def test_the_wheel_works_without_the_repository(distributions, tmp_path):
+    """The environment contains the wheel and its requirements only."""
     (wheel,) = distributions.glob("*.whl")
     venv.create(tmp_path / "venv", with_pip=False)
     site = next((tmp_path / "venv").glob("lib/python*/site-packages"))

@@ -1,4 +1,4 @@
-"""The ROS package of our messages says what logs and live runs send, and a parser of ROS's grammar reads it."""
+"""ROS package of asrsim's messages: equal to the messages of logs and live runs, and readable for ROS."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from support.paths import ROOT
 PACKAGE = ROOT / "ros" / "asrsim_msgs"
 
 
-def test_definitions_are_those_of_the_logs():
+def test_message_definitions_equal_those_of_the_logs():
     assert {path.stem: path.read_text() for path in (PACKAGE / "msg").glob("*.msg")} == OWN_MESSAGES
 
 
-def test_the_build_knows_them_all():
+def test_the_build_lists_all_messages():
     build = (PACKAGE / "CMakeLists.txt").read_text()
     assert set(re.findall(r"msg/(\w+)\.msg", build)) == set(OWN_MESSAGES)
     package = ElementTree.parse(PACKAGE / "package.xml").getroot()
@@ -25,7 +25,7 @@ def test_the_build_knows_them_all():
     assert package.findtext("member_of_group") == "rosidl_interface_packages"
 
 
-def test_ros_reads_them():
+def test_ros_reads_all_messages():
     types = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in OWN_MESSAGES.items():
         types.register(get_types_from_msg(text, f"asrsim_msgs/msg/{name}"))

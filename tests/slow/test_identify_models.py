@@ -12,12 +12,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from asrsim.identification import identify
+from asrsim.identification import Result, identify
 from support.identify_files import SEA, write
 from support.stick_slip import stick_slip
 
 pytestmark = pytest.mark.slow
 SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02
+NOISE = {"link_position [rad]": 5e-4}
+UNLIMITED = {"max_def": 30, "mot_maxVel": 1e3, "mot_tauMax": 50}
+"""Tags of limits that are not reached."""
 
 
 def waves(time: Any) -> Any:
@@ -25,31 +28,32 @@ def waves(time: Any) -> Any:
     return 0.3 * np.sin(2.0 * pi * 0.5 * time) + 0.15 * np.sin(2.0 * pi * 1.7 * time)
 
 
-def recorded(folder: Path, columns: Mapping[str, np.ndarray], noise: Mapping[str, float]) -> Path:
-    """Write a recording of joint_1, with noise in the measured columns."""
+def fitted(
+    folder: Path, columns: Mapping[str, np.ndarray], noise: Mapping[str, float], free: list[str], *, more: str = "", **lab: Any
+) -> Result:
+    """Fit of a wrong model `lab` to a recording of joint_1, with noise in its columns."""
     random = np.random.default_rng(3)
-    noisy = {name: values + noise.get(name, 0.0) * random.normal(size=len(values)) for name, values in columns.items()}
-    header = ",".join(name if name.startswith("time") else f"joint_1.{name}" for name in noisy)
-    path = folder / "a.csv"
-    np.savetxt(path, np.column_stack(list(noisy.values())), delimiter=",", header=header, comments="", fmt="%.9g")
-    return path
-
-
-def holds(folder: Path, lab: Mapping[str, Any], truth: Mapping[str, float], free: list[str], within: float) -> None:
-    """Assert that the fit finds every parameter of `truth`, with an interval that contains the true value."""
-    duration, more = float(lab["duration"]), str(lab.get("more", ""))
-    scenario = write(
-        folder, "lab", {**SEA, **{key: lab[key] for key in lab if key not in ("duration", "more")}}, duration=duration
-    )
+    noisy = [values + noise.get(name, 0.0) * random.normal(size=len(values)) for name, values in columns.items()]
+    header = ",".join(name if name.startswith("time") else f"joint_1.{name}" for name in columns)
+    np.savetxt(folder / "a.csv", np.column_stack(noisy), delimiter=",", header=header, comments="", fmt="%.9g")
+    scenario = write(folder, "lab", {**SEA, **lab}, duration=float(columns["time [s]"][-1]))
     scenario.write_text(scenario.read_text() + more)
-    result = identify(scenario, [folder / "a.csv"], free=free)
+    return identify(scenario, [folder / "a.csv"], free=free)
+
+
+def tags(**values: float) -> str:
+    """Tags of an actuator."""
+    return "".join(f"<{tag}>{value}</{tag}>" for tag, value in values.items())
+
+
+def assert_found(result: Result, truth: Mapping[str, float], within: float) -> None:
+    """Assert that every value is found within this relative error, and lies in its interval."""
     assert result.fits, (result.misfit, result.causes)
     for key, value in truth.items():
         one = result.find(key)
         assert one.value == pytest.approx(value, rel=within), key
         # With 95 % intervals, one parameter in twenty may be slightly outside.
-        width = 0.5 * (one.high - one.low)
-        assert abs(one.value - value) < 1.5 * width, (key, one)
+        assert abs(one.value - value) < 1.5 * 0.5 * (one.high - one.low), (key, one)
 
 
 def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
@@ -60,14 +64,14 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
         time, lambda t, x: SPRING * (waves(t) - x), lambda v, _: 0.15 + 0.1 * exp(-((v / 0.15) ** 2)), mass=INERTIA,
         damping=DAMPING,
     )  # fmt: skip
-    recorded(
-        tmp_path, {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}, {"link_position [rad]": 5e-4}
-    )
-    # The step must be so small that its error in stiction is well below the noise.
-    lab = {"mode": 2, "friction": 0.1, "damping": 0.05, "izz": 0.012, "tags": "<spring_k>4</spring_k><max_def>3</max_def>",
-           "duration": 4.0, "more": "substeps: 8\n"}  # fmt: skip
+    columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
     free = ["joint_1.friction", "joint_1.stribeck_friction=0.05", "joint_1.stribeck_velocity", "joint_1.damping", "link_1.izz"]
-    holds(tmp_path, lab, truth, free, 0.05)
+    # The step must be so small that its error in stiction is well below the noise.
+    result = fitted(
+        tmp_path, columns, NOISE, free, more="substeps: 8\n", mode=2, friction=0.1, damping=0.05, izz=0.012,
+        tags=tags(spring_k=4, max_def=3),
+    )  # fmt: skip
+    assert_found(result, truth, 0.05)
 
 
 def test_fit_recovers_hysteresis(tmp_path: Path) -> None:
@@ -81,15 +85,13 @@ def test_fit_recovers_hysteresis(tmp_path: Path) -> None:
         return [v, (SPRING * (waves(t) - q) + h - DAMPING * v) / INERTIA, (level * rate - abs(rate) * h) / length]
 
     q = solve_ivp(motion, (0.0, 4.0), [0.0, 0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=2e-3).y[0]
-    recorded(
-        tmp_path, {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}, {"link_position [rad]": 5e-4}
-    )
-    lab = {"mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k><max_def>3</max_def>", "duration": 4.0}
+    columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
     truth = {"joint_1.spring_stiffness": SPRING, "joint_1.hysteresis_torque": level, "joint_1.hysteresis_deflection": length,
              "joint_1.damping": DAMPING}  # fmt: skip
     springs = ["joint_1.spring_stiffness", "joint_1.damping"]
     free = [*springs, "joint_1.hysteresis_torque=0.05", "joint_1.hysteresis_deflection=0.03"]
-    holds(tmp_path, lab, truth, free, 0.01)
+    result = fitted(tmp_path, columns, NOISE, free, mode=2, damping=0.04, tags=tags(spring_k=5, max_def=3))
+    assert_found(result, truth, 0.01)
     without = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=springs)
     assert not without.fits
 
@@ -108,15 +110,12 @@ def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
 
     x, w, q, _ = solve_ivp(motion, (0.0, 3.0), [0.0] * 4, t_eval=time, rtol=1e-10, atol=1e-12).y
     current = (voltage(time) - constant * w) / resistance
-    recorded(
-        tmp_path,
-        {"time [s]": time, "reference_1 [V]": voltage(time), "link_position [rad]": q, "motor_1_position [rad]": x,
-         "motor_1_current [A]": current},
-        {"link_position [rad]": 5e-4, "motor_1_position [rad]": 5e-4, "motor_1_current [A]": 2e-2},
-    )  # fmt: skip
-    tags = {"spring_k": 5, "max_def": 30, "mot_J": 0.015, "mot_D": 0.1, "mot_tauFric": 0, "mot_maxVel": 1e3, "mot_tauMax": 50,
-            "mot_kt": 0.6, "mot_R": 4}  # fmt: skip
-    lab = {"mode": 7, "tags": "".join(f"<{tag}>{value}</{tag}>" for tag, value in tags.items()), "duration": 3.0}
+    columns = {
+        "time [s]": time, "reference_1 [V]": voltage(time), "link_position [rad]": q, "motor_1_position [rad]": x,
+        "motor_1_current [A]": current,
+    }  # fmt: skip
+    noise = {"link_position [rad]": 5e-4, "motor_1_position [rad]": 5e-4, "motor_1_current [A]": 2e-2}
+    wrong = tags(spring_k=5, mot_J=0.015, mot_D=0.1, mot_tauFric=0, mot_kt=0.6, mot_R=4, **UNLIMITED)
     truth = {
         "joint_1.motor_1_torque_constant": constant,
         "joint_1.motor_1_resistance": resistance,
@@ -124,7 +123,7 @@ def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
         "joint_1.motor_1_damping": loss,
         "joint_1.spring_stiffness": SPRING,
     }
-    holds(tmp_path, lab, truth, list(truth), 0.01)
+    assert_found(fitted(tmp_path, columns, noise, list(truth), mode=7, tags=wrong), truth, 0.01)
 
 
 def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
@@ -144,15 +143,11 @@ def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
         v += step * (spring - fade * v) / link
         x, q = x + step * w, q + step * v
     names = ("time [s]", "reference_1 [V]", "motor_1_position [rad]", "link_position [rad]")
-    recorded(tmp_path, dict(zip(names, np.array(rows).T, strict=True)), dict.fromkeys(names[2:], 3.5e-4))
-    tags = {"spring_k": 4, "max_def": 30, "mot_J": 0.008, "mot_D": 0.015, "mot_tauFric": 0.03, "mot_maxVel": 1e3,
-            "mot_tauMax": 50, "mot_kt": constant, "mot_R": resistance}  # fmt: skip
-    lab = {"mode": 7, "tags": "".join(f"<{tag}>{value}</{tag}>" for tag, value in tags.items()), "damping": 0.004}
-    scenario = write(tmp_path, "lab", {**SEA, **lab}, duration=6.0)
+    columns, noise = dict(zip(names, np.array(rows).T, strict=True)), dict.fromkeys(names[2:], 3.5e-4)
+    wrong = tags(spring_k=4, mot_J=0.008, mot_D=0.015, mot_tauFric=0.03, mot_kt=constant, mot_R=resistance, **UNLIMITED)
     motor = [f"joint_1.motor_1_{name}" for name in ("inertia", "damping", "friction_torque")]
-    result = identify(
-        scenario, [tmp_path / "a.csv"], free=[*motor, "joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"]
-    )
+    free = [*motor, "joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"]
+    result = fitted(tmp_path, columns, noise, free, mode=7, damping=0.004, tags=wrong)
     # With the fixed value of 1000 N m/rad, an oscillation remained in the residuals, and inertias were wrong by 2 %.
     assert result.fits, (result.misfit, result.causes)
     assert result.find("joint_1.motor_1_friction_stiffness").value > 1e4
@@ -166,7 +161,6 @@ def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
         assert one.value == pytest.approx(value, rel=max(0.005, 1.5 * one.margin)), one
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stairs", [True, False])
 def test_fit_recognises_held_commands(tmp_path: Path, stairs: bool) -> None:
     # At 50 Hz, half a sample is 10 ms. Without the hold, the fit would compensate this delay by damping.
@@ -178,12 +172,9 @@ def test_fit_recognises_held_commands(tmp_path: Path, stairs: bool) -> None:
         lambda t, y: [y[1], (SPRING * (told[min(int(t * 1e4 + 1e-6), len(told) - 1)] - y[0]) - DAMPING * y[1]) / INERTIA],
         (0.0, 4.0), [0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=1e-4,
     ).y[0]  # fmt: skip
-    recorded(tmp_path, {"time [s]": time, "reference_1 [rad]": goal, "link_position [rad]": q}, {"link_position [rad]": 5e-4})
-    lab = {"mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k><max_def>3</max_def>", "duration": 4.0}
-    scenario = write(tmp_path, "lab", {**SEA, **{k: lab[k] for k in ("mode", "damping", "tags")}}, duration=4.0)
-    result = identify(scenario, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    columns = {"time [s]": time, "reference_1 [rad]": goal, "link_position [rad]": q}
+    truth = {"joint_1.spring_stiffness": SPRING, "joint_1.damping": DAMPING}
+    result = fitted(tmp_path, columns, NOISE, list(truth), mode=2, damping=0.04, tags=tags(spring_k=5, max_def=3))
     assert any("staircase" in text for text in result.remarks) == stairs
     assert result.played == {"joint_1.reference_1 [rad]": "hold" if stairs else "smooth"}
-    assert result.fits, result.misfit
-    for key, value in (("spring_stiffness", SPRING), ("damping", DAMPING)):
-        assert result.find(f"joint_1.{key}").value == pytest.approx(value, rel=0.01)
+    assert_found(result, truth, 0.01)

@@ -12,7 +12,7 @@ import pytest
 from asrsim import run
 from asrsim.errors import ScenarioError
 from asrsim.reproduce import figures
-from asrsim.robot import load_robot
+from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario
@@ -22,6 +22,7 @@ from paper.lab import Lab
 from paper.motors import departure
 from paper.newton import ALTEREGO, hanging, level, read_motion
 from support.paths import ROOT
+from support.pinocchio_model import PinocchioModel
 
 SCENARIOS = ROOT / "examples" / "scenarios"
 
@@ -112,28 +113,13 @@ def test_newtons_law_recovers_masses_and_losses(what, masses, damping, friction,
     assert (departure(result.samples, [ALTEREGO] * 2) <= 1e-6) == (what != "springs")
 
 
-def test_five_link_dynamics_agree_with_energies():
-    """Work of the torques equals the change of kinetic and potential energy; at rest, torques are slopes of the energy."""
-    source = np.random.default_rng(14)
-    q, v, a, none = *source.normal(size=(3, 20, 5)), np.zeros((20, 5))
-    shares = np.stack([five_links(q, none, unit[None].repeat(20, 0)) for unit in np.eye(5)], axis=2)
-    weights = five_links(q, none, none)
-    masses = shares - weights[:, :, None]
-    assert masses == pytest.approx(masses.transpose(0, 2, 1), abs=1e-12)
-    assert np.linalg.eigvalsh(masses).min() > 0.0
-
-    def kinetic(places):
-        columns = [five_links(places, none, unit[None].repeat(20, 0)) for unit in np.eye(5)]
-        inertia = np.stack(columns, axis=2) - five_links(places, none, none)[:, :, None]
-        return 0.5 * np.einsum("ni,nij,nj->n", v, inertia, v)
-
-    h = 1e-5
-    change = (kinetic(q + h * v) - kinetic(q - h * v)) / (2.0 * h) + np.einsum("ni,nij,nj->n", v, masses, a)
-    power = np.sum(v * (five_links(q, v, a) - weights), axis=1)
-    assert power == pytest.approx(change, abs=1e-7)
-    # If the arm is horizontal, the shoulder torque is the sum of all weights times their levers.
-    reach = 0.5408 * 0.0793 + 0.4961 * 0.1644 + 0.5408 * 0.2468 + 0.3668 * 0.3523
-    assert five_links(*np.zeros((3, 1, 5)))[0] == pytest.approx([0.0, -9.81 * reach, 0.0, 0.0, 0.0], abs=1e-12)
+def test_five_link_dynamics_are_those_of_the_robot_file():
+    robot = load_robot(ROOT / "examples" / "urdf" / "dof5_arm.urdf")
+    model = PinocchioModel(engine_urdf(robot)[0], [joint.name for joint in robot.moving_joints])
+    for q, v, a in np.random.default_rng(14).normal(size=(20, 3, 5)):
+        assert five_links(*np.array([[q], [v], [a]]))[0] == pytest.approx(
+            model.mass_matrix(q) @ a + model.bias(q, v), abs=1e-12
+        )
 
 
 def test_newtons_law_uses_no_simulator_code():

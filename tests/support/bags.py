@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,9 @@ Make = Callable[[Any, int, int], Any]
 
 
 def write_bag(
-    path: Path, kind: str, topics: Mapping[str, tuple[str, Make]], times: Iterable[int], *,
-    definitions: Mapping[str, str] | None = None, version: int = 9,
-) -> Path:  # fmt: skip
+    path, kind, topics, times, *,
+    definitions = None, version = 9,
+):  # fmt: skip
     """Write a bag. kind: ros1, sqlite3 or mcap. topics: type and maker of the messages. definitions: of the lab's own types."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -38,23 +37,23 @@ def write_bag(
     return path
 
 
-def header(types: Any, stamp: int) -> Any:
+def header(types, stamp):
     """Header with a stamp in ns."""
     made = types["std_msgs/msg/Header"]
     fields = {"stamp": types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9)), "frame_id": ""}
     return made(**fields, **({"seq": 0} if "seq" in made.__dataclass_fields__ else {}))
 
 
-def joint_state(types: Any, stamp: int, names: Sequence[str], position: np.ndarray, effort: np.ndarray) -> Any:
+def joint_state(types, stamp, names, position, effort):
     """State of joints without velocities."""
     parts = {"position": position.copy(), "velocity": np.array([]), "effort": effort.copy()}
     return types[STATE](header=header(types, stamp), name=list(names), **parts)
 
 
-def ramp_bag(path: Path, kind: str) -> Path:
+def ramp_bag(path, kind):
     """Bag of 1 s at 10 Hz: /q rises to 1, and so does the position of joint a, whose stamps are on another clock."""
 
-    def state(types: Any, i: int, time: int) -> Any:
+    def state(types, i, time):
         values = np.array([0.1 * i, -0.1 * i])
         return joint_state(types, 10**11 + i * 50_000_000, ["a", "b"], values, values)
 

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.samples import Array
 from asrsim.signals import Sinusoid
-from support.convergence import speed_and_errors
+from support.convergence import errors, order_of, truth_of
 from support.random_runs import random_run
 from validation.check import Check, engine
 from validation.models import Body, chain, run
@@ -26,17 +25,12 @@ KINDS: dict[str, dict[str, Any]] = {
 """Arguments of `random_run` by kind of random robots."""
 
 
-def measured(seed: int, keys: dict[str, Any], **options: Any) -> tuple[float, Array]:
+def measured(seed: int, keys: dict[str, Any], **options: Any) -> tuple[float, list[float]]:
     """Largest speed, and largest errors at the steps h, h/2 and h/4, of random robot `seed`. Odd seeds have a floating base."""
+    random = random_run(seed, fixed=seed % 2 == 0, **keys)
+    speed, truth = truth_of(random)
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
-        random = random_run(seed, fixed=seed % 2 == 0, **keys)
-        speed, errors = speed_and_errors(random, Path(folder), engine(), compiled=True, **options)
-    return speed, errors.max(axis=1)
-
-
-def order_of(errors: Array) -> float:
-    """Order of convergence from h to h/4. The larger of the first two errors is used, since one may be small by chance."""
-    return float(np.log2(max(errors[0], errors[1]) / errors[2]) / 2.0)
+        return speed, errors(random, truth, Path(folder), engine(), compiled=True, **options)
 
 
 def smooth() -> Iterator[Check]:
@@ -48,8 +42,8 @@ def smooth() -> Iterator[Check]:
 def random_robots(kind: str, seeds: range) -> Iterator[Check]:
     """Order of convergence and errors of random robots of a kind."""
     runs = [measured(seed, KINDS[kind]) for seed in seeds]
-    orders = [order_of(errors) for _, errors in runs]
-    worst = max(float(errors[0]) / speed for speed, errors in runs)
+    orders = [order_of(found) for _, found in runs]
+    worst = max(found[0] / speed for speed, found in runs)
     median, least = float(np.median(orders)), min(orders)
     of = f"of {len(seeds)} random robots: {kind}"
     yield Check(name=f"median order {of}", figure=median, bound=1.8, at_least=True, source="2")
@@ -66,7 +60,7 @@ def first_order_schemes() -> Iterator[Check]:
     yield Check(name="order of euler", figure=order, bound=0.8, at_least=True, source="1")
     yield Check(
         name="error of euler over that of leapfrog",
-        figure=float(coarse[0] / best[0]),
+        figure=coarse[0] / best[0],
         bound=10.0,
         at_least=True,
         source="DOP853",

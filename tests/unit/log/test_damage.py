@@ -6,7 +6,6 @@ import os
 import re
 import resource
 from itertools import cycle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,32 +13,31 @@ from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
-from asrsim.samples import Samples
 from support.log_example import INFO, assert_same, example_samples, part
 
 COUNT = 6000
 
 
 @pytest.fixture(scope="module")
-def samples() -> Samples:
+def samples():
     return example_samples(COUNT)
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> bytes:
+def whole(tmp_path_factory, samples):
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     with LogWriter(path, INFO) as writer:
         writer.write(samples)
     return path.read_bytes()
 
 
-def official_times(path: Path) -> list[float]:
+def official_times(path):
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         return [np.frombuffer(message.data, "<f8", 1, 4)[0] for _, _, message in reader.iter_messages("/asrsim/time")]
 
 
-def test_a_log_is_readable_while_it_is_written(tmp_path: Path, samples: Samples) -> None:
+def test_a_log_is_readable_while_it_is_written(tmp_path, samples):
     from rosbags.highlevel import AnyReader
 
     path = tmp_path / "run.mcap"
@@ -62,15 +60,13 @@ def test_a_log_is_readable_while_it_is_written(tmp_path: Path, samples: Samples)
     assert_same(read_log(path).samples, samples)
 
 
-def test_every_write_leaves_a_file_for_the_official_reader(
-    tmp_path: Path, samples: Samples, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_write_leaves_a_file_for_the_official_reader(tmp_path, samples, monkeypatch):
     """A process may be killed between any two writes to the file: there, too, the file is whole."""
     path = tmp_path / "run.mcap"
     counts = []
     write = os.write
 
-    def watched(file: int, data: bytes) -> int:
+    def watched(file, data):
         written = write(file, data)
         times = official_times(path)
         assert times == samples.time[: len(times)].tolist()
@@ -85,7 +81,7 @@ def test_every_write_leaves_a_file_for_the_official_reader(
     assert set(counts) == {0, writer.chunk_samples, 1400}
 
 
-def test_cut_anywhere_it_is_read_or_refused(tmp_path: Path, whole: bytes, samples: Samples) -> None:
+def test_cut_anywhere_it_is_read_or_refused(tmp_path, whole, samples):
     path = tmp_path / "cut.mcap"
     rng = np.random.default_rng(0)
     described = whole.index(b"asrsim_version")
@@ -106,7 +102,7 @@ def test_cut_anywhere_it_is_read_or_refused(tmp_path: Path, whole: bytes, sample
     assert len(set(counts)) > 4
 
 
-def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path: Path, whole: bytes, samples: Samples) -> None:
+def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path, whole, samples):
     path = tmp_path / "bad.mcap"
     rng = np.random.default_rng(1)
     refused = 0
@@ -123,7 +119,7 @@ def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path: Path, whole: bytes,
     assert refused > 20
 
 
-def test_a_damaged_chunk_is_named_by_its_time(tmp_path: Path, whole: bytes) -> None:
+def test_a_damaged_chunk_is_named_by_its_time(tmp_path, whole):
     path = tmp_path / "bad.mcap"
     path.write_bytes(whole)
     with path.open("rb") as file:
@@ -145,7 +141,7 @@ def test_a_damaged_chunk_is_named_by_its_time(tmp_path: Path, whole: bytes) -> N
         (b"\x89MCAP0\r\n" + b"\xff" * 5000, "foreign-log"),
     ],
 )
-def test_files_that_are_no_logs(tmp_path: Path, content: bytes, code: str) -> None:
+def test_files_that_are_no_logs(tmp_path, content, code):
     path = tmp_path / "file.mcap"
     path.write_bytes(content)
     with pytest.raises(LogError) as caught:
@@ -154,20 +150,7 @@ def test_files_that_are_no_logs(tmp_path: Path, content: bytes, code: str) -> No
     assert caught.value.problems[0].file == path
 
 
-def test_an_mcap_of_somebody_else(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-
-    path = tmp_path / "other.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.add_attachment(0, 0, "notes.txt", "text/plain", b"hello")
-        writer.finish()
-    with pytest.raises(LogError, match="not written by asrsim"):
-        read_log(path)
-
-
-def test_places_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
+def test_places_that_cannot_be_read_or_written_are_named(tmp_path):
     with pytest.raises(LogError, match="cannot read"):
         read_log(tmp_path / "none.mcap")
     for path in (tmp_path, tmp_path / "none" / "run.mcap"):
@@ -176,7 +159,7 @@ def test_places_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("spare", [0, 30, 5000, 200_000])
-def test_a_full_disk_keeps_what_is_written(tmp_path: Path, samples: Samples, spare: int) -> None:
+def test_a_full_disk_keeps_what_is_written(tmp_path, samples, spare):
     path = tmp_path / "run.mcap"
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     writer = LogWriter(path, INFO)
@@ -204,9 +187,7 @@ def test_a_full_disk_keeps_what_is_written(tmp_path: Path, samples: Samples, spa
     assert log.status == ("truncated" if spare < 10_000 else "failed")
 
 
-def test_writes_that_take_only_some_bytes_go_on_with_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, samples: Samples, whole: bytes
-) -> None:
+def test_writes_that_take_only_some_bytes_go_on_with_the_others(tmp_path, monkeypatch, samples, whole):
     write, sizes = os.write, cycle((1, 700, 13))
     monkeypatch.setattr(os, "write", lambda file, data: write(file, data[: next(sizes)]))
     with LogWriter(tmp_path / "run.mcap", INFO) as writer:
@@ -215,14 +196,14 @@ def test_writes_that_take_only_some_bytes_go_on_with_the_others(
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_duration(tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_duration(tmp_path):
     import tracemalloc
     from dataclasses import replace
 
     chunk = example_samples(1000)
     span = 1000 * INFO.step * INFO.log_every
 
-    def peaks(count: int) -> tuple[int, int]:
+    def peaks(count):
         """Peak memory in bytes of writing and of reading `count` thousand samples."""
         path = tmp_path / "run.mcap"
         tracemalloc.start()

@@ -13,7 +13,7 @@ RNG = np.random.default_rng(0)
 N = 20
 
 
-def make(joint: JointInfo, **values: np.ndarray) -> tuple[Samples, list[JointInfo]]:
+def make(joint, **values):
     table = {name: column[:, None] for name, column in values.items()}
     return Samples(time=np.arange(N) * 0.1, joints=(joint.name,), values=table), [joint]
 
@@ -22,7 +22,7 @@ Q, THETA_1, THETA_2, R_1, R_2 = RNG.normal(size=(5, N))
 
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
-def test_equilibrium_and_deflection_of_the_motors(actuator: str) -> None:
+def test_equilibrium_and_deflection_of_the_motors(actuator):
     joint = JointInfo(name="j", actuator=actuator, mode=6)
     law = ACTUATORS.get(actuator).equilibrium_position
     samples, joints = make(joint, link_position=Q, motor_1_position=THETA_1, motor_2_position=THETA_2)
@@ -35,7 +35,7 @@ def test_equilibrium_and_deflection_of_the_motors(actuator: str) -> None:
     ("mode", "expected"),
     [(0, None), (1, R_1), (2, (R_1 + R_2) / 2), (3, R_1), (4, None), (5, (R_1 + R_2) / 2), (6, R_1), (None, None)],
 )
-def test_position_error_by_mode(mode: int | None, expected: np.ndarray | None) -> None:
+def test_position_error_by_mode(mode, expected):
     samples, joints = make(JointInfo(name="j", actuator="qbmove", mode=mode), link_position=Q, reference_1=R_1, reference_2=R_2)
     error = position_error(samples, joints)[:, 0]
     if expected is None:
@@ -45,12 +45,12 @@ def test_position_error_by_mode(mode: int | None, expected: np.ndarray | None) -
 
 
 @pytest.mark.parametrize(("mode", "expected"), [(2, (R_1 + R_2) / 2), (3, R_1)])
-def test_ideal_motors_stand_at_the_references(mode: int, expected: np.ndarray) -> None:
+def test_ideal_motors_stand_at_the_references(mode, expected):
     samples, joints = make(JointInfo(name="j", actuator="bavs", mode=mode), link_position=Q, reference_1=R_1, reference_2=R_2)
     np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
 
 
-def test_joints_are_matched_by_name_and_rigid_ones_have_none() -> None:
+def test_joints_are_matched_by_name_and_rigid_ones_have_none():
     joints = [JointInfo(name="a", actuator="sea", mode=5), JointInfo(name="b", actuator="rigid", mode=None)]
     table = {"link_position": np.stack([Q, Q], axis=1), "motor_1_position": np.stack([np.full(N, np.nan), THETA_1], axis=1)}
     samples = Samples(time=np.arange(N) * 0.1, joints=("b", "a"), values=table)
@@ -59,7 +59,7 @@ def test_joints_are_matched_by_name_and_rigid_ones_have_none() -> None:
     np.testing.assert_array_equal(result[:, 1], THETA_1 - Q)
 
 
-def test_a_joint_among_others_has_the_numbers_that_it_has_alone() -> None:
+def test_a_joint_among_others_has_the_numbers_that_it_has_alone():
     """Kinds stand in any order; of two alike one may be recorded and the other not."""
     kinds = [("qbmove", 6), ("sea", 5), ("bavs", 2), ("qbmove", 6), ("rigid", None), ("bavs", 2), ("awas_ii", 5), ("qbmove", 1)]
     joints = [JointInfo(name=f"j{i}", actuator=actuator, mode=mode) for i, (actuator, mode) in enumerate(kinds)]
@@ -74,7 +74,7 @@ def test_a_joint_among_others_has_the_numbers_that_it_has_alone() -> None:
             np.testing.assert_array_equal(found[:, i], derived(alone, own)[:, 0], err_msg=f"{name} of {joint}")
 
 
-def test_a_users_law_with_plain_mathematics_works() -> None:
+def test_a_users_law_with_plain_mathematics_works():
     import math
 
     class Curved(Actuator):
@@ -83,7 +83,7 @@ def test_a_users_law_with_plain_mathematics_works() -> None:
         source = "test"
 
         @staticmethod
-        def equilibrium_position(theta_1: float, theta_2: float) -> float:
+        def equilibrium_position(theta_1, theta_2):
             return math.sin(theta_1) if theta_1 > 0 else theta_2
 
     ACTUATORS.add(Curved.name, Curved, replace=True)
@@ -94,6 +94,6 @@ def test_a_users_law_with_plain_mathematics_works() -> None:
     np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
 
 
-def test_an_actuator_that_is_not_here_gives_nan() -> None:
+def test_an_actuator_that_is_not_here_gives_nan():
     samples, joints = make(JointInfo(name="j", actuator="elsewhere", mode=6), link_position=Q, motor_1_position=THETA_1)
     assert np.isnan(equilibrium_position(samples, joints)).all()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +22,7 @@ from support.paths import ROOT
 EXAMPLES = ROOT / "examples/scenarios"
 
 
-def as_file(folder: Path) -> list[Path]:
+def as_file(folder):
     """`asrsim run`: a task, a body, claims about both."""
     path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
     result = asrsim.run(
@@ -33,7 +31,7 @@ def as_file(folder: Path) -> list[Path]:
     return [result.log]
 
 
-def as_changed(folder: Path) -> list[Path]:
+def as_changed(folder):
     """The library: a scenario and actuators that were changed after they were read."""
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.3"])
     robot = load_robot(scenario.robot)
@@ -52,9 +50,7 @@ PRODUCERS = (as_file, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)
-def test_a_log_alone_repeats_its_run_and_is_judged_by_its_own_claims(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, produce: Callable[[Path], list[Path]]
-):
+def test_a_log_alone_repeats_its_run_and_is_judged_by_its_own_claims(tmp_path, monkeypatch, produce):
     logs = produce(tmp_path / "made")
     assert logs
     for log in logs:
@@ -77,7 +73,7 @@ class Odd(Signal):
         return 0.1 * np.sin(30.0 * time)
 
 
-def test_changes_that_no_document_can_express_are_named_in_the_log(tmp_path: Path):
+def test_changes_that_no_document_can_express_are_named_in_the_log(tmp_path):
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.1"])
     references = {**scenario.references, "joint_1": {"equilibrium_position": Odd()}}
     robot = load_robot(scenario.robot)

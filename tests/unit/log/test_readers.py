@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from mcap_ros2.decoder import DecoderFactory
 
 from asrsim.log import LogWriter, read_log
 from asrsim.log.structure import read_structure
-from asrsim.samples import Samples
 from support.log_example import INFO, example_samples
 
 COUNT = 1500
@@ -26,12 +24,12 @@ TIMES = [round(0.002 * 1e9) * n for n in range(COUNT)]
 
 
 @pytest.fixture(scope="module")
-def samples() -> Samples:
+def samples():
     return example_samples(COUNT, bodies=BODIES, contacts=CONTACTS)
 
 
 @pytest.fixture(scope="module")
-def log_path(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
+def log_path(tmp_path_factory, samples):
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     with LogWriter(path, INFO) as writer:
         writer.write(samples)
@@ -39,7 +37,7 @@ def log_path(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path
 
 
 @pytest.fixture(scope="module")
-def decoded(log_path: Path) -> dict[str, list[tuple[int, Any]]]:
+def decoded(log_path):
     """Topic -> (log time, message), by the official reader and mcap-ros2-support."""
     found: dict[str, list[tuple[int, Any]]] = {}
     with log_path.open("rb") as file:
@@ -50,12 +48,12 @@ def decoded(log_path: Path) -> dict[str, list[tuple[int, Any]]]:
     return found
 
 
-def same(left: Any, right: Any) -> bool:
+def same(left, right):
     """Equal bit for bit, also NaN."""
     return struct.pack("<d", left) == struct.pack("<d", right)
 
 
-def test_what_the_file_counts_is_what_is_in_it(log_path: Path) -> None:
+def test_what_the_file_counts_is_what_is_in_it(log_path):
     with log_path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
@@ -74,7 +72,7 @@ def test_what_the_file_counts_is_what_is_in_it(log_path: Path) -> None:
     assert counts.chunk_count == len(summary.chunk_indexes) > 1
 
 
-def test_topics_and_types(log_path: Path) -> None:
+def test_topics_and_types(log_path):
     with log_path.open("rb") as file:
         summary = make_reader(file).get_summary()
         assert summary is not None
@@ -125,7 +123,7 @@ def test_topics_and_types(log_path: Path) -> None:
     }
 
 
-def test_attachments_and_metadata_with_the_official_reader(log_path: Path) -> None:
+def test_attachments_and_metadata_with_the_official_reader(log_path):
     with log_path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         attachments = {attachment.name: attachment for attachment in reader.iter_attachments()}
@@ -139,7 +137,7 @@ def test_attachments_and_metadata_with_the_official_reader(log_path: Path) -> No
     assert metadata["asrsim_result"]["status"] == "complete"
 
 
-def test_numbers_with_mcap_ros2_support(decoded: dict[str, list[tuple[int, Any]]], samples: Samples) -> None:
+def test_numbers_with_mcap_ros2_support(decoded, samples):
     values = samples.values
     assert [value.data for _, value in decoded["/robot_description"]] == [INFO.urdf]
     assert [time for time, _ in decoded["/asrsim/time"]] == TIMES
@@ -164,7 +162,7 @@ def test_numbers_with_mcap_ros2_support(decoded: dict[str, list[tuple[int, Any]]
         assert [vector.x, vector.y, vector.z] == samples.contacts["box/finger-1"][n].tolist()
 
 
-def test_numbers_with_rosbags(log_path: Path, decoded: dict[str, list[tuple[int, Any]]]) -> None:
+def test_numbers_with_rosbags(log_path, decoded):
     from rosbags.highlevel import AnyReader
 
     seen = Counter()
@@ -181,7 +179,7 @@ def test_numbers_with_rosbags(log_path: Path, decoded: dict[str, list[tuple[int,
     assert seen == {topic: len(messages) for topic, messages in decoded.items()}
 
 
-def assert_alike(ours: Any, official: Any) -> None:
+def assert_alike(ours, official):
     if isinstance(official, (list, tuple)) or hasattr(official, "tolist"):
         assert len(ours) == len(official)
         for a, b in zip(ours, official, strict=True):
@@ -196,7 +194,7 @@ def assert_alike(ours: Any, official: Any) -> None:
 
 
 @pytest.fixture(scope="module")
-def compact(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
+def compact(tmp_path_factory, samples):
     path = tmp_path_factory.mktemp("compact") / "run.mcap"
     info = replace(INFO, resolved={"scenario": {"robot": "arm.urdf", "log": "compact"}})
     with LogWriter(path, info) as writer:
@@ -204,7 +202,7 @@ def compact(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
     return path
 
 
-def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path: Path, compact: Path, samples: Samples) -> None:
+def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path, compact, samples):
     from rosbags.highlevel import AnyReader
 
     whole, small = read_log(log_path).samples, read_log(compact).samples
@@ -227,7 +225,7 @@ def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path: Path, c
     assert "/joint_states" in topics_of(compact)
 
 
-def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path: Path, log_path: Path, samples: Samples) -> None:
+def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path, log_path, samples):
     without = tmp_path / "run.mcap"
     with LogWriter(without, replace(INFO, resolved={"scenario": {"robot": "arm.urdf"}})) as writer:
         writer.write(samples)
@@ -238,11 +236,11 @@ def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path: Path, log_
         assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
 
 
-def topics_of(path: Path) -> set[str]:
+def topics_of(path):
     return {channel.topic for channel in read_structure(path).channels}
 
 
-def test_every_channel_comes_after_its_schema(log_path: Path) -> None:
+def test_every_channel_comes_after_its_schema(log_path):
     """A reader that goes from the start, or a file that ends early, has no summary to find them in."""
     known: set[int] = set()
     channels = 0

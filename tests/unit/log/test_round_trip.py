@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from support.log_example import INFO, assert_same, example_samples, part
 
 
 @pytest.fixture(scope="module")
-def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log_path(tmp_path_factory):
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     with LogWriter(path, INFO) as writer:
         writer.write(example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1")))
@@ -27,11 +26,11 @@ def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def samples() -> Samples:
+def samples():
     return example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1"))
 
 
-def test_result_and_run_metadata(log_path: Path) -> None:
+def test_result_and_run_metadata(log_path):
     reader = open_log(log_path)
     assert reader.result == {"status": "complete", "samples": "3000", "summary": "fine", "error_estimate": "1e-6"}
     assert reader.metadata["engine"] == "bullet"
@@ -45,7 +44,7 @@ def test_result_and_run_metadata(log_path: Path) -> None:
     numbers=st.lists(st.floats(width=64), min_size=1, max_size=8),
     step=st.floats(1e-7, 0.5),
 )
-def test_any_numbers_in_any_chunks(tmp_path: Path, sizes: list[int], numbers: list[float], step: float) -> None:
+def test_any_numbers_in_any_chunks(tmp_path, sizes, numbers, step):
     info = RunInfo(robot="r", joints=(JointInfo(name="j", actuator="sea", mode=0, quantities=("link_position",)),), step=step)
     count = sum(sizes)
     whole = Samples(
@@ -62,7 +61,7 @@ def test_any_numbers_in_any_chunks(tmp_path: Path, sizes: list[int], numbers: li
     assert_same(read_log(path).samples, whole)
 
 
-def test_selection_by_quantity_and_joint(log_path: Path, samples: Samples) -> None:
+def test_selection_by_quantity_and_joint(log_path, samples):
     log = read_log(log_path, quantities=["motor_1_torque", "link_position"], joints=["lever", "shoulder"])
     assert log.samples.joints == ("lever", "shoulder")
     assert list(log.samples.values) == ["motor_1_torque", "link_position"]
@@ -71,9 +70,7 @@ def test_selection_by_quantity_and_joint(log_path: Path, samples: Samples) -> No
 
 @pytest.mark.parametrize("stride", [None, 1, 7, 1000, 5000])
 @pytest.mark.parametrize(("start", "end"), [(None, None), (0.5, 4.0), (0.0, 0.0), (5.9, 99.0)])
-def test_selection_by_time_and_stride(
-    log_path: Path, samples: Samples, start: float | None, end: float | None, stride: int | None
-) -> None:
+def test_selection_by_time_and_stride(log_path, samples, start, end, stride):
     low, high = (-1.0 if start is None else start), (100.0 if end is None else end)
     chosen = np.flatnonzero((samples.time >= low) & (samples.time <= high))[::stride]
     log = read_log(log_path, start=start, end=end, stride=stride)
@@ -81,7 +78,7 @@ def test_selection_by_time_and_stride(
     np.testing.assert_array_equal(log.samples.bodies["ball"], samples.bodies["ball"][chosen])
 
 
-def test_unknown_names_are_all_listed(log_path: Path) -> None:
+def test_unknown_names_are_all_listed(log_path):
     with pytest.raises(LogError) as caught:
         read_log(log_path, quantities=["link_positon"], joints=["shoulder", "hip"])
     assert [problem.code for problem in caught.value.problems] == ["unknown-quantity", "unknown-joint"]
@@ -91,7 +88,7 @@ def test_unknown_names_are_all_listed(log_path: Path) -> None:
     assert caught.value.problems[1].choices == ("shoulder", "élbow-2", "slide", "lever")
 
 
-def test_bodies_and_contacts_may_come_and_go(tmp_path: Path) -> None:
+def test_bodies_and_contacts_may_come_and_go(tmp_path):
     path = tmp_path / "run.mcap"
     first = example_samples(50, bodies=("box",))
     second = example_samples(50, start=50, bodies=("box", "ball"), contacts=("box/ground",))
@@ -104,7 +101,7 @@ def test_bodies_and_contacts_may_come_and_go(tmp_path: Path) -> None:
     assert np.isnan(log.bodies["ball"]).all(axis=1).tolist() == [True] * 50 + [False] * 50 + [True] * 50
 
 
-def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path: Path) -> None:
+def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path):
     names = ("a-b", "a_b", "a.b", "1st")
     joints = tuple(JointInfo(name=name, actuator="sea", mode=0, quantities=("link_position",)) for name in names)
     info = RunInfo(robot="r", joints=joints, step=0.1)
@@ -122,11 +119,11 @@ def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt(), "interrupted"), (ValueError("no"), "failed")])
-def test_an_exception_leaves_a_closed_log(tmp_path: Path, error: BaseException, status: str) -> None:
+def test_an_exception_leaves_a_closed_log(tmp_path, error, status):
     path = tmp_path / "run.mcap"
     samples = example_samples(10)
 
-    def run() -> None:
+    def run():
         with LogWriter(path, INFO) as writer:
             writer.write(samples)
             raise error
@@ -138,7 +135,7 @@ def test_an_exception_leaves_a_closed_log(tmp_path: Path, error: BaseException, 
     assert_same(log.samples, samples)
 
 
-def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
+def test_a_closed_log_takes_nothing_more(tmp_path):
     writer = LogWriter(tmp_path / "run.mcap", INFO)
     writer.close({"status": "diverged"})
     with pytest.raises(OutputError, match="closed"):
@@ -146,7 +143,7 @@ def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
     assert read_log(writer.path).status == "diverged"
 
 
-def test_same_run_same_bytes(tmp_path: Path) -> None:
+def test_same_run_same_bytes(tmp_path):
     for name in ("a", "b"):
         with LogWriter(tmp_path / name, INFO) as writer:
             writer.write(example_samples(300))

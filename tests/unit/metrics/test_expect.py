@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
-from asrsim.metrics.expect import ExpectationResult, compares
+from asrsim.metrics.expect import compares
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
@@ -24,13 +24,13 @@ SAMPLES = Samples(
 )  # fmt: skip
 
 
-def claim(**changes: object) -> Expectation:
+def claim(**changes):
     base = {"quantity": "link_position", "measure": "steady_state", "comparison": "==", "value": 0.8, "tolerance": 1e-3,
             "joint": "elbow", "line": 7}  # fmt: skip
-    return Expectation(**{**base, **changes})  # type: ignore[arg-type]
+    return Expectation(**{**base, **changes})
 
 
-def evaluate(claims: list[Expectation]) -> tuple[ExpectationResult, ...]:
+def evaluate(claims):
     joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position",)),)
     check_claims(claims, joints, file=None)
     return claim_results(claims, joints, lambda *_: SAMPLES)
@@ -45,11 +45,11 @@ def evaluate(claims: list[Expectation]) -> tuple[ExpectationResult, ...]:
         (float("nan"), "<", 1.0, 9.0, False), (float("nan"), ">=", 1.0, 9.0, False),
     ],
 )  # fmt: skip
-def test_comparisons(measured: float, comparison: str, value: float, tolerance: float, holds: bool) -> None:
+def test_comparisons(measured, comparison, value, tolerance, holds):
     assert compares(measured, comparison, value, tolerance) is holds
 
 
-def test_claims_hold_and_fail_in_words() -> None:
+def test_claims_hold_and_fail_in_words():
     good, bad, undefined = evaluate(
         [claim(), claim(value=0.9), claim(measure="frequency", comparison=">", value=1.0, tolerance=0.0)],
     )
@@ -67,12 +67,12 @@ def test_claims_hold_and_fail_in_words() -> None:
         ("contact_force/hand.y", "final", 4.0, "N"), ("contact_force.z", "final", 0.0, "N"),
     ],
 )  # fmt: skip
-def test_bodies_and_contacts(quantity: str, measure: str, value: float, unit: str) -> None:
+def test_bodies_and_contacts(quantity, measure, value, unit):
     (result,) = evaluate([claim(joint=None, body="box", quantity=quantity, measure=measure, value=value, tolerance=1e-9)])
     assert (result.holds, result.unit) == (True, unit)
 
 
-def test_a_claim_compares_with_another_quantity_of_its_joint() -> None:
+def test_a_claim_compares_with_another_quantity_of_its_joint():
     lag = np.sin(TIME), np.sin(TIME) - 0.25
     samples = replace(SAMPLES, values={"link_position": lag[0][:, None], "motor_1_position": lag[1][:, None]})
     joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
@@ -87,7 +87,7 @@ def test_a_claim_compares_with_another_quantity_of_its_joint() -> None:
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
+def test_a_claim_is_about_its_engine_only(engine, tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'><link name='base'/></robot>")
     same = {"joint": "*", "quantity": "link_position", "measure": "final", "value": 0}
     claims = [{**same, "engine": "bullet", "tolerance": 0.1}, {**same, "engine": "mujoco", "tolerance": 0.2}]
@@ -120,20 +120,20 @@ def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes: dict[str, object], words: str) -> None:
+def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes, words):
     with pytest.raises(ScenarioError, match=words) as error:
         evaluate([claim(**changes)])
     assert error.value.problems[0].line == 7
 
 
 @pytest.mark.parametrize("mapping", ["a=elbow.link_position", ["a=elbow.link_position", "b=ignore"]])
-def test_a_claim_takes_one_mapping_or_a_list(mapping: object, tmp_path: Path) -> None:
+def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
     (tmp_path / "lab.csv").write_text("time [s],a,b\n0,0,0\n0.01,0.1,1\n0.02,0.3,2\n0.03,0.2,1\n")
     joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position",)),)
     check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], joints, file=None)
 
 
-def test_claims_that_differ_in_an_option_are_measured_apart() -> None:
+def test_claims_that_differ_in_an_option_are_measured_apart():
     early, late = evaluate([claim(measure="maximum", options={"end": end}) for end in (0.1, 1.0)])
     assert early.measured == pytest.approx(0.8 * (1 - np.exp(-1)), rel=1e-6)
     assert late.measured == pytest.approx(0.8 * (1 - np.exp(-10)), rel=1e-6)

@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from asrsim.errors import RecordingError
 from asrsim.metrics.excitation import excited_band
-from asrsim.metrics.frequency import FrequencyResponse, frequency_response
+from asrsim.metrics.frequency import frequency_response
 
 MOTOR_INERTIA, MOTOR_DAMPING, SPRING, LINK_INERTIA, LINK_DAMPING, LOOP = 0.01, 0.05, 4.0, 0.004, 0.01, 6.0
 """kg m^2, N m s/rad, N m/rad, kg m^2, N m s/rad; proportional gain of the motor's position loop, N m/rad."""
@@ -17,7 +17,7 @@ STEP = 1e-3
 TIME = np.arange(0, 20, STEP)
 
 
-def analytic(frequency: np.ndarray) -> np.ndarray:
+def analytic(frequency):
     """Link position over motor reference, whose samples are joined by straight lines: hence sinc^2, 3e-4 at 10 Hz."""
     s = 2j * np.pi * frequency
     motor = MOTOR_INERTIA * s**2 + MOTOR_DAMPING * s + SPRING + LOOP
@@ -25,7 +25,7 @@ def analytic(frequency: np.ndarray) -> np.ndarray:
     return LOOP * SPRING / (motor * link - SPRING**2) * np.sinc(frequency * STEP) ** 2
 
 
-def simulate(u: np.ndarray) -> np.ndarray:
+def simulate(u):
     a = np.array([
         [0, 1, 0, 0],
         [-(SPRING + LOOP) / MOTOR_INERTIA, -MOTOR_DAMPING / MOTOR_INERTIA, SPRING / MOTOR_INERTIA, 0],
@@ -37,7 +37,7 @@ def simulate(u: np.ndarray) -> np.ndarray:
     return np.asarray(sosfilt(zpk2sos(*ss2zpk(*held[:4])), u))
 
 
-def excitation(kind: str, rng: np.random.Generator | None = None, time: np.ndarray = TIME) -> np.ndarray:
+def excitation(kind, rng=None, time=TIME):
     rng = np.random.default_rng(5) if rng is None else rng
     end = len(time) * STEP
     if kind == "chirp":
@@ -58,18 +58,18 @@ def excitation(kind: str, rng: np.random.Generator | None = None, time: np.ndarr
 KINDS = ["chirp", "chirp sine", "wide chirp", "logarithmic chirp", "multisine", "dense multisine", "noise"]
 
 
-def complex_of(found: FrequencyResponse) -> np.ndarray:
+def complex_of(found):
     return found.gain * np.exp(1j * np.radians(found.phase))
 
 
-def off(found: FrequencyResponse, low: float = 0.0, high: float = np.inf) -> float:
+def off(found, low=0.0, high=np.inf):
     """Largest relative error of the complex response between two frequencies, Hz, where the coherence is above 0.95."""
     used = (found.coherence > 0.95) & (found.frequency > low) & (found.frequency < high)
     return float(np.max(np.abs(complex_of(found) / analytic(found.frequency) - 1)[used]))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gain_and_phase_are_the_analytic_ones(kind: str) -> None:
+def test_gain_and_phase_are_the_analytic_ones(kind):
     u = excitation(kind)
     found = frequency_response(TIME, u, simulate(u))
     assert np.mean(found.coherence > 0.95) > 0.95
@@ -80,7 +80,7 @@ def test_gain_and_phase_are_the_analytic_ones(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["dense multisine", "noise"])
-def test_resonance_and_bandwidth(kind: str) -> None:
+def test_resonance_and_bandwidth(kind):
     u = excitation(kind)
     found = frequency_response(TIME, u, simulate(u))
     grid = np.linspace(0.5, 10, 100_000)
@@ -89,7 +89,7 @@ def test_resonance_and_bandwidth(kind: str) -> None:
     assert found.bandwidth == pytest.approx(grid[np.argmax(gain < gain[0] / np.sqrt(2))], rel=0.02)
 
 
-def test_only_the_excited_band_is_reported() -> None:
+def test_only_the_excited_band_is_reported():
     u = excitation("chirp sine")
     found = frequency_response(TIME, u, simulate(u))
     assert 0.5 <= found.frequency[0] < 0.8
@@ -101,7 +101,7 @@ def test_only_the_excited_band_is_reported() -> None:
     assert np.abs(found.at(np.array([1.0])) / analytic(np.array([1.0])) - 1) < 0.01
 
 
-def lines(period: float, numbers: range, time: np.ndarray, response=None, seed: int = 3) -> np.ndarray:
+def lines(period, numbers, time, response=None, seed=3):
     """A multisine of harmonics, or the settled answer of a plant to it."""
     rng = np.random.default_rng(seed)
     found = np.zeros_like(time)
@@ -117,7 +117,7 @@ def lines(period: float, numbers: range, time: np.ndarray, response=None, seed: 
     [(2.0, range(1, 21)), (2.00037, range(1, 20, 2)), (4.0, range(3, 40, 4)), (0.5003, [1])],
 )
 @pytest.mark.parametrize("end", [20.0, 17.3])
-def test_a_multisine_is_exact_whatever_its_period(period: float, numbers: range, end: float) -> None:
+def test_a_multisine_is_exact_whatever_its_period(period, numbers, end):
     time = np.arange(0, end, STEP)
     found = frequency_response(time, lines(period, numbers, time) + 0.3, lines(period, numbers, time, analytic) - 0.1)
     assert found.method == "lines"
@@ -125,7 +125,7 @@ def test_a_multisine_is_exact_whatever_its_period(period: float, numbers: range,
     assert off(found) < 1e-9
 
 
-def test_the_part_in_which_the_output_settles_is_left_out() -> None:
+def test_the_part_in_which_the_output_settles_is_left_out():
     time = np.arange(0, 30, STEP)
     u = lines(2.0, range(1, 21), time)
     settled = lines(2.0, range(1, 21), time, analytic) + 0.05 * np.exp(-time) * np.cos(7 * time)
@@ -138,7 +138,7 @@ def test_the_part_in_which_the_output_settles_is_left_out() -> None:
 
 @pytest.mark.parametrize(("duration", "start", "phase"), [(10, 0.5, 0), (10, 1.0, -90), (60, 0.5, -90), (60, 1.0, 0)])
 @pytest.mark.parametrize("around", ["rest", "offset", "drift", "noise"])
-def test_the_band_of_a_chirp_begins_at_its_first_frequency(around: str, duration: int, start: float, phase: float) -> None:
+def test_the_band_of_a_chirp_begins_at_its_first_frequency(around, duration, start, phase):
     time = np.arange(0, duration, STEP)
     for method, end in (("linear", 6.0), ("linear", 15.0), ("logarithmic", 12.0)):
         u = 0.15 * chirp(time, start, duration, end, phi=phase, method=method)
@@ -156,7 +156,7 @@ def test_the_band_of_a_chirp_begins_at_its_first_frequency(around: str, duration
         assert separate is None
 
 
-def coverage(kind: str, level: float, seeds: range, duration: float = 20.0) -> tuple[list[float], list[float], float]:
+def coverage(kind, level, seeds, duration=20.0):
     """Shares of the points whose gain, and phase, lies in its band, record by record; median band width over median error."""
     gains, phases, widths, off = [], [], [], []
     time = TIME[: round(duration / STEP)]
@@ -176,7 +176,7 @@ def coverage(kind: str, level: float, seeds: range, duration: float = 20.0) -> t
 
 @pytest.mark.parametrize("level", [0.002, 0.1])
 @pytest.mark.parametrize("kind", ["chirp", "multisine", "noise"])
-def test_bands_hold_the_truth_about_as_often_as_they_say(kind: str, level: float) -> None:
+def test_bands_hold_the_truth_about_as_often_as_they_say(kind, level):
     """Four records: points that share bins agree, so about ten independent ones a record; a two-sided bound at 1e-3."""
     *shares, width = coverage(kind, level, range(4))
     for share in shares:
@@ -189,12 +189,12 @@ def test_bands_hold_the_truth_about_as_often_as_they_say(kind: str, level: float
 @pytest.mark.parametrize("level", [0.002, 0.02, 0.1])
 @pytest.mark.parametrize("duration", [5.0, 20.0])
 @pytest.mark.parametrize("kind", ["chirp", "wide chirp", "logarithmic chirp", "multisine", "dense multisine", "noise"])
-def test_bands_of_95_percent_cover_90_to_99_percent(kind: str, level: float, duration: float) -> None:
+def test_bands_of_95_percent_cover_90_to_99_percent(kind, level, duration):
     for shares in coverage(kind, level, range(50), duration)[:2]:
         assert 0.90 <= np.mean(shares) <= 0.99
 
 
-def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
+def test_unrelated_noise_has_no_coherence_and_wide_bands():
     rng = np.random.default_rng(2)
     found = frequency_response(TIME, rng.standard_normal(len(TIME)), rng.standard_normal(len(TIME)))
     assert np.median(found.coherence) < 0.1
@@ -203,7 +203,7 @@ def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
     assert "low-coherence" in [finding.code for finding in found.findings]
 
 
-def test_jittered_and_gapped_records_are_brought_to_an_even_step() -> None:
+def test_jittered_and_gapped_records_are_brought_to_an_even_step():
     rng = np.random.default_rng(4)
     u = excitation("chirp")
     y = simulate(u)
@@ -215,7 +215,7 @@ def test_jittered_and_gapped_records_are_brought_to_an_even_step() -> None:
 
 
 @pytest.mark.parametrize(("share", "moves"), [(1e-6, True), (1e-8, False), (0.0, False)])
-def test_an_output_that_hardly_varies_does_not_move(share: float, moves: bool) -> None:
+def test_an_output_that_hardly_varies_does_not_move(share, moves):
     u = excitation("chirp")
     y = simulate(u)
     found = frequency_response(TIME, u, 0.3 + 0.3 * share / np.ptp(y) * y)
@@ -225,7 +225,7 @@ def test_an_output_that_hardly_varies_does_not_move(share: float, moves: bool) -
 
 
 @pytest.mark.parametrize(("newtons", "metres"), [(549e3, 1.0), (1.0, 1 / 549e3), (1e-9, 1e-6)])
-def test_input_and_output_are_judged_in_units_of_their_own(newtons: float, metres: float) -> None:
+def test_input_and_output_are_judged_in_units_of_their_own(newtons, metres):
     """A spring of 549 kN/m moves by micrometres, which is a ten millionth of its force and still a motion."""
     u = excitation("chirp")
     found = frequency_response(TIME, newtons * u, metres * simulate(u))
@@ -246,6 +246,6 @@ def test_input_and_output_are_judged_in_units_of_their_own(newtons: float, metre
         (np.sin(TIME**2), {"method": "lines"}, "separate lines"),
     ],
 )
-def test_unusable_excitations_are_errors(u: np.ndarray, options: dict, words: str) -> None:
+def test_unusable_excitations_are_errors(u, options, words):
     with pytest.raises(RecordingError, match=words):
         frequency_response(TIME, u, np.sin(TIME), **options)

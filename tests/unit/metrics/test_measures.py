@@ -15,7 +15,7 @@ from asrsim.metrics.lag import estimate_lag
 TIME = np.linspace(0, 10, 10_001)
 
 
-def second_order(damping: float, omega: float = 20.0, height: float = 1.0, start: float = 0.0) -> np.ndarray:
+def second_order(damping, omega=20.0, height=1.0, start=0.0):
     """Step response at t = 0 of a standard second-order system."""
     damped = omega * math.sqrt(1 - damping**2)
     decay = np.exp(-damping * omega * TIME)
@@ -24,7 +24,7 @@ def second_order(damping: float, omega: float = 20.0, height: float = 1.0, start
 
 @pytest.mark.parametrize("unit", [1e-6, 1e3])
 @pytest.mark.parametrize("name", ["frequency", "overshoot", "settling", "rise", "peak_time", "rms", "final", "steady_state"])
-def test_measures_scale_with_the_unit(name: str, unit: float) -> None:
+def test_measures_scale_with_the_unit(name, unit):
     """In other units shares, times and frequencies are the same, and values are so many times larger; noise included."""
     noise = 0.01 * np.random.default_rng(3).standard_normal(len(TIME))
     values = second_order(0.1) + noise
@@ -33,21 +33,21 @@ def test_measures_scale_with_the_unit(name: str, unit: float) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in MEASURES.names() if MEASURES.get(name).needs == "series" and name != "at"])
-def test_measures_do_not_depend_on_the_zero_of_time(name: str) -> None:
+def test_measures_do_not_depend_on_the_zero_of_time(name):
     values = second_order(0.1)
     assert measure(name, TIME + 5.0, values) == pytest.approx(measure(name, TIME, values), rel=1e-9, nan_ok=True)
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize(("height", "start"), [(1.0, 0.0), (-0.4, 0.2)])
-def test_overshoot_and_peak_time_of_a_second_order_system(damping: float, height: float, start: float) -> None:
+def test_overshoot_and_peak_time_of_a_second_order_system(damping, height, start):
     q = second_order(damping, height=height, start=start)
     root = math.sqrt(1 - damping**2)
     assert measure("overshoot", TIME, q) == pytest.approx(math.exp(-math.pi * damping / root), rel=1e-3)
     assert measure("peak_time", TIME, q) == pytest.approx(math.pi / (20 * root), abs=1e-3)
 
 
-def test_rise_and_settling_of_a_first_order_system() -> None:
+def test_rise_and_settling_of_a_first_order_system():
     q = 3 * (1 - np.exp(-TIME / 0.5))
     assert measure("rise", TIME, q) == pytest.approx(0.5 * math.log(9), rel=1e-4)
     assert measure("rise", TIME + 2.0, 0.3 + 0.7 * q / 3, initial=0.0, target=1.0) == pytest.approx(0.5 * math.log(7), rel=1e-4)
@@ -57,7 +57,7 @@ def test_rise_and_settling_of_a_first_order_system() -> None:
     assert math.isnan(measure("frequency", TIME, q))
 
 
-def test_a_series_without_a_step_has_no_step_measures() -> None:
+def test_a_series_without_a_step_has_no_step_measures():
     assert math.isnan(measure("rise", TIME, np.full_like(TIME, 2.0)))
     assert math.isnan(measure("overshoot", TIME, np.zeros_like(TIME)))
     assert math.isnan(measure("settling", TIME, np.sin(TIME)))
@@ -75,11 +75,11 @@ def test_a_series_without_a_step_has_no_step_measures() -> None:
         ("final", TIME, {}, 10.0), ("minimum", TIME - 3, {}, -3.0), ("maximum", TIME - 3, {}, 7.0),
     ],
 )  # fmt: skip
-def test_levels(name: str, values: np.ndarray, options: dict, expected: float) -> None:
+def test_levels(name, values, options, expected):
     assert measure(name, TIME, values, **options) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_window_and_missing_samples() -> None:
+def test_a_window_and_missing_samples():
     q = TIME.copy()
     q[5000:6000] = np.nan
     assert measure("maximum", TIME, q, start=2.0, end=5.5) == pytest.approx(4.999)
@@ -88,14 +88,14 @@ def test_a_window_and_missing_samples() -> None:
 
 @pytest.mark.parametrize("hertz", [0.9, 17.51, 125.84])
 @pytest.mark.parametrize("damping", [0.0, 0.05])
-def test_frequency_of_a_ringing(hertz: float, damping: float) -> None:
+def test_frequency_of_a_ringing(hertz, damping):
     omega = 2 * np.pi * hertz
     q = 0.8 - 0.3 * np.exp(-damping * omega * TIME) * np.cos(omega * TIME + 0.4)
     assert measure("frequency", TIME, q) == pytest.approx(hertz, rel=5e-4)
 
 
 @pytest.mark.parametrize(("length", "decay"), [(4, 3), (10, 6)])
-def test_frequency_of_a_hardening_ringing(length: int, decay: float) -> None:
+def test_frequency_of_a_hardening_ringing(length, decay):
     # Rest, a step, a ringing whose crossings are uneven: the transform falls from 0 Hz on, and its flank is no oscillation.
     time = np.linspace(0, length, 1000 * length + 1)
     since = np.maximum(time - 0.1, 0)
@@ -104,14 +104,14 @@ def test_frequency_of_a_hardening_ringing(length: int, decay: float) -> None:
     assert 1.2 < measure("frequency", time, q) < 5.2
 
 
-def test_rounding_has_no_frequency() -> None:
+def test_rounding_has_no_frequency():
     """A joint that rests has rounding left, which swings."""
     shaken = 0.3 + 2e-13 * np.sin(2.0 * math.pi * 5.0 * TIME)
     assert math.isnan(measure("frequency", TIME, shaken))
     assert measure("frequency", TIME, 0.3 + 1e3 * (shaken - 0.3)) == pytest.approx(5.0, rel=0.01)
 
 
-def test_frequency_with_noise_drift_and_two_modes() -> None:
+def test_frequency_with_noise_drift_and_two_modes():
     rng = np.random.default_rng(3)
     q = np.sin(2 * np.pi * 3.3 * TIME) + 0.3 * np.sin(2 * np.pi * 11 * TIME) + 0.1 * rng.standard_normal(len(TIME))
     assert measure("frequency", TIME, q) == pytest.approx(3.3, rel=2e-3)
@@ -120,13 +120,13 @@ def test_frequency_with_noise_drift_and_two_modes() -> None:
 
 
 @pytest.mark.parametrize("shift", [-0.2, 0.0, 0.0437])
-def test_delay(shift: float) -> None:
+def test_delay(shift):
     pulse = np.exp(-((TIME - 5) ** 2))
     late = np.exp(-((TIME - 5 - shift) ** 2))
     assert measure("delay", TIME, late, pulse) == pytest.approx(shift, abs=1e-4)
 
 
-def test_lag_between_different_samplings_gains_and_offsets() -> None:
+def test_lag_between_different_samplings_gains_and_offsets():
     coarse = np.sort(np.random.default_rng(0).uniform(0, 10, 900))
     found = estimate_lag(TIME, np.exp(-((TIME - 5) ** 2)), coarse, 7 - 3 * np.exp(-((coarse - 5.3) ** 2)) * -1)
     assert found is not None
@@ -145,7 +145,7 @@ MOTIONS = {
 
 
 @pytest.mark.parametrize(("kind", "noise"), [("sine", 0.05), ("sine", 0.5), ("slow sine", 0.1), ("chirp", 0.2), ("step", 0.05)])
-def test_noise_does_not_draw_a_delay_towards_zero(kind: str, noise: float) -> None:
+def test_noise_does_not_draw_a_delay_towards_zero(kind, noise):
     """A motion, and the same 0.15 s later, each with noise of its own."""
     rng = np.random.default_rng(0)
     found = [
@@ -156,14 +156,14 @@ def test_noise_does_not_draw_a_delay_towards_zero(kind: str, noise: float) -> No
 
 
 @pytest.mark.parametrize("kind", ["noise", "sines", "sine and noise"])
-def test_unrelated_series_have_no_delay(kind: str) -> None:
+def test_unrelated_series_have_no_delay(kind):
     noise = np.random.default_rng(0).standard_normal((2, len(SPAN)))
     sines = np.sin(2 * np.pi * np.array([[0.7], [2.3]]) * SPAN)
     first, second = {"noise": noise, "sines": sines, "sine and noise": (sines[0], noise[0])}[kind]
     assert math.isnan(measure("delay", SPAN, first, second))
 
 
-def test_a_delay_at_the_limit_of_the_search_is_none() -> None:
+def test_a_delay_at_the_limit_of_the_search_is_none():
     pulse, late = np.exp(-((TIME - 4) ** 2)), np.exp(-((TIME - 5) ** 2))
     assert math.isnan(measure("delay", TIME, late, pulse, limit=0.5))
     assert measure("delay", TIME, late, pulse, limit=1.5) == pytest.approx(1.0, abs=1e-3)
@@ -171,7 +171,7 @@ def test_a_delay_at_the_limit_of_the_search_is_none() -> None:
 
 
 @pytest.mark.parametrize(("name", "expected"), [("rmse", "rms"), ("bias", "mean")])
-def test_differences_weigh_by_time(name: str, expected: str) -> None:
+def test_differences_weigh_by_time(name, expected):
     """Ten times as many samples in the first second count no more than that second."""
     uneven = np.concatenate([np.linspace(0, 1, 1001), np.linspace(1, 10, 91)[1:]])
     values = np.where(uneven < 1, 1.0, 0.0) + 0.3 * np.sin(uneven)
@@ -181,13 +181,13 @@ def test_differences_weigh_by_time(name: str, expected: str) -> None:
     assert measure(name, uneven, values, np.zeros_like(values)) == pytest.approx(truth, rel=0.03)
 
 
-def test_r2() -> None:
+def test_r2():
     q = np.sin(TIME)
     assert measure("r2", TIME, q, q) == 1.0
     assert measure("r2", TIME, np.full_like(q, measure("mean", TIME, q)), q) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_displacement_of_a_body() -> None:
+def test_displacement_of_a_body():
     poses = np.full((len(TIME), 7), 0.7)
     poses[:, 0], poses[:, 1], poses[:, 6] = 0.3 * np.sin(np.pi * TIME / 10), 0.04 * TIME, 1.0
     away = np.hypot(poses[:, 0], poses[:, 1]).max()
@@ -206,12 +206,12 @@ def test_displacement_of_a_body() -> None:
         ("mean", np.zeros((len(TIME), 7)), {}, "scalar series"),
     ],
 )  # fmt: skip
-def test_wrong_use_is_explained(name: str, values: np.ndarray, options: dict, words: str) -> None:
+def test_wrong_use_is_explained(name, values, options, words):
     with pytest.raises(InputError, match=words):
         measure(name, TIME, values, **options)
 
 
-def test_summary_of_a_joint() -> None:
+def test_summary_of_a_joint():
     q = second_order(0.3)
     found = summarise(TIME, {"link_position": q, "position_error": 1.1 - q, "deflection": 0.2 - 0.5 * q})
     assert found.steady_state_error == pytest.approx(0.1, abs=1e-6)
@@ -230,7 +230,7 @@ def test_a_drifting_periodic_motion_has_no_delay_of_a_period():
     assert abs(measure("delay", time, drift, motion)) < 0.1
 
 
-def test_a_short_end_that_fits_better_is_no_lag() -> None:
+def test_a_short_end_that_fits_better_is_no_lag():
     """Less than half of the series overlaps there."""
     generator = np.random.default_rng(0)
     first, time = generator.normal(size=1000), 0.01 * np.arange(1000)

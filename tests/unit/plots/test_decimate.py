@@ -19,7 +19,7 @@ def test_a_short_series_is_left_alone():
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7), st.integers(3, 40))
-def test_every_interval_keeps_its_extremes_however_the_series_is_cut(seed: int, parts: int, bins: int):
+def test_every_interval_keeps_its_extremes_however_the_series_is_cut(seed, parts, bins):
     rng = np.random.default_rng(seed)
     n = 1000
     time, values = np.arange(n) * 0.01, rng.normal(size=(n, 2))
@@ -46,7 +46,7 @@ def test_every_interval_keeps_its_extremes_however_the_series_is_cut(seed: int, 
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_missing_and_infinite_samples_are_a_gap(bad: float):
+def test_missing_and_infinite_samples_are_a_gap(bad):
     time = np.arange(10_000) * 0.01
     values = np.sin(time)
     values[3000:6000] = bad

@@ -22,7 +22,7 @@ from asrsim.samples import Samples
 from support.plot_example import made_up_log, simulated_log
 
 
-def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
+def lab(path, *, late=0.0, gain=1.0, unit="rad", rate=0.004):
     """A recording of the made-up run: its position times a gain, its clock late."""
     time = np.arange(0.0, 1.0, rate)
     q = gain * 0.4 * np.sin(2 * np.pi * (time - late - 0.05)) * (180 / np.pi if unit == "deg" else 1.0)
@@ -32,7 +32,7 @@ def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", 
     return path
 
 
-def test_the_lag_is_found_and_removed(tmp_path: Path):
+def test_the_lag_is_found_and_removed(tmp_path):
     log = made_up_log(tmp_path / "log.mcap", count=2001)
     recording = lab(tmp_path / "lab.csv", late=0.1, gain=0.9, unit="deg")
     result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(recording),)))
@@ -57,13 +57,13 @@ def test_the_lag_is_found_and_removed(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("choice", "lag"), [(0.07, 0.07), ("off", 0.0)])
-def test_the_lag_can_be_set_and_switched_off(tmp_path: Path, choice, lag: float):
+def test_the_lag_can_be_set_and_switched_off(tmp_path, choice, lag):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.1)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag=choice))
     assert next(iter(result.compared[0].alignments.values())).lag == lag
 
 
-def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path: Path):
+def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
     axes = new_figure(4, 4).subplots(2, 1)
@@ -78,7 +78,7 @@ def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_pat
     assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
 
 
-def test_several_recordings_are_a_band(tmp_path: Path):
+def test_several_recordings_are_a_band(tmp_path):
     log = made_up_log(tmp_path / "log.mcap")
     files = tuple(str(lab(tmp_path / f"run{n}.csv", gain=gain)) for n, gain in enumerate((0.8, 1.0, 1.2)))
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=files, lag="off"))
@@ -91,14 +91,14 @@ def test_several_recordings_are_a_band(tmp_path: Path):
     assert (pair.low.values[peak], pair.high.values[peak]) == pytest.approx((0.32, 0.48), rel=1e-3)
 
 
-def test_recordings_go_to_the_variant_before_the_equals_sign(tmp_path: Path):
+def test_recordings_go_to_the_variant_before_the_equals_sign(tmp_path):
     labels = ["soft", "stiff"]
     assert assign(labels, ["lab_soft.csv", "stiff=lab.csv"]) == [(Path("lab_soft.csv"), None), (Path("lab.csv"), 1)]
     with pytest.raises(InputError, match="Did you mean 'stiff'"):
         assign(labels, ["stif=lab.csv"])
 
 
-def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path: Path):
+def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path):
     log = simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="stiff", duration=8.0)
     samples = read_log(log).samples
     q, r = samples.values["link_position"][:, 0], samples.values["reference_1"][:, 0]
@@ -112,7 +112,7 @@ def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path: Path):
     np.testing.assert_allclose(np.angle(ratio), -2 * np.pi * f * 0.02, atol=0.02)
 
 
-def test_a_run_without_excitation_has_no_bode_plot(tmp_path: Path):
+def test_a_run_without_excitation_has_no_bode_plot(tmp_path):
     log = made_up_log(tmp_path / "log.mcap", values={"reference_1": np.zeros(1001)})
     with pytest.raises(InputError, match="no joint has a moving reference"):
         plot(PlotJob(logs=(log,), folder=tmp_path, bode=True))
@@ -122,7 +122,7 @@ CLAIM = {"joint": "joint_1", "quantity": "link_position", "measure": "maximum", 
 
 
 @pytest.mark.parametrize(("value", "code", "word"), [(0.4, 0, "pass"), (0.7, 1, "FAIL")])
-def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, value: float, code: int, word: str):
+def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path, value, code, word):
     log = made_up_log(tmp_path / "log.mcap", expect=({**CLAIM, "value": value}, {**CLAIM, "variant": "other", "value": 9.0}))
     result = CliRunner().invoke(app, ["plot", str(log)])
     assert result.exit_code == code
@@ -130,7 +130,7 @@ def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, valu
     assert "other" not in result.output
 
 
-def test_claims_of_several_runs_name_their_run(tmp_path: Path, asrsim_command):
+def test_claims_of_several_runs_name_their_run(tmp_path, asrsim_command):
     logs = [
         made_up_log(tmp_path / variant / "log.mcap", variant=variant, expect=({**CLAIM, "value": value},))
         for variant, value in {"soft": 0.4, "stiff": 0.7}.items()
@@ -142,7 +142,7 @@ def test_claims_of_several_runs_name_their_run(tmp_path: Path, asrsim_command):
     assert (tmp_path / "variants").is_dir()
 
 
-def test_the_command_prints_how_the_recording_was_read(tmp_path: Path):
+def test_the_command_prints_how_the_recording_was_read(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=-0.05)
     result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--format", "svg"])
     assert result.exit_code == 0, result.output
@@ -151,7 +151,7 @@ def test_the_command_prints_how_the_recording_was_read(tmp_path: Path):
     assert (tmp_path / "compared" / "comparison.svg").is_file()
 
 
-def test_json_is_one_document(tmp_path: Path):
+def test_json_is_one_document(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
     data = json.loads(CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--json"]).stdout)
     assert data["ok"] is True
@@ -162,7 +162,7 @@ def test_json_is_one_document(tmp_path: Path):
     assert json.loads(bad.stdout)["errors"]
 
 
-def test_no_common_joint_says_what_there_is(tmp_path: Path):
+def test_no_common_joint_says_what_there_is(tmp_path):
     log = made_up_log(tmp_path / "log.mcap", joints=2)
     (tmp_path / "lab.csv").write_text("time [s],knee_position [mm]\n" + "".join(f"{n / 100},{n}\n" for n in range(100)))
     with pytest.raises(InputError, match="no common joint") as caught:
@@ -171,7 +171,7 @@ def test_no_common_joint_says_what_there_is(tmp_path: Path):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_gain_of_a_pair_has_its_unit(tmp_path: Path):
+def test_the_gain_of_a_pair_has_its_unit(tmp_path):
     log = simulated_chirp(tmp_path)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_1_position", output="joint_1.link_velocity"))
     (response,) = result.responses
@@ -185,19 +185,19 @@ def test_the_gain_of_a_pair_has_its_unit(tmp_path: Path):
     ("options", "words"),
     [({"given": "motor_9"}, "no quantity 'motor_9'"), ({"output": "elbow.link_position"}, "no joint 'elbow'")],
 )
-def test_bode_refuses_what_a_log_has_not(tmp_path: Path, options: dict, words: str):
+def test_bode_refuses_what_a_log_has_not(tmp_path, options, words):
     with pytest.raises(InputError, match=words):
         plot(PlotJob(logs=(made_up_log(tmp_path / "log.mcap"),), folder=tmp_path, bode=True, **options))
 
 
-def test_bode_says_what_a_recording_has_not(tmp_path: Path):
+def test_bode_says_what_a_recording_has_not(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
     job = PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), bode=True, given="motor_1_position")
     findings = plot(job).findings
     assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in findings)
 
 
-def test_a_recording_alone_has_its_frequency_response(tmp_path: Path):
+def test_a_recording_alone_has_its_frequency_response(tmp_path):
     """A chirp through a gain of 0.5 and 10 ms of delay, in degrees."""
     time = np.arange(0.0, 8.0, 0.002)
     chirp = lambda t: np.sin(2 * np.pi * (0.5 + 0.4 * t) * t)  # noqa: E731
@@ -216,11 +216,11 @@ def test_a_recording_alone_has_its_frequency_response(tmp_path: Path):
         plot(PlotJob(logs=(), folder=tmp_path, experiments=(str(recorded),)))
 
 
-def simulated_chirp(tmp_path: Path) -> Path:
+def simulated_chirp(tmp_path):
     return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
 
 
-def test_forces_on_an_object_count_on_both_sides_of_a_pair() -> None:
+def test_forces_on_an_object_count_on_both_sides_of_a_pair():
     """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
     time = np.linspace(0.0, 1.0, 11)
     force = np.tile([1.0, 0.0, 0.0], (11, 1))
@@ -237,7 +237,7 @@ def test_forces_on_an_object_count_on_both_sides_of_a_pair() -> None:
     assert (curves["dx"].values.min(), curves["dx"].values.max()) == pytest.approx((0.0, 1.0))
 
 
-def test_a_diverged_run_is_drawn_and_named(tmp_path: Path, asrsim_command) -> None:
+def test_a_diverged_run_is_drawn_and_named(tmp_path, asrsim_command):
     whole = read_log(made_up_log(tmp_path / "whole.mcap", count=50))
     with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
         writer.write(whole.samples)
@@ -247,7 +247,7 @@ def test_a_diverged_run_is_drawn_and_named(tmp_path: Path, asrsim_command) -> No
     assert "the run is diverged, drawn up to its last sample; its claims are not evaluated" in outcome.err
 
 
-def test_robots_with_different_joints_share_a_picture(tmp_path: Path):
+def test_robots_with_different_joints_share_a_picture(tmp_path):
     logs = (made_up_log(tmp_path / "one.mcap", count=50), made_up_log(tmp_path / "two.mcap", joints=2, count=50))
     result = plot(PlotJob(logs=logs, folder=tmp_path / "out"))
     assert {joint.name for run in result.runs for joint in run.joints} == {"joint_1", "joint_2"}

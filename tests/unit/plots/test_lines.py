@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,11 +21,11 @@ from support.plot_example import made_up_log
 TIME = np.linspace(0.0, 1.0, 21)
 
 
-def curves(slopes: dict[str, float]) -> dict[str, Curve]:
+def curves(slopes):
     return {key: Curve(time=TIME, values=slope * TIME) for key, slope in slopes.items()}
 
 
-def test_every_line_is_the_curve_of_its_name(tmp_path: Path) -> None:
+def test_every_line_is_the_curve_of_its_name(tmp_path):
     scales = {"soft": 1.0, "stiff": 0.7}
     time = np.arange(1001) * 0.001
     values = {
@@ -54,7 +53,7 @@ def test_every_line_is_the_curve_of_its_name(tmp_path: Path) -> None:
     assert {(joint, name, str(n)) for joint in ("joint_1", "joint_2") for name in wanted for n in (0, 1)} <= seen
 
 
-def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path: Path) -> None:
+def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path):
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
     runs: list[RunCurves] = []
@@ -76,7 +75,7 @@ def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path: Path) -> None:
         assert labels == ["displacement (m)"] * 2 + ["contact force\nwithout ground (N)", "distance to the goal (m)"]
 
 
-def response(coherence: list[float], *, experiment: bool = False, scale: float = 1.0) -> Response:
+def response(coherence, *, experiment=False, scale=1.0):
     count = len(coherence)
     gain = scale * np.array([1.0, 10.0, 0.1, 0.5][:count])
     found = FrequencyResponse(
@@ -90,7 +89,7 @@ def response(coherence: list[float], *, experiment: bool = False, scale: float =
                     output="link_position", response=found)  # fmt: skip
 
 
-def test_a_bode_plot_fades_points_of_low_coherence() -> None:
+def test_a_bode_plot_fades_points_of_low_coherence():
     """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
     figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")
     gain, phase, coherence = figure.axes[:3]
@@ -120,7 +119,7 @@ URDF = (
 )
 
 
-def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
+def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path):
     time = np.arange(1001) * 0.001
     apart = {"motor_1_position": 0.3 + 0.1 * time, "motor_2_position": -0.1 - 0.1 * time}
     run = read_curves(made_up_log(tmp_path / "log.mcap", joints=2, values=apart))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
 
 
-def lines(axes) -> dict[str, object]:
+def lines(axes):
     return {line.get_gid(): line for line in axes.get_lines()}
 
 
@@ -27,20 +26,20 @@ def lines(axes) -> dict[str, object]:
     ("key", "label"),
     [("deflection", "deflection (rad)"), ("stiffness", "stiffness (N·m/rad)"), ("torque", "link torque (N·m)")],
 )
-def test_axes_carry_their_units(tmp_path: Path, key: str, label: str):
+def test_axes_carry_their_units(tmp_path, key, label):
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     axes = new_figure(4, 3).subplots()
     draw_panel(axes, PANELS[key], [run], "joint_1")
     assert axes.get_ylabel() == label
 
 
-def test_an_external_torque_that_is_never_there_is_not_drawn(tmp_path: Path):
+def test_an_external_torque_that_is_never_there_is_not_drawn(tmp_path):
     axes = new_figure(4, 3).subplots()
     draw_panel(axes, PANELS["torque"], [read_curves(made_up_log(tmp_path / "log.mcap"))], "joint_1")
     assert list(lines(axes)) == ["joint_1.link_torque.0"]
 
 
-def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path: Path):
+def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path):
     with LogWriter(tmp_path / "log.mcap", INFO) as log:
         log.write(example_samples(200))
     run = read_curves(tmp_path / "log.mcap")
@@ -54,7 +53,7 @@ def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path: Path):
     assert "(m)" in labels["adjuster"]
 
 
-def test_a_resting_value_is_not_blown_up(tmp_path: Path):
+def test_a_resting_value_is_not_blown_up(tmp_path):
     values = {"stiffness": 10.0 + 1e-13 * np.sin(np.arange(1001.0))}
     run = read_curves(made_up_log(tmp_path / "log.mcap", values=values))
     axes = new_figure(4, 3).subplots()
@@ -64,7 +63,7 @@ def test_a_resting_value_is_not_blown_up(tmp_path: Path):
     assert high > 10.5
 
 
-def test_a_spike_of_one_sample_is_drawn(tmp_path: Path):
+def test_a_spike_of_one_sample_is_drawn(tmp_path):
     torque = np.zeros(60_000)
     torque[31_234] = 5.0
     run = read_curves(made_up_log(tmp_path / "log.mcap", count=60_000, values={"link_torque": torque}))
@@ -77,7 +76,7 @@ def test_a_spike_of_one_sample_is_drawn(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("joints", "pages"), [(3, 1), (5, 2)])
-def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: int, pages: int):
+def test_many_joints_take_several_pages_and_an_overview(tmp_path, joints, pages):
     run = read_curves(made_up_log(tmp_path / "log.mcap", joints=joints, count=50))
     names = [page.name for page in run_pages([run])]
     assert len([name for name in names if name.startswith("joints")]) == pages
@@ -93,12 +92,12 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: 
         (["x/log", "x/y/log"], ["soft 1", "soft 2"]),
     ],
 )
-def test_runs_of_one_variant_are_named_by_their_paths(tmp_path: Path, files: list[str], labels: list[str]):
+def test_runs_of_one_variant_are_named_by_their_paths(tmp_path, files, labels):
     runs = [read_curves(made_up_log(tmp_path / f"{file}.mcap", joints=1, variant="soft")) for file in files]
     assert [run.label for run in distinct_labels(runs)] == labels
 
 
-def test_vector_formats_are_repeatable_and_leave_the_users_settings(tmp_path: Path):
+def test_vector_formats_are_repeatable_and_leave_the_users_settings(tmp_path):
     import matplotlib
 
     before, log = matplotlib.rcParams["font.size"], made_up_log(tmp_path / "log.mcap", count=100)
@@ -112,7 +111,7 @@ def test_vector_formats_are_repeatable_and_leave_the_users_settings(tmp_path: Pa
     assert matplotlib.rcParams["font.size"] == before
 
 
-def test_chosen_quantities_get_a_row_each(tmp_path: Path):
+def test_chosen_quantities_get_a_row_each(tmp_path):
     log = made_up_log(tmp_path / "log.mcap", joints=2, count=100)
     quantities = ("position_error", "link_velocity")
     files = plot(PlotJob(logs=(log,), folder=tmp_path, quantities=quantities, joints=("joint_2",), formats=("svg",))).files
@@ -120,7 +119,7 @@ def test_chosen_quantities_get_a_row_each(tmp_path: Path):
     assert set(re.findall(r'id="(joint_\d\.\w+)\.0"', text)) == {"joint_2.position_error", "joint_2.link_velocity"}
 
 
-def test_odd_names_and_numbers_can_be_drawn(tmp_path: Path):
+def test_odd_names_and_numbers_can_be_drawn(tmp_path):
     from dataclasses import replace
 
     joints = (replace(INFO.joints[0], name="a $x$ {b"), *INFO.joints[1:])
@@ -131,7 +130,7 @@ def test_odd_names_and_numbers_can_be_drawn(tmp_path: Path):
     assert "objects.png" in names
 
 
-def test_objects_and_tip_are_drawn_from_where_they_started(tmp_path: Path):
+def test_objects_and_tip_are_drawn_from_where_they_started(tmp_path):
     run = read_curves(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.05))
     assert {name: set(curves) for name, curves in run.bodies.items()} == {
         "box": {"dx", "dy", "dz", "force"}, "tip": {"dx", "dy", "dz", "goal_x", "goal_y", "goal_z", "error"},
@@ -142,7 +141,7 @@ def test_objects_and_tip_are_drawn_from_where_they_started(tmp_path: Path):
     assert tip["error"].values.max() == pytest.approx(np.linalg.norm(apart, axis=0).max(), rel=0.05)
 
 
-def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path: Path):
+def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path):
     whole = made_up_log(tmp_path / "log.mcap", count=30_000).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
@@ -159,20 +158,20 @@ def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path: Path):
         ({"formats": ("bmp",)}, "png, pdf, svg"), ({"start": 7.0}, "in that time"),
     ],
 )  # fmt: skip
-def test_bad_requests_say_what_there_is(tmp_path: Path, options: dict, words: str):
+def test_bad_requests_say_what_there_is(tmp_path, options, words):
     log = made_up_log(tmp_path / "log.mcap", count=50)
     with pytest.raises(InputError, match=words):
         plot(PlotJob(logs=(log,), folder=tmp_path, **options))
 
 
-def shown(name: str, values: np.ndarray, tmp_path: Path, panel: str = "torque"):
+def shown(name, values, tmp_path, panel="torque"):
     axes = new_figure(6, 3).subplots()
     log = made_up_log(tmp_path / "log.mcap", values={name: values}, count=len(values))
     draw_panel(axes, PANELS[panel], [read_curves(log)], "joint_1")
     return axes
 
 
-def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
+def test_a_part_of_a_run_is_drawn_alone(tmp_path):
     log = made_up_log(tmp_path / "log.mcap")
     run = read_curves(log, start=0.2, end=0.5)
     time = run.get("joint_1", "link_position").time
@@ -182,7 +181,7 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
         assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
 
 
-def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
+def test_claims_about_objects_are_judged_from_the_log(tmp_path):
     from asrsim.log import open_log
     from asrsim.plots.claims import logged_claims
 
@@ -192,7 +191,7 @@ def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("samples", "flattens"), [(4, False), (8, True)])
-def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(tmp_path: Path, sign: float, samples: int, flattens: bool) -> None:
+def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(tmp_path, sign, samples, flattens):
     torque = np.sin(np.arange(2000) * 0.01)
     torque[700 : 700 + samples] = sign * 50.0
     axes = shown("link_torque", torque, tmp_path)

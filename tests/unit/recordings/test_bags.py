@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,13 +21,13 @@ ANGLE, COMMAND, TEXT = "lab_msgs/msg/Angle", "/arm/elbow/equilibrium_position", 
 JOINTS = np.array(["shoulder", "elbow"])
 
 
-def states(types: Any, i: int, stamp: int) -> Any:
+def states(types, i, stamp):
     """Positions, and twice as large efforts; each second message lists the joints in the other order, as two publishers do."""
     order = [1, 0] if i % 2 else [0, 1]
     return joint_state(types, stamp, JOINTS[order].tolist(), Q[order, i], 2 * Q[order, i])
 
 
-def write_ros1(path: Path, *, offset: int = 0, bad: int = 0) -> Path:
+def write_ros1(path, *, offset=0, bad=0):
     """offset: ns by which the headers' stamps are late; bad: ns by which that of message 17 is off."""
     topics = {
         "/joint_states": (STATE, lambda types, i, time: states(types, i, time + offset + bad * (i == 17))),
@@ -38,8 +37,8 @@ def write_ros1(path: Path, *, offset: int = 0, bad: int = 0) -> Path:
     return write_bag(path, "ros1", topics, STAMPS)
 
 
-def write_ros2(path: Path, kind: str, version: int = 9) -> Path:
-    def angle(types: Any, i: int, time: int) -> Any:
+def write_ros2(path, kind, version=9):
+    def angle(types, i, time):
         return types[ANGLE](angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=header(types, time))
 
     definitions = {ANGLE: "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"}
@@ -47,7 +46,7 @@ def write_ros2(path: Path, kind: str, version: int = 9) -> Path:
     return write_bag(path, kind, topics, STAMPS, definitions=definitions, version=version)
 
 
-def check(path: Path) -> None:
+def check(path):
     recording = read_recording(path)
     np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
     assert recording.joints == ("shoulder", "elbow")
@@ -55,7 +54,7 @@ def check(path: Path) -> None:
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
 
 
-def test_ros1_bag(tmp_path: Path) -> None:
+def test_ros1_bag(tmp_path):
     path = write_ros1(tmp_path / "lab.bag")
     check(path)
     recording = read_recording(path)
@@ -65,7 +64,7 @@ def test_ros1_bag(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path, storage: str) -> None:
+def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path, storage):
     path = write_ros2(tmp_path / "bag", storage)
     check(path)
     check(next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3")))
@@ -74,7 +73,7 @@ def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path: Path,
     np.testing.assert_allclose(recording.channels["/lab/angle/pair[1]"].values, np.arange(N))
 
 
-def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
+def test_unknown_message_types_without_definition(tmp_path):
     """Bags before ROS 2 Iron hold no definitions; types outside of the standard ones cannot be read."""
     import sqlite3
 
@@ -92,7 +91,7 @@ def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab.bag", "lab.mcap", "lab.db3"])
-def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
+def test_damaged_and_empty_bags(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"no bag at all" * 50)
     with pytest.raises(RecordingError, match="no bag at all"):
@@ -102,7 +101,7 @@ def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
         read_recording(path)
 
 
-def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
+def test_own_logs_are_recordings_too(tmp_path):
     from asrsim.log import LogWriter
     from asrsim.samples import JointInfo, RunInfo, Samples
 
@@ -117,7 +116,7 @@ def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("off", [-3600, 45, 4_000_000])
-def test_one_bad_stamp_leaves_out_one_message(tmp_path: Path, off: int) -> None:
+def test_one_bad_stamp_leaves_out_one_message(tmp_path, off):
     recording = read_recording(write_ros1(tmp_path / "lab.bag", bad=off * 10**9))
     column = recording.column("elbow", "link_position")
     np.testing.assert_allclose(np.diff(column.time), np.diff(np.delete(STAMPS, 17)) * 1e-9, atol=1e-9)
@@ -127,7 +126,7 @@ def test_one_bad_stamp_leaves_out_one_message(tmp_path: Path, off: int) -> None:
 @pytest.mark.parametrize(
     ("late", "used"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False), (5.0 - START * 1e-9, False)]
 )
-def test_stamps_near_the_time_of_recording_are_used(tmp_path: Path, late: float, used: bool) -> None:
+def test_stamps_near_the_time_of_recording_are_used(tmp_path, late, used):
     """Within a second it is the way of the messages; beyond, another clock, which is said."""
     path = write_ros1(tmp_path / "lab.bag", offset=round(late * 1e9))
     recording = read_recording(path)
@@ -136,9 +135,7 @@ def test_stamps_near_the_time_of_recording_are_used(tmp_path: Path, late: float,
     assert begins[0] - begins[1] == pytest.approx(late if used else 0.0, abs=1e-9)
 
 
-def mcap(
-    path: Path, messages: dict[str, Callable[[int, int], dict[str, Any]]], *, encoding: str = "json", chunk: int = 10**6
-) -> Path:
+def mcap(path, messages, *, encoding="json", chunk=10**6):
     """Topics' JSON messages by their number and the ns at which they were sent; the recorder got them 1.5 times as late."""
     from mcap.writer import Writer
 
@@ -155,7 +152,7 @@ def mcap(
     return path
 
 
-def parts(stamp: int, whole: str, rest: str) -> dict[str, int]:
+def parts(stamp, whole, rest):
     return {whole: stamp // 10**9, rest: stamp % 10**9}
 
 
@@ -168,21 +165,21 @@ SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("name", SENT)
-def test_json_messages_were_measured_when_they_say(tmp_path: Path, name: str) -> None:
+def test_json_messages_were_measured_when_they_say(tmp_path, name):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"names": [], "q": Q[:, i].tolist()}})
     column = read_recording(path, joints=["a", "b"]).column("b", "link_position")
     np.testing.assert_allclose(column.time, TIME, atol=1e-6)
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)
 
 
-def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path: Path) -> None:
+def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, _: {"t": 1000 * TIME[i], "q": Q[0, i]}})
     found = read_recording(path)
     np.testing.assert_allclose(found.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
     np.testing.assert_allclose(read_recording(path, mapping=["/state/t=time [ms]"]).time, TIME, atol=1e-6)
 
 
-def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
+def test_a_topic_whose_clock_restarts_is_not_read(tmp_path):
     messages = {
         "/state": lambda i, t: {"q": Q[0, i]},
         "/bad": lambda i, t: {"stamp": parts(START + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
@@ -193,7 +190,7 @@ def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
     assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
 
 
-def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> None:
+def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {"data": 0.5 * i}}, chunk=400)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     recording = read_recording(path, mapping=["/q=elbow.link_position [deg]"])
@@ -203,7 +200,7 @@ def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> 
     assert any(f.code == "truncated" for f in recording.findings)
 
 
-def test_unknown_encodings_say_what_the_file_holds(tmp_path: Path) -> None:
+def test_unknown_encodings_say_what_the_file_holds(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {}}, encoding="protobuf")
     with pytest.raises(RecordingError, match=r"/q \(lab/State\).*protobuf.*JointState"):
         read_recording(path)

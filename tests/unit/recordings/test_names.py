@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from asrsim.recordings import Recording, read_recording
+from asrsim.recordings import read_recording
 from asrsim.recordings.units import split_header
 
 TIME = np.arange(40) * 0.01
 
 
-def read(folder: Path, names: list[str], joints: list[str] | None = None) -> Recording:
+def read(folder, names, joints=None):
     table = np.column_stack([TIME, *(np.sin(3 * TIME + i) for i in range(len(names)))])
     path = folder / "lab.csv"
     np.savetxt(path, table, delimiter=";", header=";".join(["time", *names]), comments="", fmt="%.9g")
@@ -33,7 +31,7 @@ CERTAIN = {
 
 
 @pytest.mark.parametrize("name", CERTAIN)
-def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path: Path, name: str) -> None:
+def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path, name):
     for others in ([], ["theta1", "sampling_rate", "q9"]):
         assert read(tmp_path, [name, *others]).channels[name].quantity == CERTAIN[name]
 
@@ -45,7 +43,7 @@ def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path: Path, name: 
      "q\u0307_1", "q1'", "q*",
      "Winkel [deg]", "q1 [counts]"],
 )  # fmt: skip
-def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path: Path, name: str) -> None:
+def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path, name):
     recording = read(tmp_path, ["q2", name])
     assert recording.channels[name].quantity is None
     assert name in [column.source for column in recording.asked]
@@ -55,7 +53,7 @@ def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path: Path, name: str) 
 
 
 @pytest.mark.parametrize("name", ["current", "temperature", "pwm", "voltage_V", "status", "velocity_command"])
-def test_what_no_joint_has_is_not_asked_about(tmp_path: Path, name: str) -> None:
+def test_what_no_joint_has_is_not_asked_about(tmp_path, name):
     recording = read(tmp_path, ["q1", name])
     assert recording.channels[name].quantity is None
     assert recording.asked == ()
@@ -76,7 +74,7 @@ def test_what_no_joint_has_is_not_asked_about(tmp_path: Path, name: str) -> None
         (["elbow/position"], None, ["elbow"]),
     ],
 )
-def test_names_and_numbers_say_which_joint_it_is(tmp_path: Path, names, joints, expected) -> None:
+def test_names_and_numbers_say_which_joint_it_is(tmp_path, names, joints, expected):
     recording = read(tmp_path, names, joints)
     assert [recording.channels[name].joint for name in names] == expected
     assert recording.asked == ()
@@ -86,11 +84,11 @@ def test_names_and_numbers_say_which_joint_it_is(tmp_path: Path, names, joints, 
     ("name", "joints"),
     [("position", ["shoulder", "elbow"]), ("q0", ["shoulder", "elbow"]), ("q1", ["joint_0", "joint_1"]), ("q3", ["a", "b"])],
 )
-def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path: Path, name: str, joints: list[str]) -> None:
+def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, name, joints):
     assert [column.source for column in read(tmp_path, [name], joints).asked] == [name]
 
 
-def test_columns_of_one_name_are_all_asked_about(tmp_path: Path) -> None:
+def test_columns_of_one_name_are_all_asked_about(tmp_path):
     recording = read(tmp_path, ["Position", "Position", "dq1"])
     assert [column.source for column in recording.asked] == ["Position", "Position#2"]
     assert recording.channels["dq1"].quantity == "link_velocity"
@@ -108,7 +106,7 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path: Path) -> None:
         ("time [h]", "time", "s", 3600.0),
     ],
 )  # fmt: skip
-def test_a_unit_is_found_where_headers_state_it(header: str, name: str, si: str, factor: float) -> None:
+def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
     found, unit = split_header(header)
     assert unit is not None
     assert (found, unit.si) == (name, si)
@@ -118,22 +116,22 @@ def test_a_unit_is_found_where_headers_state_it(header: str, name: str, si: str,
 @pytest.mark.parametrize(
     "header", ["pos_m", "theta_m", "tau_s", "q_min", "q[1]", "torque_S", "sampling_rate", "a/b", "q1 (left)"]
 )
-def test_a_letter_that_may_be_part_of_the_name_is_no_unit(header: str) -> None:
+def test_a_letter_that_may_be_part_of_the_name_is_no_unit(header):
     assert split_header(header) == (header, None)
 
 
-def test_a_velocity_in_degrees_is_one_in_degrees_a_second(tmp_path: Path) -> None:
+def test_a_velocity_in_degrees_is_one_in_degrees_a_second(tmp_path):
     column = read(tmp_path, ["dq1 [deg]"]).channels["dq1 [deg]"]
     assert column.unit == "rad/s"
     assert column.values[0] == pytest.approx(0.0)
     assert column.conversion.startswith("deg/s -> rad/s")
 
 
-def test_a_unit_that_is_not_known_is_asked_about(tmp_path: Path) -> None:
+def test_a_unit_that_is_not_known_is_asked_about(tmp_path):
     assert [column.source for column in read(tmp_path, ["q1 [furlong]"]).asked] == ["q1 [furlong]"]
 
 
-def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path: Path) -> None:
+def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path):
     path = tmp_path / "lab.csv"
     path.write_text("time,q1\n" + "".join(f"{0.01 * i:.2f},{i * 40}\n" for i in range(40)))
     (column,) = read_recording(path).asked

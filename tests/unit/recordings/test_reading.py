@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ ALPHA = 30 * np.sin(5 * TIME)
 BETA = 20 * np.cos(5 * TIME)
 
 
-def lab(folder: Path, name: str = "lab.csv") -> Path:
+def lab(folder, name="lab.csv"):
     """A file of which names say nothing: decimal commas, a remark above, names in another encoding."""
     rows = [f"{1000 * t:.0f};{a:.9f};{b:.9f}".replace(".", ",") for t, a, b in zip(TIME, ALPHA, BETA, strict=True)]
     path = folder / name
@@ -37,7 +35,7 @@ map:
 """
 
 
-def test_a_document_states_layout_time_and_columns(tmp_path: Path) -> None:
+def test_a_document_states_layout_time_and_columns(tmp_path):
     path = lab(tmp_path)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
     recording = read_recording(path)
@@ -46,7 +44,7 @@ def test_a_document_states_layout_time_and_columns(tmp_path: Path) -> None:
     assert recording.reading == tmp_path / "lab.csv.yaml"
 
 
-def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path: Path) -> None:
+def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path):
     path = lab(tmp_path)
     assert read_recording(path, mapping=["1=time [ms]"]).joints == ("joint_1",)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
@@ -54,7 +52,7 @@ def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path: Path) -> None:
     assert "missing in lab.csv.yaml" in read_recording(path).channels["q1"].origin
 
 
-def test_the_command_line_overrules_the_document(tmp_path: Path) -> None:
+def test_the_command_line_overrules_the_document(tmp_path):
     path = lab(tmp_path)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
     over = read_recording(path, mapping=["q1=elbow.link_velocity [deg/s]", "\u89d2\u5ea6=-elbow.link_position [deg]"])
@@ -62,14 +60,14 @@ def test_the_command_line_overrules_the_document(tmp_path: Path) -> None:
     np.testing.assert_allclose(over.column("elbow", "link_velocity").values, np.radians(BETA), atol=1e-9)
 
 
-def test_a_document_serves_other_files_and_stands_for_the_one_that_it_names(tmp_path: Path) -> None:
+def test_a_document_serves_other_files_and_stands_for_the_one_that_it_names(tmp_path):
     path = lab(tmp_path)
     (tmp_path / "arm.yaml").write_text("file: lab.csv\n" + WHOLE, encoding="utf-8")
     for found in (read_recording(path, mapping=tmp_path / "arm.yaml"), read_recording(tmp_path / "arm.yaml")):
         np.testing.assert_allclose(found.column("elbow", "link_position").values, np.radians(ALPHA), atol=1e-9)
 
 
-def test_a_rate_and_a_window_are_stated(tmp_path: Path) -> None:
+def test_a_rate_and_a_window_are_stated(tmp_path):
     path = tmp_path / "lab.csv"
     np.savetxt(path, np.column_stack([ALPHA, BETA]), delimiter=",", header="alpha,beta", comments="")
     (tmp_path / "lab.csv.yaml").write_text(
@@ -80,7 +78,7 @@ def test_a_rate_and_a_window_are_stated(tmp_path: Path) -> None:
     np.testing.assert_allclose(column.values, np.radians(ALPHA[5:26]) - 0.1, atol=1e-9)
 
 
-def test_parts_of_a_time_have_units_in_their_names(tmp_path: Path) -> None:
+def test_parts_of_a_time_have_units_in_their_names(tmp_path):
     path = tmp_path / "lab.csv"
     path.write_text("".join(f"{i // 50},{(i % 50) * 20_000_000},{a}\n" for i, a in enumerate(ALPHA)))
     (tmp_path / "lab.csv.yaml").write_text("header: 0\ntime: {column: [1, 2]}\nmap:\n  3: elbow.link_position [deg]\n")
@@ -102,7 +100,7 @@ def test_parts_of_a_time_have_units_in_their_names(tmp_path: Path) -> None:
         ("window: [3, 1]", "must be a start and a later end"),
     ],
 )
-def test_a_fault_of_a_document_is_told_with_its_place(tmp_path: Path, text: str, words: str) -> None:
+def test_a_fault_of_a_document_is_told_with_its_place(tmp_path, text, words):
     path = tmp_path / "lab.csv"
     np.savetxt(path, np.column_stack([TIME, ALPHA]), delimiter=",", header="time,q1", comments="")
     (tmp_path / "lab.csv.yaml").write_text(text + "\n")
@@ -112,7 +110,7 @@ def test_a_fault_of_a_document_is_told_with_its_place(tmp_path: Path, text: str,
     assert "lab.csv" in str(caught.value.problems[0].file)
 
 
-def test_what_is_proposed_reads_the_same_numbers(tmp_path: Path, asrsim_command) -> None:
+def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
     rows = [f"{1000 * t:.0f}\t{a:.9f}\t{b:.9f}\t0.5" for t, a, b in zip(TIME, ALPHA, BETA, strict=True)]
     path = tmp_path / "lab.txt"
     path.write_text("\n".join(["%Time (ms)\tHubangle (deg)\tq1 [deg]\teff", *rows]) + "\n")
@@ -133,7 +131,7 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path: Path, asrsim_command)
 
 
 @pytest.mark.parametrize("name", ["quanser_2dsfl_lqr_10deg.csv", "hebi_sine_1hz.csv", "emps_estimation.csv"])
-def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path: Path, shared: Path, name: str) -> None:
+def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path, shared, name):
     from asrsim.recordings.propose import propose
 
     path = tmp_path / name
@@ -147,9 +145,7 @@ def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path: 
         np.testing.assert_array_equal(other.values, column.values)
 
 
-def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same_numbers(
-    tmp_path: Path, asrsim_command
-) -> None:
+def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same_numbers(tmp_path, asrsim_command):
     path = tmp_path / "data" / "lab.csv"
     path.parent.mkdir()
     lines = [f"{0.01 * i:.2f},{0.3 * np.sin(i / 9):.6f},{0.2 * i / 50:.6f}" for i in range(50)]
@@ -169,7 +165,7 @@ def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same
     assert "compared with 'q1' (rad assumed; by its name)" in (tmp_path / "out" / "summary.json").read_text()
 
 
-def test_a_signal_is_played_as_the_document_says(tmp_path: Path) -> None:
+def test_a_signal_is_played_as_the_document_says(tmp_path):
     path = lab(tmp_path)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE + "window: [0.1, 0.4]\n", encoding="utf-8")
     times, values = Playback(file=path, column="\u89d2\u5ea6").samples
@@ -177,7 +173,7 @@ def test_a_signal_is_played_as_the_document_says(tmp_path: Path) -> None:
     np.testing.assert_allclose(values, np.radians(ALPHA[10:41]), atol=1e-9)
 
 
-def test_a_scenario_keeps_the_document_of_what_it_plays(tiny) -> None:
+def test_a_scenario_keeps_the_document_of_what_it_plays(tiny):
     lab(tiny.folder)
     (tiny.folder / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
     text = tiny.scenario.read_text()

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asrsim.recordings import Recording, read_recording, suspect_scale
+from asrsim.recordings import read_recording, suspect_scale
 
 DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
@@ -37,46 +36,46 @@ FINE = {
 }
 
 
-def read(folder: Path, header: str, columns: tuple[np.ndarray, ...], **options: object) -> Recording:
+def read(folder, header, columns, **options):
     table = np.column_stack([TIME[: len(columns[0])], *columns])
     np.savetxt(folder / "lab.csv", table, delimiter=",", header=f"t,{header}", comments="", fmt="%.12g")
-    return read_recording(folder / "lab.csv", joints=("joint_1",), **options)  # type: ignore[arg-type]
+    return read_recording(folder / "lab.csv", joints=("joint_1",), **options)
 
 
 @pytest.mark.parametrize("kind", SUSPECTED)
-def test_columns_that_cannot_be_true_together_are_said(tmp_path: Path, kind: str) -> None:
+def test_columns_that_cannot_be_true_together_are_said(tmp_path, kind):
     header, columns, words = SUSPECTED[kind]
     (said,) = [str(one) for one in read(tmp_path, header, columns).findings if one.code.startswith("suspected-")]
     assert re.search(words, said)
 
 
 @pytest.mark.parametrize("kind", FINE)
-def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path: Path, kind: str) -> None:
+def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path, kind):
     assert not [one for one in read(tmp_path, *FINE[kind]).findings if one.code.startswith("suspected-")]
 
 
 @pytest.mark.parametrize(("factor", "words"), [(DEGREES, "in degrees"), (1000.0, "in thousandths"),
                                                (1 / DEGREES, "from degrees"), (0.001, "from thousandths")])  # fmt: skip
-def test_a_factor_of_a_unit_is_suspected(factor: float, words: str) -> None:
+def test_a_factor_of_a_unit_is_suspected(factor, words):
     problem = suspect_scale(Q, 1.1 * factor * Q[::5])
     assert problem is not None
     assert words in problem.message
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0])
-def test_other_factors_are_physics(factor: float) -> None:
+def test_other_factors_are_physics(factor):
     assert suspect_scale(Q, factor * Q) is None
 
 
 @pytest.mark.parametrize("bits", [8, 16, 32])
-def test_negative_numbers_read_without_their_sign_are_suspected(tmp_path: Path, bits: int) -> None:
+def test_negative_numbers_read_without_their_sign_are_suspected(tmp_path, bits):
     counts = np.round(3 * np.sin(20 * TIME)).astype(int) % 2**bits
     recording = read(tmp_path, "q1", (counts,), mapping=["q1=0.01*joint_1.link_position [rad]"])
     assert [one.key for one in recording.findings if one.code == "unsigned"] == ["q1"]
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, 0.01 * counts)
 
 
-def test_an_angle_that_jumps_by_turns_can_be_unwrapped(tmp_path: Path) -> None:
+def test_an_angle_that_jumps_by_turns_can_be_unwrapped(tmp_path):
     recording = read(tmp_path, "q1", ((9 * Q) % math.tau,))
     (finding,) = (one for one in recording.findings if one.code == "wrapped")
     item = re.search("--map '(.*)'", str(finding.hint))
@@ -85,7 +84,7 @@ def test_an_angle_that_jumps_by_turns_can_be_unwrapped(tmp_path: Path) -> None:
     np.testing.assert_allclose(values - values[0], 9 * (Q - Q[0]), atol=1e-6)
 
 
-def test_a_number_stated_as_missing_is_no_number(tmp_path: Path) -> None:
+def test_a_number_stated_as_missing_is_no_number(tmp_path):
     values = np.sin(0.3 * np.arange(60))
     values[[5, 6, 20]] = -999.0
     recording = read(tmp_path, "q1", (values,))
@@ -95,7 +94,7 @@ def test_a_number_stated_as_missing_is_no_number(tmp_path: Path) -> None:
     assert np.flatnonzero(np.isnan(stated)).tolist() == [5, 6, 20]
 
 
-def test_constant_columns_and_missing_numbers_are_said(tmp_path: Path) -> None:
+def test_constant_columns_and_missing_numbers_are_said(tmp_path):
     recording = read(tmp_path, "q1,dq1", (np.where((TIME >= 1.0) & (TIME < 1.05), np.nan, Q), 0 * V + 4.0))
     said = {one.code: one for one in recording.findings}
     assert said["missing-numbers"].message == "10 of 1000 samples have no number, the first at t = 1 s"

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 
 N = 50
@@ -16,7 +14,7 @@ Q1 = np.sin(2 * np.pi * TIME)
 Q2 = np.cos(2 * np.pi * TIME)
 
 
-def rows(time_scale: float = 1.0, scale: float = 1.0, separator: str = ",", decimal: str = ".", zero: float = 0.0) -> list[str]:
+def rows(time_scale=1.0, scale=1.0, separator=",", decimal=".", zero=0.0):
     lines = []
     for t, a, b in zip(TIME, Q1, Q2, strict=True):
         cells = [f"{(t + zero) * time_scale:.9f}", f"{a * scale:.12f}", f"{b * scale:.12f}"]
@@ -24,28 +22,28 @@ def rows(time_scale: float = 1.0, scale: float = 1.0, separator: str = ",", deci
     return lines
 
 
-def dated(pattern: str) -> list[str]:
+def dated(pattern):
     """Rows whose time is written in another way: s of a minute, or ROS's s and ns that begin 0.9 s after a whole second."""
     whole = [divmod(round(t * 1e9) + 1_700_000_000_900_000_000, 10**9) for t in TIME]
     stamps = [pattern.format(*ns) if "{1" in pattern else pattern.format(t) for t, ns in zip(TIME, whole, strict=True)]
     return [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, rows(), strict=True)]
 
 
-def write(path: Path, lines: list[str], encoding: str = "utf-8") -> Path:
+def write(path, lines, encoding="utf-8"):
     path.write_bytes(("\n".join(lines) + "\n").encode(encoding))
     return path
 
 
-def codes(findings: tuple[Problem, ...]) -> set[str]:
+def codes(findings):
     return {finding.code for finding in findings}
 
 
-def finding(findings: tuple[Problem, ...], code: str) -> Problem:
+def finding(findings, code):
     return next(one for one in findings if one.code == code)
 
 
-def check(path: Path, **options: object) -> None:
-    recording = read_recording(path, **options)  # type: ignore[arg-type]
+def check(path, **options):
+    recording = read_recording(path, **options)
     np.testing.assert_allclose(recording.time, TIME, atol=3e-7)  # a float of 1.7e9 s resolves 2.4e-7 s
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-9)
     np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2, atol=1e-9)
@@ -76,16 +74,16 @@ LAYOUTS: dict[str, list[str]] = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_layout_gives_the_same_numbers(tmp_path: Path, layout: str) -> None:
+def test_every_layout_gives_the_same_numbers(tmp_path, layout):
     check(write(tmp_path / "lab.csv", LAYOUTS[layout]))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
-def test_encodings(tmp_path: Path, encoding: str) -> None:
+def test_encodings(tmp_path, encoding):
     check(write(tmp_path / "lab.csv", ["t [s];q1 [°];q2 [°]", *rows(scale=DEGREES, separator=";")], encoding))
 
 
-def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_path: Path) -> None:
+def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_path):
     lines = ["time,q1,q2", *rows()]
     lines[2] = "x,y,0.5"
     lines[10] = "0.09,abc,0.5"
@@ -101,13 +99,6 @@ def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_pat
     assert recording.column("joint_2", "link_position").values[8] == 0.5
 
 
-def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
-    path = write(tmp_path / "lab.csv", ["q1,q2", *[line.partition(",")[2] for line in rows()]])
-    check(path, rate=100.0)
-    with pytest.raises(RecordingError, match="positive"):
-        read_recording(path, rate=0.0)
-
-
 @pytest.mark.parametrize(
     ("mapping", "words"),
     [
@@ -121,7 +112,7 @@ def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
         (["time=time [rad]"], "rad is no unit of time"),
     ],
 )
-def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], words: str) -> None:
+def test_bad_mappings_say_what_is_expected(tmp_path, mapping, words):
     path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()])
     with pytest.raises(RecordingError, match=words.replace(".", r"\.")):
         read_recording(path, mapping=mapping)
@@ -130,7 +121,7 @@ def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], w
 class TestRealRecordings:
     """Files of real machines, read as they are."""
 
-    def test_quanser(self, shared: Path) -> None:
+    def test_quanser(self, shared):
         recording = read_recording(shared / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
         assert recording.joints == ("joint_1", "joint_2")
         assert len(recording.time) == 10_000
@@ -139,15 +130,14 @@ class TestRealRecordings:
         assert recording.column("joint_2", "reference_1").source == "hub2_ref_rad"
         assert recording.channels["current1_A"].quantity is None
 
-    def test_hebi(self, shared: Path) -> None:
+    def test_hebi(self, shared):
         recording = read_recording(shared / "recordings" / "hebi_sine_1hz.csv")
-        assert set(recording.quantities("joint_1")) >= {"link_position", "reference_1", "deflection", "link_torque"}
         # The firmware computes the effort from the deflection, so that a fit of stiffness to it finds the firmware's 40.
         torque = recording.column("joint_1", "link_torque").values
         deflection = recording.column("joint_1", "deflection").values
         assert np.max(np.abs(torque + 40.0 * deflection)) < 1e-6
 
-    def test_emps(self, shared: Path) -> None:
+    def test_emps(self, shared):
         recording = read_recording(shared / "recordings" / "emps_estimation.csv")
         column = recording.column("joint_1", "link_position")
         assert column.unit == "m"
@@ -157,7 +147,7 @@ class TestRealRecordings:
 
 @pytest.mark.parametrize("value", ["1e308", "-1e40"])
 @pytest.mark.parametrize("unit", ["rad", "deg"])
-def test_what_cannot_have_been_measured_is_no_number(tmp_path: Path, value: str, unit: str) -> None:
+def test_what_cannot_have_been_measured_is_no_number(tmp_path, value, unit):
     """Slopes, squares and units of such numbers overflow, wherever they are used."""
     lines = [f"time,elbow.position [{unit}]", *(f"{0.01 * i},{value if i == 7 else 0.1 * i}" for i in range(20))]
     recording = read_recording(
@@ -167,7 +157,7 @@ def test_what_cannot_have_been_measured_is_no_number(tmp_path: Path, value: str,
     assert np.flatnonzero(np.isnan(values)).tolist() == [7]
 
 
-def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path: Path) -> None:
+def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
     path = write(tmp_path / "lab.csv", rows())
     with pytest.raises(RecordingError, match=r"none of the columns is a time: column_1, column_2.*--map COLUMN=time"):
         read_recording(path)
@@ -191,23 +181,24 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path: Path) -
         (["time,q1,q2", *rows(time_scale=1e3)], "10 units apart.*State the unit"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
+        (["time,q1", '"' * 200_000], "no row of numbers"),
         (["ab\0cd"], "zero bytes"),
     ],
 )
-def test_what_is_no_recording_is_refused_with_the_reason(tmp_path: Path, lines: list[str], message: str) -> None:
+def test_what_is_no_recording_is_refused_with_the_reason(tmp_path, lines, message):
     (tmp_path / "lab.csv").write_text("\n".join(lines))
     with pytest.raises(RecordingError, match=message):
         read_recording(tmp_path / "lab.csv")
 
 
-def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path):
     for path, message in ((tmp_path / "absent.csv", "no such file"), (tmp_path, r"metadata\.yaml")):
         with pytest.raises(RecordingError, match=message):
             read_recording(path)
 
 
 @pytest.mark.parametrize("odd", ["0.05,9,9", "1e9,9,9"])
-def test_the_samples_that_rise_in_time_are_kept_and_the_others_reported(tmp_path: Path, odd: str) -> None:
+def test_the_samples_that_rise_in_time_are_kept_and_the_others_reported(tmp_path, odd):
     """A row that falls back or is far ahead, a repeated row, a stamp that differs by nothing, a stamp that is no number."""
     lines = ["time,q1,q2", *rows()]
     for place, line in ((45, "nan,9,9"), (38, f"{0.36 + 1e-300},9,9"), (30, odd), (12, lines[11])):
@@ -224,7 +215,7 @@ def test_the_samples_that_rise_in_time_are_kept_and_the_others_reported(tmp_path
     ("columns", "pattern"),
     [(["sec", "nanosec"], "{0:.0f},{1:.0f}"), (["Date", "Clock"], "2024-05-06,10:00:{:06.3f}")],
 )
-def test_a_time_in_two_columns_is_stated(tmp_path: Path, columns: list[str], pattern: str) -> None:
+def test_a_time_in_two_columns_is_stated(tmp_path, columns, pattern):
     path = write(tmp_path / "lab.csv", [f"{','.join(columns)},q1,q2", *dated(pattern)])
     with pytest.raises(RecordingError, match=r"state both: `time: \[sec, nanosec\]`"):
         read_recording(path)
@@ -232,7 +223,7 @@ def test_a_time_in_two_columns_is_stated(tmp_path: Path, columns: list[str], pat
     check(path, mapping=tmp_path / "time.yaml")
 
 
-def test_a_row_of_units_is_asked_about(tmp_path: Path) -> None:
+def test_a_row_of_units_is_asked_about(tmp_path):
     path = write(tmp_path / "lab.csv", ["time,q1,q2", "s,deg,deg", *rows(scale=DEGREES)])
     assert not read_recording(path).joints
     (tmp_path / "lab.csv.yaml").write_text(
@@ -242,14 +233,14 @@ def test_a_row_of_units_is_asked_about(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("missing", [1, 2, 5])
-def test_every_missing_sample_is_counted(tmp_path: Path, missing: int) -> None:
+def test_every_missing_sample_is_counted(tmp_path, missing):
     time = np.delete(np.arange(100) * 0.01, range(40, 40 + missing))
     found = read_recording(write(tmp_path / "gap.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
     assert finding(found, "dropped-samples").message.startswith(f"{missing} samples are missing")
     assert finding(found, "dropped-samples").line == 41
 
 
-def test_a_second_time_among_the_signals_is_asked_about(tmp_path: Path) -> None:
+def test_a_second_time_among_the_signals_is_asked_about(tmp_path):
     lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{0.1 * i},{0.013 * i:.3f},{-0.1 * i}" for i in range(30)]]
     path = write(tmp_path / "lab.csv", lines)
     with pytest.raises(RecordingError, match=r"second time column.*--map 'time#2=time'"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ BOUND = '<bind_material><technique_common><instance_material symbol="m0" target=
 SHOWN = f'<instance_geometry url="#g">{BOUND}</instance_geometry>'
 
 
-def document(group: str, nodes: str, unit: str = "") -> str:
+def document(group, nodes, unit=""):
     """A COLLADA file of a red square."""
     places = " ".join(" ".join(map(str, point)) for point in SQUARE)
     lambert = "<lambert><diffuse><color>1 0 0 1</color></diffuse></lambert>"
@@ -38,7 +36,7 @@ def document(group: str, nodes: str, unit: str = "") -> str:
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_nodes_place_and_scale_faces_in_the_unit_of_the_file(tmp_path: Path, group: str) -> None:
+def test_nodes_place_and_scale_faces_in_the_unit_of_the_file(tmp_path, group):
     inner = f'<node id="i"><translate>1 0 0</translate>{SHOWN}</node>'
     nodes = f'<node id="o"><rotate>0 0 1 90</rotate>{inner}</node>'
     (tmp_path / "m.dae").write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))
@@ -49,13 +47,13 @@ def test_nodes_place_and_scale_faces_in_the_unit_of_the_file(tmp_path: Path, gro
 
 
 @pytest.mark.parametrize("nodes", ["", f'<node id="n">{SHOWN}<instance_node url="#n"/></node>', '<node id="n"/>'])
-def test_what_shows_nothing_or_has_no_end_is_an_error(tmp_path: Path, nodes: str) -> None:
+def test_what_shows_nothing_or_has_no_end_is_an_error(tmp_path, nodes):
     (tmp_path / "m.dae").write_text(document(GROUPS["triangles"], nodes))
     with pytest.raises(ValueError, match=r"cannot be read|no triangle"):
         read_mesh(tmp_path / "m.dae")
 
 
-def test_faces_of_obj_files_have_the_material_before_them(tmp_path: Path) -> None:
+def test_faces_of_obj_files_have_the_material_before_them(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0 0\nNs 5\nnewmtl b\nKd 0 .5 1\n")
     lines = ["mtllib m.mtl", *("v " + " ".join(map(str, point)) for point in SQUARE), "usemtl b", "f 1 3 -1"]
     (tmp_path / "m.obj").write_text("\n".join([*lines, "usemtl a", "f 1 2 3 4"]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,11 +24,11 @@ from support.plot_example import made_up_log, simulated_log
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(tmp_path_factory):
     return simulated_log("step_2dof", tmp_path_factory.mktemp("film") / "log.mcap", variant="soft", duration=0.4)
 
 
-def background(image: np.ndarray) -> np.ndarray:
+def background(image):
     """Where nothing is: the sky, which goes evenly from top to bottom."""
     share = np.linspace(0.0, 1.0, len(image))[:, None, None]
     sky = (1 - share) * image[0, 0].astype(float) + share * image[-1, 0].astype(float)
@@ -37,7 +36,7 @@ def background(image: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_camera_sees_every_point_from_nearby(seed: int):
+def test_the_camera_sees_every_point_from_nearby(seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(200, 3)) * rng.uniform(0.1, 2.0, size=3) + rng.normal(size=3)
     towards, aspect = viewpoint(None), 1.4
@@ -52,7 +51,7 @@ def test_the_camera_sees_every_point_from_nearby(seed: int):
     assert 0.85 < max(x.max(), y.max()) <= 1.0
 
 
-def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
+def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(
         """<robot name="r">
@@ -75,7 +74,7 @@ def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
     assert len(nice) == 1
 
 
-def test_frames_show_the_motion_within_the_picture(log: Path):
+def test_frames_show_the_motion_within_the_picture(log):
     film = Film(log, size=120)
     first, last = film.frame(film.start).image, film.frame(film.end).image
     assert first.shape == (film.height, film.width, 3)
@@ -88,7 +87,7 @@ def test_frames_show_the_motion_within_the_picture(log: Path):
     np.testing.assert_array_equal(film.frame(film.start).image, first)
 
 
-def test_objects_stand_where_the_log_has_them(tmp_path: Path):
+def test_objects_stand_where_the_log_has_them(tmp_path):
     path = simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.01)
     film = Film(path, size=100, sharpness=1)
     image = film.frame(0.0).image.astype(int)
@@ -96,7 +95,7 @@ def test_objects_stand_where_the_log_has_them(tmp_path: Path):
     assert (image[:, :, 0] - image[:, :, 2] > 40).mean() > 0.05
 
 
-def test_a_strip_has_frames_at_even_times(log: Path, tmp_path: Path):
+def test_a_strip_has_frames_at_even_times(log, tmp_path):
     film = Film(log, size=80, sharpness=1)
     assert even_times(film, 3) == pytest.approx([0.0, 0.2, 0.4])
     assert even_times(film, 1) == [film.end]
@@ -107,14 +106,14 @@ def test_a_strip_has_frames_at_even_times(log: Path, tmp_path: Path):
     assert four[1] == one[1]
 
 
-def png_size(path: Path) -> tuple[int, int]:
+def png_size(path):
     from PIL import Image
 
     with Image.open(path) as picture:
         return picture.size
 
 
-def test_the_ghost_stands_where_springs_are_without_load(log: Path):
+def test_the_ghost_stands_where_springs_are_without_load(log):
     """At the start the link is at its equilibrium, and the ghost is hidden; after the step both are apart."""
     film = Film(log, size=120, sharpness=1)
     start, later = ((film.frame(time, ghost=True).image.astype(int) - film.frame(time).image) for time in (0.0, 0.2))
@@ -122,7 +121,7 @@ def test_the_ghost_stands_where_springs_are_without_load(log: Path):
     assert (np.abs(later).max(axis=2) > 10).mean() > 0.01
 
 
-def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
+def test_a_gif_plays_for_as_long_as_the_run(log, tmp_path):
     from PIL import Image
 
     film = Film(log, size=60, sharpness=1)
@@ -139,26 +138,26 @@ def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_a_video_is_an_mp4(log: Path, tmp_path: Path):
+def test_a_video_is_an_mp4(log, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     film = Film(log, size=60, sharpness=1)
     data = write_mp4(film, tmp_path / "motion.mp4").read_bytes()
     assert data[4:8] == b"ftyp"
 
 
-def test_a_log_without_its_robot_cannot_be_drawn(tmp_path: Path):
+def test_a_log_without_its_robot_cannot_be_drawn(tmp_path):
     with pytest.raises((LogError, InputError)):
         Film(made_up_log(tmp_path / "log.mcap", count=20))
 
 
-def test_pictures_need_neither_engine_nor_plugin(log: Path, monkeypatch: pytest.MonkeyPatch):
+def test_pictures_need_neither_engine_nor_plugin(log, monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     monkeypatch.setattr(ACTUATORS, "_entries", {})
     assert not background(Film(log, size=60).frame(0.0).image).all()
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_rasteriser_finds_what_is_in_front(seed: int):
+def test_the_rasteriser_finds_what_is_in_front(seed):
     rng = np.random.default_rng(seed)
     width, height = 31, 23
     corners = rng.uniform([-8, -8, 0.2], [39, 31, 2.0], size=(40, 3, 3))
@@ -179,13 +178,13 @@ def test_the_rasteriser_finds_what_is_in_front(seed: int):
     assert not len(rasterise(corners, width, height).pixels)  # a corner behind the camera
 
 
-def volume(points: np.ndarray, triangles: np.ndarray) -> float:
+def volume(points, triangles):
     a, b, c = (points[triangles[:, i]] for i in range(3))
     return abs(float(np.einsum("mi,mi->m", a, np.cross(b, c)).sum())) / 6
 
 
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
-def test_stl_files_are_read(tmp_path: Path, kind: str):
+def test_stl_files_are_read(tmp_path, kind):
     trimesh.creation.box(extents=(1.0, 2.0, 3.0)).export(tmp_path / "box.stl", file_type=kind)
     mesh = read_mesh(tmp_path / "box.stl")
     assert volume(mesh.points, mesh.triangles) == pytest.approx(6.0)
@@ -201,7 +200,7 @@ def test_solids_have_their_volume_and_normals_that_point_outwards():
         assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
 
 
-def test_frames_are_denser_where_more_moves(log: Path):
+def test_frames_are_denser_where_more_moves(log):
     """The step comes at 0.1 s: before it nothing moves."""
     film = Film(log, size=60)
     times = telling_times([film], 12)
@@ -209,7 +208,7 @@ def test_frames_are_denser_where_more_moves(log: Path):
     assert sum(time < 0.1 for time in times) < sum(time < 0.1 for time in even_times(film, 12))
 
 
-def test_a_folder_and_a_part_of_runs_are_drawn(log: Path, tmp_path: Path):
+def test_a_folder_and_a_part_of_runs_are_drawn(log, tmp_path):
     for variant in ("b", "a"):
         (tmp_path / variant).mkdir()
         (tmp_path / variant / "log.mcap").write_bytes(log.read_bytes())

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
 from support.plot_example import made_up_log
 
 
-def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
+def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
     time = np.arange(1001) * 0.001
     rows = {name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
             for name, scale in (("soft", 1.0), ("stiff", 3.0))}  # fmt: skip
@@ -54,7 +52,7 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
             for n in (0, 1)} <= seen  # fmt: skip
 
 
-def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) -> None:
+def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
     fine = made_up_log(tmp_path / "fine" / "log.mcap", variant="fine", count=4001, step=0.001)
     coarse = made_up_log(tmp_path / "coarse" / "log.mcap", variant="coarse", count=101, step=0.02)
     grid, runs = read_runs([fine, coarse], quantities=["link_position", "nothing"])
@@ -78,6 +76,6 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) 
     [("elbow_1_pos", "elbow_1", " _pos"), ("elbow_12_pos", None, "elbow_12_pos"), ("myelbow_1", None, "myelbow_1"),
      ("Elbow1 [rad]", "elbow_1", "  [rad]"), ("q_deg", None, "q_deg"), ("left_elbow_1", "left_elbow_1", " ")],
 )  # fmt: skip
-def test_the_longest_joint_name_in_a_column_is_found(name: str, joint: str | None, rest: str) -> None:
+def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)

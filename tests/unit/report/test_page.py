@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,7 +21,6 @@ from asrsim.report import write_report
 from asrsim.report.content import read_parameters
 from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, unpack
-from asrsim.runs.folder import find_logs
 from support.browser import CHROMIUM, Browser
 from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
@@ -31,12 +28,12 @@ from support.plot_example import made_up_log, simulated_log
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 
 
-def page_data(page: Path) -> dict:
+def page_data(page):
     return json.loads(re.search(r'id="data">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)[1])
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     for variant in ("soft", "stiff"):
         simulated_log("step_2dof", folder / variant / "log.mcap", variant=variant, duration=0.3)
@@ -44,17 +41,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def page(folder: Path) -> Path:
+def page(folder):
     return write_report(folder)
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def browser(tmp_path_factory):
     with Browser(tmp_path_factory.mktemp("profile")) as browser:
         yield browser
 
 
-def test_the_page_loads_nothing_from_anywhere(page: Path):
+def test_the_page_loads_nothing_from_anywhere(page):
     read = Page(page)
     assert read.addresses
     assert all(address.startswith("data:") for address in read.addresses)
@@ -62,7 +59,7 @@ def test_the_page_loads_nothing_from_anywhere(page: Path):
     assert not re.search(r"@import|url\(\s*['\"]?http|fetch\(|XMLHttpRequest", read.source)
 
 
-def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
+def test_the_page_says_what_ran_and_how_to_repeat_it(page, folder):
     text = " ".join(Page(page).text.split())
     for wanted in (
         "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
@@ -74,7 +71,7 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
 
 
 @pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
-def test_packing_keeps_gaps_and_extremes(values: list[float]):
+def test_packing_keeps_gaps_and_extremes(values):
     back = unpack(pack(np.array(values)), len(values))
     np.testing.assert_allclose(back, values, atol=1e-4)
     exact = np.isin(values, [np.nanmin([*values, 9.0]), np.nanmax([*values, -9.0])])
@@ -93,7 +90,7 @@ def test_a_short_push_is_on_the_page_at_its_time():
     assert abs(grid[shown.argmin()] - 6.789) <= 0.2
 
 
-def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
+def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path):
     rng = np.random.default_rng(1)
     # Noise does not pack; the film strip, which is not drawn here, takes less than 0.2 MB.
     values = {name: rng.normal(size=20_001) for name in QUANTITIES}
@@ -114,14 +111,14 @@ HEAD = "source,joint,quantity,measure,value,unit\n"
         ("time,q\n0,0\n", False),
     ],
 )
-def test_readable_metrics_in_the_folder_are_shown(tmp_path: Path, text: str, shown: bool):
+def test_readable_metrics_in_the_folder_are_shown(tmp_path, text, shown):
     log = made_up_log(tmp_path / "log.mcap", count=30)
     (tmp_path / "metrics.csv").write_text(text)
     words = Page(write_report(log.parent, film=False)).text
     assert ("Beside experiments" in words) == ("0.0123 rad" in words) == shown
 
 
-def test_a_parameter_names_its_tag_and_line(folder: Path):
+def test_a_parameter_names_its_tag_and_line(folder):
     info = read_log(folder / "soft" / "log.mcap").info
     text = info.urdf.splitlines()
     found = [parameter for values in read_parameters(info).values() for parameter in values]
@@ -130,7 +127,7 @@ def test_a_parameter_names_its_tag_and_line(folder: Path):
     assert not any("line" in one.origin for one, match in zip(found, named, strict=True) if not match)
 
 
-def test_a_folder_without_log_is_an_error(tmp_path: Path):
+def test_a_folder_without_log_is_an_error(tmp_path):
     with pytest.raises(InputError, match=r"contains no log.*Run a scenario first"):
         write_report(tmp_path)
     (tmp_path / "logs" / "run_000000").mkdir(parents=True)
@@ -159,7 +156,7 @@ INK = """[...document.querySelectorAll('.plots canvas')].map((canvas) => {
 @needs_browser
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1200, 390])
-def test_a_browser_draws_every_plot_without_complaint(browser: Browser, page: Path, width: int):
+def test_a_browser_draws_every_plot_without_complaint(browser, page, width):
     browser.open(page, width=width)
     browser.evaluate(SCROLL)
     assert browser.complaints == []
@@ -177,7 +174,7 @@ def test_a_browser_draws_every_plot_without_complaint(browser: Browser, page: Pa
 
 @needs_browser
 @pytest.mark.slow
-def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
+def test_hover_zoom_and_legend_work_in_a_browser(browser, page):
     browser.open(page, width=1200)
     browser.evaluate(SCROLL)
     browser.evaluate("document.querySelector('.u-over').scrollIntoView({block: 'center'})")
@@ -185,7 +182,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
                            "(document.querySelector('.u-over').getBoundingClientRect())")  # fmt: skip
     x, y, width, height = box
 
-    def mouse(kind: str, share: float, **more: object) -> None:
+    def mouse(kind, share, **more):
         place = {"x": x + share * width, "y": y + 0.5 * height}
         browser.call("Input.dispatchMouseEvent", {"type": kind, **place, **more})
 
@@ -210,7 +207,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     assert browser.complaints == []
 
 
-def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
+def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path):
     """As `asrsim plot` leaves them beside a variant."""
     log = made_up_log(tmp_path / "soft" / "log.mcap")
     made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
@@ -228,16 +225,8 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
 
 
-def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
-    for variant in ("stiff", "nominal_soft", "soft"):
-        simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
-    (tmp_path / "zero").mkdir()
-    made_up_log(tmp_path / "zero" / "log.mcap", count=20)
-    assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
-
-
 @pytest.mark.parametrize("command", ["plot", "report"])
-def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command, command: str):
+def test_an_unreadable_log_is_left_out(tmp_path, asrsim_command, command):
     good = made_up_log(tmp_path / "a" / "log.mcap", count=20)
     for name, content in (("cut", b"\x89MCAP0\r\n"), ("empty", b"")):
         (tmp_path / name).mkdir()
@@ -254,7 +243,7 @@ def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command, command: 
     assert asrsim_command(command, tmp_path).code == 1
 
 
-def test_a_log_without_link_positions_has_a_page(tmp_path: Path):
+def test_a_log_without_link_positions_has_a_page(tmp_path):
     whole = read_log(made_up_log(tmp_path / "whole.mcap", count=20))
     joints = tuple(replace(joint, quantities=("link_torque", "reference_1")) for joint in whole.info.joints)
     with LogWriter(tmp_path / "log.mcap", replace(whole.info, joints=joints)) as writer:
@@ -265,7 +254,7 @@ def test_a_log_without_link_positions_has_a_page(tmp_path: Path):
 
 @needs_browser
 @pytest.mark.slow
-def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
+def test_the_robot_moves_in_a_browser(browser, tmp_path):
     from asrsim.render import Film
 
     log = simulated_log("box_push_5dof", tmp_path / "stiff" / "log.mcap", variant="stiff", duration=0.3)

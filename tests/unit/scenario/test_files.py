@@ -261,10 +261,6 @@ def test_any_text_is_read_or_refused_with_our_error(text):
         parse_yaml(text).plain()
 
 
-def test_quoted_numbers_stay_text():
-    assert parse_yaml("a: '1'\nb: \"true\"").plain() == {"a": "1", "b": "true"}
-
-
 @pytest.mark.parametrize(("duration", "step"), [(0.3, 0.1), (20.0, 1e-3), (0.7, 0.007), (3.0, 0.003), (10.0, 1 / 3000)])
 def test_whole_numbers_of_steps_survive_rounding(load, duration, step):
     (scenario,) = load(f"robot: arm.urdf\nduration: {duration!r}\nstep: {step!r}\n")

@@ -54,9 +54,7 @@ def _numbers(data):
     ("keys", "valid"),
     [
         ({}, True),
-        ({"step": 1e-3, "substeps": "auto", "compiled": None}, True),
         ({"references": {"a": {"b": {"sum": [1, {"delay": {"by": 0.1, "of": {"step": {"to": 1}}}}]}}}}, True),
-        ({"modes": 6}, True),
         ({"variants": {"a": {}, "b": {"duration": 2}, "c": None}}, True),
         ({"parameters": {"a": {"motor_1_max_position": "inf"}}}, True),
         (
@@ -71,15 +69,11 @@ def _numbers(data):
             True,
         ),
         ({"duratoin": 1}, False),
-        ({"step": -1}, False),
         ({"step": "fast"}, False),
-        ({"stepping": "leap"}, False),
         ({"gravity": [0, 0]}, False),
         ({"references": {"a": {"b": {"stp": {"to": 1}}}}}, False),
-        ({"references": {"a": {"b": {"step": {}}}}}, False),
         ({"references": {"a": {"b": {"step": {"to": 1}, "ramp": {"to": 1, "duration": 1}}}}}, False),
         ({"variants": {"a": {"duratoin": 1}}}, False),
-        ({"world": {"objects": {"b": {"size": 1}}}}, False),
     ],
 )
 def test_schema_and_reader_agree(validator, tmp_path, keys, valid):
