@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,20 +18,6 @@ ARM = f"""<robot name="arm"><link name="base"/>{LINK.format("upper")}{LINK.forma
 <limit lower="LOW" upper="HIGH" effort="50" velocity="100"/></joint>{LINK.format("fore")}
 <joint name="weld" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0.05 0 0.2" rpy="0.7 -0.4 1.1"/></joint>
 </robot>"""
-NONE: dict[str, Any] = {}
-MOTIONS: dict[str, tuple[str, str, dict[str, Any], float]] = {
-    "a wrench in the frame of a link that is fixed to another": (
-        "-60", "60", {"wrenches": [{"link": "tool", "frame": "link", "point": [0.1, 0.02, 0], "force": [3, 1, 2],
-                                    "torque": [0.2, 0.1, -0.3]}]}, 1e-12,
-    ),
-    "a wrench in the world's frame": (
-        "-60", "60", {"wrenches": [{"link": "tool", "point": [0.1, 0.02, 0], "force": [3, 1, 2], "torque": [0.2, 0.1, -0.3]}]},
-        1e-12,
-    ),
-    "a stop after turns": ("-11.5", "60", {"external_torques": {"two": -2.0}, "gravity": [0, 0, 0]}, 1e-3),
-    "a stop on one side": ("-inf", "0.3", {"external_torques": {"two": 2.0}, "gravity": [0, 0, 0]}, 1e-3),
-}  # fmt: skip
-"""Limits of the second joint (rad), scenario keys, and tolerance in a world with contacts (rad), where stops are softer."""
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,6 @@ from asrsim.engines.mujoco import MujocoEngine
 from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
-from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.layout import EXCESS, FIRST_MOTOR, NET_LINK_WORK, RESIDUAL, TURNOVER
-from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.run import Run
 from validation.contacts import push, slide
 from validation.models import INSTALLED, LOAD, SETTINGS, Body, chain, run
@@ -204,30 +200,3 @@ def test_long_swings_are_not_stopped() -> None:
 def test_contacts_do_not_stop_a_run() -> None:
     assert push(Ramp(final=20.0, start=0.1, duration=0.5), duration=0.8).status == "complete"
     assert slide(0.5, duration=0.5).status == "complete"
-
-
-# -- the guard by itself -----------------------------------------------------------------------------------------------
-
-
-def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, turnover: float = 10.0) -> str | None:
-    state = np.zeros((2, FIRST_MOTOR))
-    state[0, [NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS]] = given, residual, turnover, abs(residual) - SHARE * turnover
-    state[1, TURNOVER] = 1.0
-    model: Any = SimpleNamespace(energy=lambda *_: energy, mass_matrix=lambda _: np.eye(2))
-    fault = EnergyGuard(2.0).look(None if energy is None else model, state, ["a", "b"])
-    return None if fault is None else " ".join(fault)
-
-
-def test_guard_accounts_for_supplied_energy() -> None:
-    assert guard(9.0, given=7.0) is None
-    assert "links hold 7 J that nothing gave them" in str(guard(9.0))
-    assert guard(-50.0) is None, "friction and stops of the joints may take anything"
-
-
-def test_guard_detects_energy_gained_and_lost_in_springs() -> None:
-    assert guard(2.0, residual=3.0) is None
-    assert str(guard(2.0, residual=9.0)) == "a 9 J vanished in its actuator"
-    assert str(guard(2.0, residual=-9.0)) == "a 9 J came from nowhere in its actuator"
-    assert guard(None, residual=5.0) is None
-    assert guard(None, residual=-5.6) is not None, "in a world with contacts the springs are still watched"
-    assert guard(1e9, residual=0.0, given=1e9 - 2.0) is None

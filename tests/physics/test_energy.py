@@ -49,12 +49,15 @@ def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode: int) -> No
         pytest.param({"motor_1_friction_torque": 0.5}, id="strong friction"),
         pytest.param({"max_deflection": 0.02}, id="deflection limit"),
         pytest.param({"controller_1_integral": 400.0}, id="integral action"),
+        pytest.param({"effort": 0.5}, id="effort limit"),
     ],
 )
 def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
+    limits = f'<limit lower="-3" upper="3" effort="{parameters.get("effort", 1e9)}" velocity="100"/>'
+    springs = {name: value for name, value in parameters.items() if name != "effort"}
     coarse, fine = shares(
-        chain(replace(BODY, actuator="sea")), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
-        parameters={"spring_stiffness": 20.0, **parameters},
+        chain(replace(BODY, actuator="sea", limits=limits)), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
+        parameters={"spring_stiffness": 20.0, **springs},
     )  # fmt: skip
     assert coarse < 1e-2
     assert fine < 0.6 * coarse
@@ -73,30 +76,6 @@ def test_the_balance_of_a_light_motor_closes_after_a_jump(engine: str, compiled:
     )  # fmt: skip
     assert result.resolution.motor_substeps > 5
     assert np.abs(column(result, "energy_residual")).max() < 0.03 * np.abs(column(result, "motor_work")).max()
-
-
-def test_energy_balance_includes_the_effort_limit() -> None:
-    limits = '<limit lower="-3" upper="3" effort="0.5" velocity="100"/>'
-    coarse, fine = shares(
-        chain(replace(BODY, actuator="sea", limits=limits)), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
-        parameters={"spring_stiffness": 20.0},
-    )  # fmt: skip
-    assert coarse < 1e-2
-    assert fine < 0.6 * coarse
-
-
-def test_the_effort_limit_is_the_most_torque_that_moves_the_link() -> None:
-    """The command is 2 N m, and the limit is 0.5 N m: a free link moves by q = 0.5 t^2 / (2 I)."""
-    limits = '<limit lower="-300" upper="300" effort="0.5" velocity="1000"/>'
-    result = run(
-        chain(replace(BODY, actuator="sea", damping=0.0, limits=limits)),
-        mode=0,
-        duration=0.2,
-        gravity=0.0,
-        references={"link_torque": 2.0},
-    )
-    inertia = BODY.inertia + BODY.mass * BODY.reach**2
-    assert column(result, "link_position")[-1] == pytest.approx(0.5 * 0.2**2 / (2.0 * inertia), rel=1e-6)
 
 
 def test_logged_energies_balance() -> None:

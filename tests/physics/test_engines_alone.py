@@ -77,11 +77,6 @@ def test_pybullet_without_mujoco_agrees_on_friction_and_stops(tmp_path: Path) ->
     np.testing.assert_allclose(alone, motion("mujoco", path), rtol=0, atol=1e-6)
 
 
-def test_a_floating_robot_moves_as_in_mujoco(tmp_path: Path) -> None:
-    path = chain(tmp_path, "base: {fixed: false, position: [0, 0, 5], rpy: [0.4, 0.2, 0.1]}\n")
-    np.testing.assert_allclose(motion("bullet", path), motion("mujoco", path), rtol=0, atol=1e-9)
-
-
 FAR = "world: {objects: {far: {shape: box, size: [0.1, 0.1, 0.1], position: [30, 30, 30], mass: 0}}}\n"
 
 

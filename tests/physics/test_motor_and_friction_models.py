@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.actuators.hysteresis import dahl
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError, ScenarioError
 from asrsim.robot import Robot
@@ -214,23 +213,6 @@ def test_hysteresis_loss_of_a_loop_follows_the_law(length: float) -> None:
         assert extra.min() == pytest.approx(-level, rel=1e-3)
 
 
-def test_hysteresis_is_passive_and_independent_of_rate() -> None:
-    """No closed path releases more energy than it absorbs, and one large step gives the same state as many small steps."""
-    random = np.random.default_rng(1)
-    level, length = 0.4, 0.02
-    h = work = place = 0.0
-    for goal in random.uniform(-0.1, 0.1, 300):
-        whole = dahl(h, goal - place, level, length)
-        for _ in range(200):
-            before = h
-            h = dahl(h, (goal - place) / 200, level, length)
-            work += 0.5 * (before + h) * (goal - place) / 200
-        place = goal
-        assert h == pytest.approx(whole, abs=1e-12)
-        assert abs(h) <= level
-        assert work >= 0.5 * h * h * length / level - 1e-5
-
-
 def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
     """Two springs of a VSA in a mode with motors: the energy of the swing equals the hysteresis loss."""
     robot = chain(Body(actuator="qbmove", mass=0.3, reach=0.1, inertia=1e-3))
@@ -267,34 +249,6 @@ def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator: str, near: 
     assert as_much[-1] == pytest.approx(lost[-1], rel=2e-3)
     # Hysteresis dissipates most of the energy of the swing.
     assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.1])
-@pytest.mark.parametrize("frequency", [1.0, 3.0])
-def test_predicted_deflection_includes_the_energy_of_the_moving_link(frequency: float, spread: float) -> None:
-    """The kinetic energy of the link goes into the pretensioned springs. The assumed speed of the link is twice the speed of
-    the references, at most the speed limit of the motors."""
-    a, k, inertia, amplitude, fastest = 7.0, 0.02, 5e-3, 0.3, 8.0
-    robot = chain(Body(actuator="qbmove", mass=1e-9, reach=0.0, inertia=inertia))
-    wave = {"amplitude": amplitude, "frequency": frequency}
-    values = {"spring_a_1": a, "spring_a_2": a, "spring_k_1": k, "spring_k_2": k, "max_deflection": 3.0}
-    result = run(
-        robot, mode=5, parameters={**values, "motor_1_max_velocity": fastest}, gravity=0.0, duration=0.5, compiled=False,
-        references={"reference_1": Sinusoid(offset=spread, **wave), "reference_2": Sinusoid(offset=-spread, **wave)},
-        substeps=1, step=1e-3,
-    )  # fmt: skip
-
-    def stored(bend: float) -> float:
-        return sum(k / a * (np.cosh(a * (bend + side)) - np.cosh(a * side)) for side in (spread, -spread))
-
-    speed = min(2.0 * amplitude * 2.0 * np.pi * frequency, fastest)
-    energy = 0.5 * inertia * speed**2
-    low, high = 0.0, 2.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stored(middle) < energy else (low, middle)
-    # Both springs are assumed to reach the larger deflection.
-    assert result.resolution.stiffness[0] == pytest.approx(2.0 * a * k * np.cosh(a * (spread + low)), rel=0.01)
 
 
 @pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])

@@ -50,10 +50,6 @@ def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool
     assert np.log2(left[0] / left[1]) / 2.0 > 1.7
 
 
-def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
-    check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
-
-
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", [5, 6])
 def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:

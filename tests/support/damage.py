@@ -27,29 +27,26 @@ def damaged(text: str, source: random.Random) -> bytes:
     return data
 
 
-def _value(text: str, source: random.Random) -> str:
-    spots = list(re.finditer(r'(?<==")[^"<>]*(?=")|(?<=>)[^<>\s]+(?=</)', text))
-    if not spots:
-        return text
-    spot = source.choice(spots)
-    return text[: spot.start()] + source.choice(VALUES) + text[spot.end() :]
+def _replaced(pattern: str, new: Callable[[str, random.Random], str]) -> Callable[[str, random.Random], str]:
+    """Function that replaces a random match of the pattern in a text, if there is a match."""
+
+    def damage(text: str, source: random.Random) -> str:
+        spots = list(re.finditer(pattern, text))
+        if not spots:
+            return text
+        spot = source.choice(spots)
+        return text[: spot.start()] + new(spot.group(), source) + text[spot.end() :]
+
+    return damage
 
 
-def _digit(text: str, source: random.Random) -> str:
-    spots = list(re.finditer(r"(?<=[\" \d])[\d.e-](?=[\" \d])", text))
-    if not spots:
-        return text
-    spot = source.choice(spots)
-    return text[: spot.start()] + source.choice("0123456789.e-+ ") + text[spot.end() :]
+def _other_attribute(old: str, source: random.Random) -> str:
+    return source.choice(["", old + ' other="1"', old.replace("=", "s=", 1), old * 2])
 
 
-def _attribute(text: str, source: random.Random) -> str:
-    spots = list(re.finditer(r'\s[\w:]+="[^"<>]*"', text))
-    if not spots:
-        return text
-    spot = source.choice(spots)
-    new = source.choice(["", spot.group() + ' other="1"', spot.group().replace("=", "s=", 1), spot.group() * 2])
-    return text[: spot.start()] + new + text[spot.end() :]
+_value = _replaced(r'(?<==")[^"<>]*(?=")|(?<=>)[^<>\s]+(?=</)', lambda _, source: source.choice(VALUES))
+_digit = _replaced(r"(?<=[\" \d])[\d.e-](?=[\" \d])", lambda _, source: source.choice("0123456789.e-+ "))
+_attribute = _replaced(r'\s[\w:]+="[^"<>]*"', _other_attribute)
 
 
 def _tree(text: str, source: random.Random) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,17 +21,22 @@ NO_FRICTION = {"motor_1_friction_torque": 0.0, "motor_2_friction_torque": 0.0}
 FREE_MOTOR = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
 
 
-def equilibrium(actuator: str, theta_1: float, theta_2: float, parameters: dict[str, float]) -> float:
-    """Position at which spring and weight balance while the motors are fixed, rad."""
+def elastic(actuator: str, parameters: Mapping[str, float]) -> tuple[float, ...]:
+    """Parameters of the springs in the order of the law: those given, otherwise the defaults."""
+    return tuple(parameters.get(parameter.name, parameter.default) for parameter in ACTUATORS.get(actuator).parameters)
+
+
+def equilibrium(actuator: str, preset: float, parameters: Mapping[str, float]) -> float:
+    """Position at which spring and weight balance while the motors stand at the references of 0.8 rad and the preset, rad."""
     from scipy.optimize import brentq
 
-    law = ACTUATORS.get(actuator)
-    elastic = tuple(parameters[parameter.name] for parameter in law.parameters)
-
-    def excess(q: float) -> float:
-        return sum(law.elastic_torques(q, theta_1, theta_2, elastic)) - WEIGHT * math.sin(q)
-
-    return float(brentq(excess, 0.0, 1.0, xtol=1e-16, rtol=1e-15))
+    law, values = ACTUATORS.get(actuator), elastic(actuator, parameters)
+    theta = law.motor_references(0.8, preset)
+    return float(
+        brentq(
+            lambda q: sum(law.elastic_torques(q, *theta, values)) - WEIGHT * math.sin(q), 0.0, 1.0, xtol=1e-16, rtol=1e-15
+        )
+    )  # fmt: skip
 
 
 def static_equilibrium() -> Iterator[Check]:
@@ -41,9 +46,7 @@ def static_equilibrium() -> Iterator[Check]:
             chain(replace(LOAD, actuator=actuator, damping=0.065)),
             mode=3, references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters, duration=4.0,
         )  # fmt: skip
-        values = {**result.robot.actuators[0].values(), **parameters}
-        theta = ACTUATORS.get(actuator).motor_references(0.8, preset)
-        error = abs(column(result, "link_position")[-1] - equilibrium(actuator, *theta, values))
+        error = abs(column(result, "link_position")[-1] - equilibrium(actuator, preset, parameters))
         yield Check(name=f"static equilibrium, {name}", figure=error, bound=1e-12, unit="rad", source="tau_el(q) = m g l sin q")
 
 
@@ -70,25 +73,18 @@ def motor_droop() -> Iterator[Check]:
         )
 
 
-def _resting_start(actuator: str, preset: float, parameters: dict[str, float]) -> float:
-    theta = ACTUATORS.get(actuator).motor_references(0.8, preset)
-    values = {p.name: p.default for p in ACTUATORS.get(actuator).parameters} | parameters
-    return equilibrium(actuator, *theta, values)
-
-
 def oscillation_frequency() -> Iterator[Check]:
     """Frequency of small free oscillations with one substep, compared with the theory of the scheme, asin(x) / x."""
     for name, (actuator, preset, parameters) in SETTINGS.items():
         step = 1e-4 if name == "AwAS-II .04" else 5e-4
-        rest = _resting_start(actuator, preset, dict(parameters))
+        rest = equilibrium(actuator, preset, parameters)
         result = run(
             chain(replace(LOAD, actuator=actuator)), mode=3, duration=1.0, step=step, substeps=1, initial=[rest + 1e-5],
             references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters,
         )  # fmt: skip
         law = ACTUATORS.get(actuator)
-        values = result.robot.actuators[0].values()
-        elastic = tuple(values[parameter.name] for parameter in law.parameters)
-        stiffness = law.stiffness(rest, *law.motor_references(0.8, preset), elastic) + WEIGHT * math.cos(rest)
+        spring = law.stiffness(rest, *law.motor_references(0.8, preset), elastic(actuator, parameters))
+        stiffness = spring + WEIGHT * math.cos(rest)
         expected = leapfrog_frequency(math.sqrt(stiffness / INERTIA), step)
         found = frequency(column(result, "link_position"), step)
         yield Check(

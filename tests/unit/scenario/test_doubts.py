@@ -1,0 +1,105 @@
+"""Warnings about scenarios that are probably mistakes, and errors about signals and presets that nobody can follow."""
+
+from __future__ import annotations
+
+import pytest
+
+from asrsim.robot import load_robot
+from asrsim.scenario import check_against_robot, load_scenario
+
+SCENARIOS = {
+    "gravity": "gravity: [0, 0, -9810]",
+    "gravity upwards": "gravity: [0, 0, 9.81]",
+    "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
+    "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
+    "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
+    "undersampled-sine": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 501}}}}",
+    "undersampled-sine that is scaled and delayed": "references: {elbow: {equilibrium_position: {scale: {by: 2, of: "
+    "{delay: {by: 0.1, of: {sinusoid: {amplitude: 0.1, frequency: 501}}}}}}}}",
+    "undersampled-sine in a sum": "references: {elbow: {equilibrium_position: {sum: [0.1, "
+    "{chirp: {amplitude: 0.1, from: 1, to: 600, duration: 1}}]}}}",
+    "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
+    "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
+    "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
+    "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
+    "no-spring": "parameters: {elbow: {spring_k: 0}}",
+    "reference-limits": "references: {elbow: {equilibrium_position: {step: {at: 1.2, to: 3.1}}}}",
+    "reference-limits of a motor": "modes: 5\nreferences: {elbow: {reference_1: -3.1}}",
+    "reference-limits desired": "desired: {elbow: {sinusoid: {amplitude: 3.1, frequency: 1}}}",
+    "reference-limits desired of all": "desired: {'*': 4}",
+    "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
+    "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
+    "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
+    "odd-step": "step: 0.06",
+    "odd-step of less than a microsecond": "step: 0.75e-6",
+    "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
+    "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
+    "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
+}
+
+
+def warned(tiny, more):
+    """Codes of the warnings about the tiny scenario with more keys, none of them errors."""
+    text = tiny.scenario.read_text()
+    base = "" if "references:" in more else text.split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{more}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    tiny.scenario.write_text(text)
+    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    assert not errors
+    assert all(problem.line for problem in warnings if problem.key is not None and not problem.key.startswith("elbow"))
+    return {problem.code for problem in warnings}
+
+
+@pytest.mark.parametrize("case", SCENARIOS)
+def test_probable_mistakes_get_a_warning(case, tiny):
+    assert case.split()[0] in warned(tiny, SCENARIOS[case])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
+        "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
+        "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}", "base: {rpy: [0, -3.15, 6.28]}",
+        "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",
+        "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 2.9, frequency: 250}}}}", "log_rate: 10",
+        "references: {elbow: {equilibrium_position: {multisine: {amplitude: 0.1, frequencies: [1, 20, 300]}}}}",
+        "references: {elbow: {equilibrium_position: {pulse_train: {high: 0.1, period: 0.003, width: 0.0014}}}}",
+        "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
+        "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
+        "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
+        "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", "step: 1e-6",
+        "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
+        "modes: 0\nreferences: {elbow: {link_torque: 49}}\nreference_ranges: {elbow: {link_torque: [-50, 50]}}",
+    ],
+)  # fmt: skip
+def test_usual_values_get_no_warning(more, tiny):
+    assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
+                                    "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "place",
+    [
+        "external_torques: {elbow: %s}", "wrenches: [{link: arm, force: [0, %s, 0]}]", "desired: {elbow: %s}",
+        "engine: bench\nmotion: {elbow: %s}", "references: {elbow: {equilibrium_position: %s}}",
+        "ilc: {trajectory: {elbow: %s}, tolerance: 1}",
+    ],
+)  # fmt: skip
+def test_a_signal_beyond_all_limits_is_an_error(place, signal, tiny):
+    base = "" if "references:" in place else tiny.scenario.read_text().split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{place % signal}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
+    assert [problem.code for problem in errors] == ["signal"]
+    assert errors[0].line
+
+
+def test_a_preset_beyond_the_springs_gets_a_warning(tiny):
+    text = tiny.robot.read_text().replace("libsea", "libqbmove").replace("<spring_k>10</spring_k>", "")
+    tiny.robot.write_text(text)
+    own = "references: {elbow: {equilibrium_position: 0, stiffness_preset: %s}}"
+    assert "large-preset" in warned(tiny, own % 50)
+    assert not warned(tiny, own % 0.6)
