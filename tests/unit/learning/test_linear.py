@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove, Sea
-from asrsim.kinematics.desired import DesiredMotion
+from asrsim.kinematics.drive_inverse import DesiredMotion
 from asrsim.learning.linear import linearise_along, spring_slopes
 from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import EVERY, InputSplines, lift
