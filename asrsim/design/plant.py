@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.design.limits import Limits, interval
 from asrsim.design.motion import Piece, joined
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
 from asrsim.identification.keys import parameters_of
 from asrsim.identification.layout import Layout
@@ -100,7 +100,7 @@ class DesignPlant:
         parameters = tuple(parameters_of(self.door.robot, (), {}))
         for key in limits.gains:
             if key not in parameters:
-                self._fault(f"choose.{key}", "is no parameter of the robot", meant=key, choices=parameters)
+                self._fault(f"choose.{key}", "is no parameter of the robot", hint=did_you_mean(key, parameters))
         self.presets = np.array([one.slot == 1 for one in self.references])
         if self.presets.all() and not self._problems:
             self._fault("limits", "no joint that a reference moves has limits")
