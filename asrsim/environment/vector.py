@@ -88,7 +88,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         # A single number, and all worlds (None), are handled faster than arrays and masks.
         which = None if going.all() else going
         for (joint, reference), column in zip(task.actions, values[going].T, strict=True):
-            worlds.set_reference(joint, reference, column if len(column) > 1 else column.item(), worlds=which)
+            worlds.set_reference(joint, reference, column.item() if len(column) == 1 else column, worlds=which)
         worlds.advance(task.steps, worlds=which)
         self._counts[going] += 1
         found = self._readings.read()
