@@ -49,8 +49,7 @@ class Pace:
 
     def is_behind(self) -> bool:
         """Whether most ticks of the last two seconds were late by more than a tick. After True these seconds count no more."""
-        behind = self._late_share > MOST_LATE
-        if behind:
+        if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0
         return behind
 
