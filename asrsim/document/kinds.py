@@ -26,7 +26,7 @@ class Kind(ABC, Generic[T_co]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T_co:
         """Value of the node. Raises Rejected after recording the problems in `reading`.
 
-        Some kinds with parts return the valid parts: the document is valid only if `reading` has no problems.
+        A mapping may be returned without its invalid entries: the document is valid only if `reading` has no problems.
         """
 
     @abstractmethod
