@@ -211,7 +211,8 @@ class Text(Kind[str]):
         if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
-            raise reading.fault(node, path, f"must be {self.noun}", code="type")
+            article = "the " if self.noun.startswith("name") else ""
+            raise reading.fault(node, path, f"must be {article}{self.noun}", code="type")
         return node.value
 
     def schema(self) -> Schema:
@@ -440,7 +441,7 @@ class Either(Kind[Any]):
         for kind in self.options:
             if kind.fits(node):
                 return kind.read(node, path, reading)
-        raise reading.fault(node, path, f"must be a {self.text}", code="type")
+        raise reading.fault(node, path, f"must be {self.text}", code="type")
 
     def schema(self) -> Schema:
         return {"anyOf": [kind.schema() for kind in self.options]}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove, Sea
-from asrsim.kinematics.desired import DesiredMotion
+from asrsim.kinematics.drive_inverse import DesiredMotion
 from asrsim.learning.linear import linearise_along, spring_slopes
 from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import EVERY, InputSplines, lift
@@ -55,11 +55,6 @@ def test_response_of_a_pendulum_on_a_spring_is_the_second_order_system():
     for omega in (0.0, 3.0, 40.0):
         expected = 2.0 / (-(omega**2) * INERTIA + 1j * omega * 0.02 + 2.0 + slope)
         assert response(linear, omega) == pytest.approx(expected, rel=1e-6)
-
-
-def test_motor_and_spring_in_series_at_rest():
-    series = 2.0 * 125.0 / (2.0 + 125.0)
-    assert response(linear_at(sea(mode=6)), 0.0).real == pytest.approx(series / (series + MASS * GRAVITY * LENGTH), rel=1e-6)
 
 
 def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
