@@ -83,13 +83,13 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     low, high: stops in rad; they are inelastic, and the motor never passes them. fastest: speed limit in rad/s. A motor
     beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
-    if step == 0.0:
-        return -fastest, fastest
-    rate = 1.0 / step
-    slowest, largest = (low - position) * rate, (high - position) * rate
-    slowest = slowest if slowest < 0.0 else 0.0
-    largest = largest if largest > 0.0 else 0.0
-    return (slowest if slowest > -fastest else -fastest), (largest if largest < fastest else fastest)
+    slowest, largest = -fastest, fastest
+    # Most motors are far from their stops: without a division.
+    if position - step * fastest < low and step > 0.0:
+        slowest = (low - position) / step if low < position else 0.0
+    if position + step * fastest > high and step > 0.0:
+        largest = (high - position) / step if high > position else 0.0
+    return slowest, largest
 
 
 def motor_numbers(values: Mapping[str, float], index: int, mode: Mode) -> tuple[float, ...]:

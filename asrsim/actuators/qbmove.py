@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import cosh, sinh
-
-from asrsim.actuators.base import Actuator, max_deflection, saturate
+from asrsim.actuators.base import Actuator, cosh, max_deflection, saturate, sinh
 from asrsim.actuators.parameters import Parameter
 
 

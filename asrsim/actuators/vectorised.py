@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.actuators.base import Actuator, saturate
+from asrsim.actuators.base import Actuator, cosh, saturate, sinh
 from asrsim.rebind import rebind
 
 Array = NDArray[np.float64]
@@ -37,12 +37,16 @@ def _saturate_array(value: Any, limit: float) -> Any:
     return np.minimum(raised, limit, out=raised if isinstance(raised, np.ndarray) else None)
 
 
+_ARRAY_VERSIONS: dict[Any, Any] = {saturate: _saturate_array, sinh: np.sinh, cosh: np.cosh}
+"""Functions of `asrsim.actuators.base` and their counterparts for arrays."""
+
+
 def _with_arrays(value: Any) -> Any:
     """Global variable of a law, replaced by its counterpart for arrays."""
     if value is math:
         return _MATH_NAMESPACE
-    if value is saturate:
-        return _saturate_array
+    if isinstance(value, types.FunctionType) and value in _ARRAY_VERSIONS:
+        return _ARRAY_VERSIONS[value]
     if isinstance(value, types.BuiltinFunctionType) and value in vars(math).values():
         return _ARRAY_MATH.get(str(value.__name__), value)
     return value

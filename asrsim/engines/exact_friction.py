@@ -31,7 +31,7 @@ def settle(room: Any) -> None:
     `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
     all forces except friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction;
     `slowest` (v,) <= 0 and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the
-    states of the degrees of freedom, on entry those of the last step. Work space: `square` (v, v), `push` and `places` (v,).
+    states of the degrees of freedom, on entry those of the last step. Work space: `square` (v, v) and `push` (v,).
     """
     size = len(room.bound)
     for i in range(size):
@@ -46,62 +46,72 @@ def settle(room: Any) -> None:
 def solve_states(room: Any) -> None:
     """Compute the change of velocity for the states in `regime`, and the impulses that stop the other, non-sliding degrees of
     freedom, which are stored in `push`."""
-    matrix, change, regime, square, push, places = room.matrix, room.change, room.regime, room.square, room.push, room.places
-    size = len(change)
-    free = 0
+    matrix, change, regime, square, push = room.matrix, room.change, room.regime, room.square, room.push
+    size, stopped = len(change), 0
     for i in range(size):
         change[i] = 0.0
-        state = regime[i]
-        if abs(state) == POSITIVE:
-            places[free] = i
-            free += 1
-        elif state == AT_LOWER:
-            change[i] = room.slowest[i] - room.velocity[i]
-        elif state == AT_UPPER:
-            change[i] = room.fastest[i] - room.velocity[i]
-        else:
-            change[i] = -room.velocity[i]
-    for a in range(free):
-        i = places[a]
-        value = room.impulse[i]
+        if abs(regime[i]) != POSITIVE:
+            stopped += 1
+            goal = 0.0
+            if regime[i] == AT_LOWER:
+                goal = room.slowest[i]
+            elif regime[i] == AT_UPPER:
+                goal = room.fastest[i]
+            change[i] = goal - room.velocity[i]
+    # The equations of the stopped degrees of freedom are replaced by their known changes.
+    for i in range(size):
+        for k in range(i + 1):
+            square[i, k] = matrix[i, k]
+        push[i] = room.impulse[i]
         if room.bound[i] > 0.0:
-            value += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
-        if free < size:
+            push[i] += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
+        if stopped > 0:
+            _isolate(room, i)
+    _solve(square, push)
+    for i in range(size):
+        change[i] = push[i]
+    for i in range(size if stopped > 0 else 0):
+        if abs(regime[i]) != POSITIVE:
+            push[i] = -room.impulse[i]
             for k in range(size):
-                value -= matrix[i, k] * change[k]
-        push[a] = value
-        for b in range(a, free):
-            square[b, a] = matrix[places[b], i]
-    _solve(square, push, free)
-    for a in range(free):
-        change[places[a]] = push[a]
-    if free < size:
-        for i in range(size):
-            if regime[i] != POSITIVE and regime[i] != NEGATIVE:
-                value = -room.impulse[i]
-                for k in range(size):
-                    value += matrix[i, k] * change[k]
-                push[i] = value
+                push[i] += matrix[i, k] * change[k]
 
 
-def _solve(square: Any, values: Any, count: int) -> None:
-    """Solve a positive definite system of `count` equations in place (L D L^T; the diagonal becomes 1/D). `square` holds the
-    lower triangle of the matrix."""
-    for a in range(count):
+def _isolate(room: Any, i: int) -> None:
+    """Separate the equation of degree of freedom `i` from those of the stopped degrees of freedom."""
+    change, regime, square = room.change, room.regime, room.square
+    slides = abs(regime[i]) == POSITIVE
+    for k in range(i):
+        if not slides or abs(regime[k]) != POSITIVE:
+            square[i, k] = 0.0
+    if not slides:
+        square[i, i] = 1.0
+        room.push[i] = change[i]
+        return
+    for k in range(len(change)):
+        room.push[i] -= room.matrix[i, k] * change[k]
+
+
+def _solve(square: Any, values: Any) -> None:
+    """Solve a positive definite system in place, M = L^T D L. `square` holds the lower triangle of M.
+
+    The elimination begins at the last joint (Featherstone 2008, ch. 8.5): zeros between independent branches of a robot remain
+    zeros, and are skipped.
+    """
+    size = len(values)
+    for a in range(size - 1, -1, -1):
         inverse = 1.0 / square[a, a]
-        square[a, a] = inverse
-        for b in range(a + 1, count):
-            factor = square[b, a] * inverse
-            for c in range(a + 1, b):
-                square[b, c] -= square[b, a] * square[c, a]
-            square[b, b] -= square[b, a] * factor
-            square[b, a] = factor
-            values[b] -= factor * values[a]
-    for a in range(count - 1, -1, -1):
-        value = values[a] * square[a, a]
-        for c in range(a + 1, count):
-            value -= square[c, a] * values[c]
-        values[a] = value
+        for b in range(a - 1, -1, -1):
+            if square[a, b] != 0.0:
+                factor = square[a, b] * inverse
+                for c in range(b + 1):
+                    square[b, c] -= factor * square[a, c]
+                square[a, b] = factor
+                values[b] -= factor * values[a]
+        values[a] *= inverse
+    for a in range(1, size):
+        for b in range(a):
+            values[a] -= square[a, b] * values[b]
 
 
 def _swap(room: Any, single: bool) -> bool:

@@ -56,7 +56,7 @@ class Room(NamedTuple):
     inertia: Numbers
     """Diagonal (n,) of the mass matrix in the rows of the joints, without damping, kg m^2."""
     velocity: Numbers
-    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next nine
+    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""
     impulse: Numbers
     bound: Numbers
@@ -65,7 +65,6 @@ class Room(NamedTuple):
     change: Numbers
     push: Numbers
     regime: Numbers
-    places: Numbers
     square: Numbers
     joint_q: Numbers
     """Index of each joint in a configuration, (n,)."""
@@ -92,7 +91,7 @@ def make_room(
         name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
     }
     arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
+    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
         scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,

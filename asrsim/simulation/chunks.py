@@ -6,7 +6,7 @@ from asrsim.errors import InputError
 
 LONGEST = 16_384
 """Largest number of substeps in a chunk."""
-LONGEST_NUMBERS = 20_480
+LONGEST_NUMBERS = 61_440
 """Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""

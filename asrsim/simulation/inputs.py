@@ -165,11 +165,13 @@ class Inputs:
     def _make_chunk(self, first: int, count: int) -> Chunk:
         cuts = self._cuts(first, count)
         times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
-        lengths, table = [1.0] * count, []
+        pieces: list[float] = []
+        table = []
         for cut in cuts:
-            begin, now = len(lengths), cut.edges.index(cut.substep * self.substep)
-            lengths += [(b - a) / self.substep for a, b in pairwise(cut.edges)]
-            table.append((cut.substep - first, begin, len(lengths), begin + now))
+            begin, now = count + len(pieces), cut.edges.index(cut.substep * self.substep)
+            pieces += [(b - a) / self.substep for a, b in pairwise(cut.edges)]
+            table.append((cut.substep - first, begin, count + len(pieces), begin + now))
+        lengths = np.concatenate([np.ones(count), pieces])
         sensors = np.zeros((len(lengths), len(self._signals[0]), self._sensed))
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
@@ -178,7 +180,7 @@ class Inputs:
         references = (np.concatenate(parts) if cuts else parts[0])[None]
         wrenches = np.concatenate([self._forces(time) for time in times])
         inputs, split = self._input_rows(references, sensors), np.array(table, dtype=np.int64).reshape(-1, 4)
-        return Chunk(count, sensors, Given(inputs, references, wrenches[None], np.array(lengths)[None], split[None]))
+        return Chunk(count, sensors, Given(inputs, references, wrenches[None], lengths[None], split[None]))
 
     def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
         """Rows `begin` to `end` of a chunk, with their pieces.

@@ -167,10 +167,12 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bo
     torque bounded.
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
-    turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
-    # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
-    turns += 1 - turns % 2
-    step = h / turns
+    turns, step = 1, h
+    if p[P_SUBSTEPS] > 1.0:
+        turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
+        # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
+        turns += 1 - turns % 2
+        step = h / turns
     before = z[FIRST_DRIFT] * step
     q, total = s[POSITION], 0.0
     for turn in range(turns):

@@ -86,14 +86,20 @@ class QuantitySelection:
         """Selected columns of S."""
         self._stated = {name: place for place, name in enumerate(stated)}
         self._given = {name: given[name] for name in self.names if name in given}
+        self._find_absent(recorded)
+
+    def _find_absent(self, recorded: Sequence[Sequence[str]]) -> None:
+        """Find the joints that do not record all quantities. recorded: quantities that each joint records."""
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
         """Numbers of the joints that do not record a quantity, by quantity."""
+        absent = [(j, column) for name, column in self._stated.items() for j in self.lacking[name]]
+        self._absent = np.array(absent, dtype=np.int64).reshape(-1, 2).T
+        """Joints and columns of the rows that contain no quantity of the joint, shape (2, n)."""
 
     def of(self, drives: Sequence[SteppedJoint]) -> QuantitySelection:
         """This selection for joints with other parameters; such joints may record other quantities."""
         other = copy.copy(self)
-        recorded = [recorded_quantities(drive) for drive in drives]
-        other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        other._find_absent([recorded_quantities(drive) for drive in drives])
         return other
 
     def check(self, names: Sequence[str]) -> None:
@@ -106,12 +112,17 @@ class QuantitySelection:
         """Quantities (rows, joints) by name, all or only the named quantities; NaN where a joint does not record a quantity.
         The arrays may be views of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
         wanted = self.names if names is None else names
+        joints, columns = self._absent
+        if len(joints):
+            out = out.copy()
+            out[:, joints, columns] = np.nan
         return {name: self._values_of(name, out, references) for name in wanted}
 
     def _values_of(self, name: str, out: Array, references: Array) -> Array:
-        found = references[self._given[name]].T if name in self._given else out[:, :, self._stated[name]]
-        if not self.lacking[name]:
-            return found
-        kept = found.copy()
-        kept[:, self.lacking[name]] = np.nan
-        return kept
+        if name in self._stated:
+            return out[:, :, self._stated[name]]
+        given: Array = references[self._given[name]].T
+        if self.lacking[name]:
+            given = given.copy()
+            given[:, self.lacking[name]] = np.nan
+        return given

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import subprocess
 import sys
 import time
@@ -17,7 +16,7 @@ from asrsim import versions
 from asrsim.errors import SimulationError
 from asrsim.sweeps import make_study
 from asrsim.sweeps.run import Progress
-from asrsim.workers import cluster, do_items
+from asrsim.workers import cluster
 from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
@@ -143,19 +142,3 @@ def test_rows_are_kept_when_the_scheduler_disappears(scheduler: tuple[str, subpr
         worker.wait()
     there = asrsim.sweep(study_of(3000), out=tmp_path / "s", resume=True, stop=lambda: True)
     assert 0 < len(there) < 3000
-
-
-class Tripled:
-    """Task that multiplies a number; tasks differ by their factor."""
-
-    def __init__(self, factor: int) -> None:
-        self.factor = factor
-
-    def __call__(self, item: int) -> int:
-        return self.factor * item
-
-
-def test_worker_runs_the_task_that_it_receives() -> None:
-    for factor in (3, 3, 5, 3):
-        found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [2, 10])[0]
-        assert found == [2 * factor, 10 * factor]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.base import cosh, sinh
 from asrsim.actuators.checker import parameter_sets
 from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import ScenarioError
@@ -167,3 +169,10 @@ def test_what_is_logged_is_the_law(law: type[Actuator]) -> None:
 def replace_actuator(law: type[Actuator], **changes: Any) -> Body:
     values = {name: getattr(BODY, name) for name in ("mass", "reach", "inertia", "damping")}
     return Body(actuator=law.name, **{**values, **changes})
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 0.1, 0.2499, 0.25, 1.0, 8.0, 700.0])
+def test_hyperbolic_functions_keep_every_digit(size: float) -> None:
+    assert sinh(size) == pytest.approx(math.sinh(size), rel=1e-15)
+    assert sinh(-size) == -sinh(size)
+    assert cosh(size) == pytest.approx(math.cosh(size), rel=1e-15)

@@ -9,7 +9,7 @@ from asrsim.actuators import AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibrium_for_load
-from asrsim.kinematics.compensation import equilibria_for_loads
+from asrsim.kinematics.drive_inverse import equilibria_for_loads
 from support.robots import drive_with
 
 
@@ -111,15 +111,3 @@ def test_motors_rest_in_balance_however_far_their_references_are(wanted: float):
     assert max(torques) < 125.0 * wanted
     for theta, torque in zip(found[0], torques, strict=True):
         assert 125.0 * (wanted - theta) == pytest.approx(torque, rel=1e-6)
-
-
-def test_motors_beyond_the_deflection_limit_droop_by_its_torque():
-    generator = np.random.default_rng(5)
-    for _ in range(60):
-        drive, preset = random_drive(generator)
-        position, equilibrium = generator.uniform(-3.0, 3.0, 2)
-        motors = rest(drive, position, drive.actuator.motor_references(equilibrium, preset))
-        torques = drive.actuator.elastic_torques(position, *motors, drive.elastic)
-        references = drive.actuator.motor_references(equilibrium, preset)
-        for motor in range(drive.actuator.motors):
-            assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)

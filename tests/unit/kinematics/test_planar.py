@@ -12,7 +12,7 @@ import pytest
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import PoseTrajectory, follow, plan
-from asrsim.kinematics.trajectory import minimum_jerk
+from asrsim.kinematics.path import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
 
@@ -107,14 +107,6 @@ def test_minimum_jerk_rests_at_both_ends():
     assert way[[0, -1]] == pytest.approx([0, 1])
     assert speed[[0, -1]] == pytest.approx([0, 0], abs=1e-6)
     assert speed.max() == pytest.approx(1.875, abs=1e-6)
-
-
-def test_the_trajectory_goes_through_its_waypoints_and_holds():
-    trajectory = PoseTrajectory.through(line((1.0, 0.1, 0.0), (2.0, 0.2, 0.1), (4.0, 0.3, 0.0)), "minimum_jerk")
-    positions, rotations = trajectory.at(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
-    assert rotations is None
-    assert positions[:, 0] == pytest.approx([0.1, 0.1, 0.15, 0.2, 0.25, 0.3, 0.3])
-    assert positions[:, 1] == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.05, 0.0, 0.0])
 
 
 def task(*poses, **changes):

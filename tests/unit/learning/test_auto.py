@@ -20,7 +20,7 @@ from asrsim.learning.optimal import InputSplines, NormOptimal, lift, standing
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.twin import fit_twin
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
+from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.simulation.run import simulate
 from support.lessons import inputs_in, plant_of, play, record
 from support.paths import ROOT
@@ -89,18 +89,6 @@ def test_joints_that_do_not_learn_are_soft_too():
             stiff = pushed(held, len(joints))
     np.testing.assert_allclose(moved[1], moved[0], atol=1e-3 * np.abs(moved[0]).max())
     assert np.abs(stiff - moved[0]).max() > 0.1 * np.abs(moved[0]).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joint", ["joint_1", "joint_4"])
-def test_one_joint_of_a_soft_arm_learns_while_the_others_follow(joint, tmp_path):
-    arm, motions, duration = random_arm(2, joints=4)
-    references = {name: {"equilibrium_position": motions[name], "stiffness_preset": arm.preset} for name in motions}
-    del references[joint]["equilibrium_position"]
-    block = {"trajectory": {joint: motions[joint]}, "tolerance": 0.005, "max_iterations": 15}
-    path = arm.write(tmp_path, duration=duration, initial="equilibrium", references=references, ilc=block)
-    _, result = learned(make_plant(load_scenario(path)[0]))
-    assert result.converged
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

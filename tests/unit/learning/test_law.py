@@ -83,12 +83,6 @@ def test_a_diverged_simulation_ends_the_learning():
     assert (result.outcome, result.iterations) == ("growing", 0)
 
 
-def test_learning_ends_after_the_largest_number_of_iterations():
-    result = learn(problem(), static_plant, settings(max_iterations=3))
-    assert (result.outcome, result.iterations, len(result.trials)) == ("exhausted", 3, 4)
-    assert result.best.number == 3
-
-
 def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
     time = np.arange(20001) * STEP
     for frequency, amplitude in ((0.5, 1.0), (5.0, 0.5), (50.0, 0.0)):
@@ -122,13 +116,6 @@ def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
     assert np.array_equal(resumed.inputs, whole.inputs)
     assert [trial.largest for trial in resumed.trials] == [trial.largest for trial in whole.trials]
     assert all(np.array_equal(a.outputs, b.outputs) for a, b in zip(resumed.trials, whole.trials, strict=True))
-
-
-def test_a_finished_run_resumes_to_its_result_without_a_trial(tmp_path):
-    state = tmp_path / "state.npz"
-    whole = learn(problem(), static_plant, settings(), state=state)
-    again = learn(problem(), lambda inputs: pytest.fail("simulated again"), settings(), state=state, resume=True)
-    assert again.reason == whole.reason
 
 
 @pytest.mark.parametrize("changed", [{"identity": "another robot"}, {"first_guess": 0.1}])

@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import asrsim
 from asrsim.errors import ScenarioError
 from asrsim.learning import learn
 from asrsim.learning.model import learning_model
@@ -18,7 +17,6 @@ from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.session import run_session
 from asrsim.learning.state import identity_of
 from asrsim.robot.vary import varied_robot
-from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
@@ -60,8 +58,10 @@ def solve(chosen):
         return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
 
 
-def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
-    chosen = plant()
+@pytest.mark.parametrize("initial", [{}, "equilibrium"])
+def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path, initial):
+    """An equilibrium at the start depends on the first inputs."""
+    chosen = plant(initial=initial)
     session = run_session(chosen, tmp_path, picture=False)
     scenario = load_scenario(tmp_path / "learned.yaml")[0]
     samples = simulate(scenario).samples
@@ -95,7 +95,7 @@ def test_the_playback_of_some_joints_leaves_the_others_as_they_were(tmp_path, co
 
 
 def test_the_playback_s_claim_is_the_error_over_the_whole_time_and_fails_on_another_robot(tmp_path):
-    """The learned error, not the tolerance: a little more mass, a shifted input, and the claim no longer holds."""
+    """The learned error, not the tolerance: with a little more mass the claim no longer holds."""
     chosen = plant()
     session = run_session(chosen, tmp_path, picture=False)
     (error,) = session.result.best.largest
@@ -104,12 +104,6 @@ def test_the_playback_s_claim_is_the_error_over_the_whole_time_and_fails_on_anot
     assert error <= claim.value <= 1.01 * error
     heavier = varied_robot(chosen.robot, {chosen.robot.joint("joint_1").child: {"mass": 0.56}})
     assert not holds(scenario, heavier)
-    path = tmp_path / "learned.csv"
-    lines = path.read_text().splitlines()
-    early = [line.split(",")[0] + "," + later.split(",")[1] for line, later in zip(lines[2:-25], lines[27:], strict=True)]
-    path.write_text("\n".join([*lines[:2], *early]) + "\n")
-    shifted = load_scenario(tmp_path / "learned.yaml")[0]
-    assert not holds(shifted)
 
 
 def test_a_session_writes_what_it_promises(tmp_path):
@@ -120,45 +114,6 @@ def test_a_session_writes_what_it_promises(tmp_path):
     data = json.loads((tmp_path / "ilc.json").read_text())
     assert data["outcome"] == "exhausted"
     assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
-
-
-def test_trials_have_the_bits_of_runs_of_their_own_with_the_same_substeps(tmp_path):
-    """The run starts at rest, at an equilibrium that depends on the first inputs."""
-    chosen = plant(initial="equilibrium", ilc={"max_iterations": 1, "tolerance": 1e-6})
-    session = run_session(chosen, tmp_path, picture=False)
-    samples = simulate(load_scenario(tmp_path / "learned.yaml")[0]).samples
-    assert np.array_equal(samples.values["link_position"], session.result.best.outputs)
-
-
-def test_a_run_whose_input_is_computed_follows_the_motion_and_its_log_repeats_it(tmp_path):
-    wanted = {"minimum_jerk": {"duration": 1.0, "to": 0.4}}
-    errors = []
-    for computed in (False, True):
-        joint = {"equilibrium_position": wanted, "stiffness_preset": 0.2}
-        scenario = make_scenario(
-            CUBE, duration=1.5, step=2e-3, references={"joint_1": joint}, desired={"joint_1": wanted}, inverse_dynamics=computed
-        )
-        result = asrsim.run(scenario, out=tmp_path / str(computed))
-        motion = scenario.desired["joint_1"].values(result.time)
-        errors.append(float(np.abs(result["joint_1"]["link_position"] - motion).max()))
-        assert repeat(result.log).identical
-    assert errors[1] < 0.1 * errors[0]
-
-
-def test_a_heavier_link_hangs_lower_and_no_change_changes_nothing():
-    chosen = plant()
-    inputs, link = np.full_like(chosen.reference, 0.4), chosen.robot.joint("joint_1").child
-    assert np.array_equal(chosen.varied({}, 0.0).outputs(inputs), chosen.outputs(inputs))
-    heavier = chosen.varied({link: {"mass": 1.0}}, 0.0)
-    assert heavier.outputs(inputs)[-1, 0] < chosen.outputs(inputs)[-1, 0] - 0.02
-
-
-def test_a_delay_shifts_the_motion():
-    chosen = plant()
-    inputs = chosen.reference
-    late, on_time = chosen.varied({}, 0.02).outputs(inputs), chosen.outputs(inputs)
-    assert late[10:] == pytest.approx(on_time[:-10], abs=2e-3)
-    assert np.abs(late - on_time).max() > 5e-3
 
 
 def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
@@ -196,10 +151,6 @@ def test_the_paper_s_learning_converges_in_eleven_iterations():
     assert [max(trial.largest) for trial in trials[-2:]] == pytest.approx([0.0842, 0.0750], abs=2e-4)
     assert (trials[0].norm, trials[-1].norm) == (pytest.approx(1.160, abs=6e-3), pytest.approx(0.082, abs=1e-3))
     assert result.inputs[-1] == pytest.approx([1.391, 1.145], abs=1e-3)
-    # asrsim 0.1, whose friction let joints creep and whose velocity torques were held over some steps.
-    first = [1.155613730, 0.926231119, 0.685612862, 0.488195729, 0.346592446, 0.249907949]
-    first += [0.185618044, 0.151358508, 0.126808899, 0.108158255, 0.093732709, 0.082406890]
-    assert [trial.norm for trial in trials] == pytest.approx(first, abs=1e-7)
     assert all(later.norm < earlier.norm for earlier, later in pairwise(trials))
     assert sum(trial.seconds for trial in trials) < 60.0
     assert prepared.problem.joints == ("joint_1", "joint_2")

@@ -7,27 +7,9 @@ import math
 import pytest
 
 from asrsim import run
-from asrsim.metrics.ringing import fit_ringing
-from paper.statics import rest
 from support.paths import ROOT
 
 SCENARIOS = ROOT / "examples" / "scenarios"
-CASES = (("sea", "soft"), ("awas_ii", "soft"), ("bavs", "soft"), ("qbmove", "stiff"))
-RATIO = 0.2
-
-
-def ringing(name, variant, *overrides):
-    result = run(SCENARIOS / f"step_1dof_{name}.yaml", variant=variant, overrides=overrides)
-    return rest((name, variant)), fit_ringing(result.time, result["joint_1"].link_velocity, start=0.1)
-
-
-@pytest.mark.parametrize(("name", "variant"), CASES)
-def test_ideal_motors_swing_as_damped_as_the_law_says(name, variant):
-    plain, _ = ringing(name, variant)
-    law = f"link_damping.joint_1={{ratio: {RATIO}, inertia: {plain.inertia!r}}}"
-    _, found = ringing(name, variant, law)
-    damping = plain.damping + 2.0 * RATIO * math.sqrt(plain.inertia * plain.spring)
-    assert found.decay == pytest.approx(damping / (2.0 * plain.inertia), rel=0.01)
 
 
 def test_an_adjuster_counts_with_dynamic_motors_too():

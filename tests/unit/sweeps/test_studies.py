@@ -22,7 +22,6 @@ from asrsim.sweeps.show import as_dict, remarks, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
-from asrsim.workers.local import Processes
 from support.edits import edits
 from support.paths import ROOT
 
@@ -126,19 +125,13 @@ def test_tied_keys_follow_bounded_draws_of_a_fit():
         ({"a": "1:2"}, {}, "Valid forms"),
         ({"a": "uniform(0,)"}, {"samples": 5}, "^a: must be a finite number"),
         ({"a": "normal(1, 0)"}, {}, "above 0"),
-        ({"a": "uniform(2, 2)"}, {}, "must be above the low one"),
-        ({"a": "loguniform(0, 2)"}, {}, "must be above 0"),
-        ({"a": "lognormal(0, 1)"}, {}, "median must be above 0"),
         ({"a": "log:0:1:3"}, {}, "above 0"),
-        ({"a": "1:2:0"}, {}, "at least 1"),
         ({"a": "gauss(1, 2)"}, {}, "no distribution 'gauss'"),
-        ({"a": []}, {}, "empty"),
         ({}, {}, "no key is varied"),
         ({"a": "1:2:3", "b & a": [1]}, {}, "varied twice"),
         ({"a": "1:2:3"}, {"samples": 5}, "no key has a distribution"),
         ({"a": "normal(1,1)"}, {"design": "magic"}, "magic"),
         ({"a": "normal(1,1)", "b": [1, 2]}, {"design": "saltelli"}, "neither a fit nor listed values"),
-        (["a=1:2:3", "a=[5]"], {}, "varied twice"),
         ({}, {"fit": {"keys": ["a"], "mean": [1], "covariance": [[-1]]}}, "not a covariance"),
     ],
 )
@@ -151,11 +144,9 @@ def test_what_no_study_is(over, options, word):
     ("key", "word"),
     [
         ("link_1.mas", "Did you mean 'mass'"),
-        ("link_1.inertial.mass", "has no number of this name; choose from mass"),
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),
-        ("references.*.equilibrium_position.step.to", "changes nothing"),
         ("duratoin", "duration"),
     ],
 )
@@ -232,26 +223,11 @@ def test_varied_keys_and_measures_have_their_units():
 # -- faults -------------------------------------------------------------------------------------------------------------
 
 
-def kill_study(samples: int):
-    return make_payload(study_of({"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples))
-
-
-def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path, monkeypatch):
-    monkeypatch.setattr("asrsim.workers.DEATHS", 1)
-    payload = kill_study(5)
-    code = (
-        "import os\nimport asrsim.sweeps.rows as r\nold = r.Runner._kind\n"
-        "r.Runner._kind = lambda self, key, point: os._exit(7) if point.run == 2 else old(self, key, point)\n"
-    )
-    (tmp_path / "law.py").write_text(f"{(EXAMPLES.parent / 'plugins/my_vsa.py').read_text()}\n{code}")
-    with Processes(1, [tmp_path / "law.py"]) as workers:
-        found = [one for some in workers.results(Runner(payload), range(5)) for one in some]
-    rows = [crashed_row(payload, n, row) if isinstance(row, Lost) else row for n, row in sorted(found, key=lambda one: one[0])]
-    assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
-    status, reason = (list(payload.kinds).index(name) for name in ("status", "reason"))
-    assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
-    assert "1 workers died" in rows[2][reason]
-    assert "EXIT(7)" in rows[2][reason]
+def test_a_run_that_kills_its_workers_becomes_a_row():
+    payload = make_payload(study_of({"parameters.*.spring_a_1": [6.0, 7.0, 8.0]}))
+    row = cells_of(payload, crashed_row(payload, 2, Lost("3 workers died in this run")))
+    assert (row["run"], row["status"], row["reason"]) == (2, "crashed", "3 workers died in this run")
+    assert row["parameters.*.spring_a_1"] == 8.0
 
 
 def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
@@ -360,8 +336,7 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     found = table.quantiles("value")
-    assert (found.count, found.least_run, found.largest_run) == (1000, 0, 999)
-    assert (found.low, found.median, found.high) == tuple(np.quantile(np.arange(1000) / 7, (0.05, 0.5, 0.95)))
+    assert (found.count, found.median, found.least_run, found.largest_run) == (1000, 499.5 / 7, 0, 999)
     assert not list(tmp_path.glob("part-*"))
     assert Store(tmp_path, manifest["columns"], 1000).missing == []
 
@@ -378,6 +353,7 @@ def test_all_runs_take_the_substeps_of_the_most_demanding():
     assert make_payload(study).cases["soft"].substeps["motor_substeps"] == max(alone)
     told = study_of({"parameters.*.motor_1_inertia": list(inertias)}, overrides=[*SHORT, "motor_substeps=20"])
     assert "motor_substeps" not in make_payload(told).cases["soft"].substeps
+    assert make_payload(study_of({"substeps": [1, 3]})).cases["soft"].substeps == {}
 
 
 def test_sobol_indices_of_a_function_with_interactions(tmp_path):
@@ -419,21 +395,11 @@ def test_sobol_indices_leave_out_base_samples_with_empty_results(tmp_path):
     found = sobol(table, "sum")
     assert (found.samples, found.left_out, found.reason) == (256, 4, "")
     for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
-        assert found.indices[key][:2] == pytest.approx((share, share), abs=0.03)
+        index = found.indices[key]
+        assert index[:2] == pytest.approx((share, share), abs=0.03)
+        assert abs(index.first - share) <= index.first_error
+        assert abs(index.total - share) <= index.total_error
     assert any("without 4 of 256 base samples" in line for line in remarks(table))
-
-
-def test_sobol_intervals_cover_the_truth_and_halve_with_fourfold_samples(tmp_path):
-    """The closed form is that of a sum: its shares are its variances. Random draws have an error of 1 / sqrt(n)."""
-    few, many = (
-        sobol(designed(tmp_path / str(n), n, lambda x, y, z: {"sum": 3.0 * x - 2.0 * y + 0.0 * z}), "sum").indices
-        for n in (256, 1024)
-    )
-    for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
-        for index in (few[key], many[key]):
-            assert index.first == pytest.approx(share, abs=index.first_error + 1e-12)
-            assert index.total == pytest.approx(share, abs=index.total_error + 1e-12)
-    assert many["a.x"].first_error == pytest.approx(0.5 * few["a.x"].first_error, rel=0.2)
 
 
 def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
