@@ -94,7 +94,11 @@ class _Place:
                 limits = np.minimum(low[new], -1e-9), high[new]
             alone = self.alone(change)
             moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
-            start = start if extension.begins else np.append(self.x, moves)
+            entries = extension.problem.layout.entries[new.start :]
+            if not extension.begins or not any(entry.parameter.logarithmic for entry in entries):
+                # The effect is nearly linear, so the start is the optimum of the linearised problem.
+                best = moves * np.asarray(begin) if extension.begins else moves
+                start = np.append(self.x, np.clip(best, low[new], high[new]))
             yield self._share(alone @ moves), replace(extension, problem=trial), start
 
     def _share(self, change: Array) -> float:
@@ -222,13 +226,16 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
         problem, x, _causes, most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
     )  # fmt: skip
+    # The fit without the causes may have moved parameters so far that they have no effect. Then their start values are better.
+    again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
+    found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
     rest = mean_square(found.problem, found.x)
-    if rest - 1.0 <= PARTLY * (base - 1.0):
-        yield _suspected(problem, found, base, complete=rest <= target)
+    if found.chosen and rest - 1.0 <= PARTLY * (base - 1.0):
+        yield _suspected(problem, found, base, rest, complete=rest <= target)
     yield from _amplitude(problem, x)
 
 
-def _suspected(problem: Problem, found: Extended, base: float, *, complete: bool) -> str:
+def _suspected(problem: Problem, found: Extended, base: float, rest: float, *, complete: bool) -> str:
     """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem."""
     texts, options, before = [], [], problem.layout
     values = found.problem.layout.values(found.x).tolist()
@@ -247,9 +254,8 @@ def _suspected(problem: Problem, found: Extended, base: float, *, complete: bool
         options += [f"--tie {tie.key}={tie.to}" for tie in layout.ties if tie not in before.ties]
         before = layout
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    rest = "" if complete else "; more is missing"
-    flags = " ".join(dict.fromkeys(options))
-    return f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({flags}){rest}"
+    flags, more = " ".join(dict.fromkeys(options)), "" if complete else "; more is missing"
+    return f"{' and '.join(texts)} {verb} the error to {percent((rest / base) ** 0.5)} ({flags}){more}"
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[Extension]:

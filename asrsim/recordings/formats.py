@@ -160,6 +160,8 @@ def unpack(data: bytes) -> Content:
         name = next(iter(found), "")
         if name == "array":
             return arrays[f"arr_{found[name]}"]
+        if name == "Problem":
+            found[name]["choices"] = tuple(found[name]["choices"])
         return _CLASSES[name](**found[name]) if name in _CLASSES else found
 
     answer = json.loads(head, object_hook=built)

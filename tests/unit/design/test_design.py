@@ -35,7 +35,7 @@ def test_information_of_a_bench_spring_is_the_sum_of_squared_torques(limits):
     path = limits("limits: {joint_1: {link_position: 0.5}}\nnoise: {elastic_torque_1: 0.05}\n")
     found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], seconds=1.0, rounds=0)
     torque = 200.0 * found.found.motion[0]
-    assert found.found.information[0, 0, 0, 0] == pytest.approx(np.sum(torque**2) / 0.05**2, rel=1e-4)
+    assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / 0.05**2, rel=1e-4)
 
 
 def test_intervals_are_smaller_than_those_of_one_step_and_a_chirp(found):

@@ -70,8 +70,13 @@ def test_nothing_is_identified_by_a_model_that_misses_more_than_5_percent(tmp_pa
     """A joint with five times the friction of the model, of which the spring alone is free."""
     true = SEA.scaled(lambda name: 5.0 if name == "friction" else 1.0)
     recording = record(true, tmp_path / "a.csv", seed=0)
-    result = identify(SEA.write(tmp_path), [recording], free=["joint_1.spring_stiffness"], starts=1)
+    guess, free = SEA.write(tmp_path), ["joint_1.spring_stiffness"]
+    result, accepted = (identify(guess, [recording], free=free, starts=1, accept=way) for way in (False, True))
     assert not result.fits
+    # An accepted robot has intervals as wide as estimates from tenths of the recording differ.
+    assert (result.accepted, accepted.accepted) == (False, True)
+    widths = [one.high - one.low for one in (*result.estimates, *accepted.estimates)]
+    assert widths[1] > 1.5 * widths[0]
     assert min(one.explained for one in result.channels) < 1.0 - 0.05**2
     (one,) = result.estimates
     assert one.verdict != "identified"

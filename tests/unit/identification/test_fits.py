@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -16,16 +14,14 @@ from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
-from asrsim.identification import door, run, task_of
+from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.layout import Tie
-from asrsim.identification.setup import set_up
 from asrsim.identification.show import advice, design_line, judgement
 from asrsim.identification.track import Played
 from asrsim.identification.write import as_dict, figures, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
-from asrsim.robot.edit import edited_urdf
 from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.run import run_again
 from support.identify_files import CHIRP, SEA, record, write
@@ -60,26 +56,6 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
         assert one.value == pytest.approx(value, rel=0.02)
     assert fitted.fits, fitted.misfit
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
-
-
-def test_noise_of_commands_moves_what_is_predicted(tmp_path):
-    truth = write(tmp_path, "truth", {**SEA, "mode": 2}, f"{{reference_1: {CHIRP}}}")
-    guess = write(tmp_path, "guess", {**SEA, "mode": 2})
-    recording = record(truth, tmp_path / "r.csv")
-    table = np.loadtxt(recording, delimiter=",", skiprows=1)
-    for noise in (0.0, 2e-3):
-        table[:, 1] += noise * np.random.default_rng(0).normal(size=len(table))
-        header = recording.read_text().partition("\n")[0]
-        np.savetxt(recording, table, delimiter=",", header=header, comments="", fmt="%.9g")
-        with ExitStack() as stack:
-            (track,) = set_up(task_of(guess, [recording], free=["joint_1.damping"]), stack).problem.tracks
-            predict = partial(track.predict, {"joint_1.damping": 0.02}, until=2.0)
-            before, moved = predict(track.playing), predict(replace(track.playing, draw=0))
-            (again,) = track.predictions([{"joint_1.damping": 0.02}], track.playing, 2.0)
-        # The spring passes on of the noise what it does of any command: some of it.
-        size = float(np.std(moved[0] - before[0]))
-        assert 1e-4 < size < 4e-3 if noise else size < 1e-5
-        np.testing.assert_array_equal(before[0], again[0])
 
 
 def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
@@ -141,17 +117,6 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
     result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert not result.fits
     assert any("a delay of the commands (12" in text for text in result.causes), result.causes
-
-
-@pytest.mark.slow
-def test_fits_on_many_threads_are_those_on_one_to_the_bit(lab, monkeypatch):
-    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
-    found = []
-    for threads in (1, 3):
-        monkeypatch.setattr(door, "AT_ONCE", threads)
-        result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
-        found.append((result.x.tolist(), result.evaluations, [(one.low, one.high) for one in result.estimates]))
-    assert found[0] == found[1]
 
 
 def test_recordings_of_equal_name_have_a_picture_each(lab, tmp_path):
@@ -402,20 +367,6 @@ def test_progress_tells_a_time_that_remains(lab, monkeypatch):
     assert late
     assert all(0.0 <= one.remaining < 600.0 for one in late)
     assert late[-1].remaining <= late[0].remaining
-
-
-def test_numbers_go_into_the_text_and_nothing_else_changes(lab):
-    robot = load_robot(lab / "lab.urdf")
-    data = (lab / "lab.urdf").read_bytes()
-    changes = {"joint_1": {"spring_stiffness": 7.0, "motor_1_inertia": 0.1, "damping": 0.5}, "link_1": {"x": 0.25, "mass": 2.0}}
-    text = edited_urdf(data, robot, changes)
-    (lab / "edited.urdf").write_bytes(text)
-    edited = load_robot(lab / "edited.urdf")
-    assert edited.actuators[0].values()["spring_stiffness"] == 7.0
-    assert edited.actuators[0].values()["motor_1_inertia"] == 0.1
-    link = next(one for one in edited.links if one.name == "link_1")
-    assert (link.mass, link.centre_of_mass, edited.joint("joint_1").damping) == (2.0, (0.25, 0.0, 0.0), 0.5)
-    assert edited_urdf(data, robot, {}) == data
 
 
 @pytest.mark.parametrize("factor", [8.0, 0.125])

@@ -105,8 +105,7 @@ def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path: Path, seen
     keys = "initial: {joint_1: {position: 0.25, motor_positions: [0.4, -0.2]}}\n"
     with ExitStack() as stack:
         (track,) = setup_of(stack, tmp_path, columns, ["joint_1.damping"], actuator="qbmove", mode=5, keys=keys).tracks
-        motors = [track.initial[f"joint_1.initial_motor_{i}_position"] for i in (1, 2)]
-        assert motors == pytest.approx([0.7, 0.1], abs=1e-3)
+        assert track.motors == {"joint_1": pytest.approx([0.7, 0.1], abs=1e-3)}
         assert track.initial["joint_1.initial_position"] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
 
 

@@ -110,32 +110,6 @@ def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> 
     assert result.combinations[0].value == pytest.approx(3.1)
 
 
-@pytest.mark.slow
-def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_accepted_without_it(tmp_path: Path) -> None:
-    """Four runs of one robot, whose encoder of the link was zeroed anew before each."""
-    recordings = []
-    for number, zero in enumerate((0.0, 0.03, -0.02, 0.05)):
-        drive = f"{{chirp: {{amplitude: {0.2 + 0.05 * number}, from: 0.5, to: 5, duration: 2}}}}"
-        true = write(tmp_path, f"true_{number}", SEA, f"{{equilibrium_position: {drive}}}")
-        recordings.append(
-            record(true, tmp_path / f"{number}.csv", ("link_position", "elastic_torque_1"), offset=zero, seed=number)
-        )
-    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03, "tags": "<spring_k>3.5</spring_k>"})
-    free = ["joint_1.damping", "joint_1.spring_stiffness", "joint_1.link_position.offset"]
-    plain, accepted = (identify(guess, recordings, free=free, starts=1, accept=way) for way in (False, True))
-    assert not plain.fits
-    assert any("in each recording" in text and "--own joint_1.link_position.offset" in text for text in plain.causes), (
-        plain.causes
-    )
-    assert (plain.accepted, accepted.accepted) == (False, True)
-    assert [one.value for one in accepted.estimates] == [one.value for one in plain.estimates]
-    narrow, wide = (one.find("joint_1.damping") for one in (plain, accepted))
-    assert wide.high - wide.low > 2.0 * (narrow.high - narrow.low)
-    own = identify(guess, recordings, free=free, own=[free[-1]], starts=1)
-    assert own.fits, own.misfit
-    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=0.01)
-
-
 def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tmp_path: Path) -> None:
     """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
 

@@ -98,6 +98,12 @@ def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
+def test_input_splines_have_knots_every_30_ms_until_the_end_of_the_tail():
+    knots = InputSplines.over(1.0, 0.3).knots[3:-3]
+    assert (knots[0], knots[-1]) == pytest.approx((0.0, 1.3))
+    assert np.diff(knots) == pytest.approx(0.03, rel=0.02)
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""

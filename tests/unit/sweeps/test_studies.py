@@ -353,6 +353,7 @@ def test_all_runs_take_the_substeps_of_the_most_demanding():
     assert make_payload(study).cases["soft"].substeps["motor_substeps"] == max(alone)
     told = study_of({"parameters.*.motor_1_inertia": list(inertias)}, overrides=[*SHORT, "motor_substeps=20"])
     assert "motor_substeps" not in make_payload(told).cases["soft"].substeps
+    assert make_payload(study_of({"substeps": [1, 3]})).cases["soft"].substeps == {}
 
 
 def test_sobol_indices_of_a_function_with_interactions(tmp_path):
