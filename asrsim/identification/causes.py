@@ -191,8 +191,8 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 def stairs(problem: Problem) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     for key in _commands(problem, hold=False):
-        if key not in problem.held:
-            yield Extension(problem=problem.played(problem.held | {key}), begins=((),), share=STAIRS)
+        if key not in problem.playing.held:
+            yield Extension(problem=problem.played(problem.playing.held | {key}), begins=((),), share=STAIRS)
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
@@ -311,7 +311,7 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 begins = (1.0,) if parameter.start == 0.0 else ()
                 yield _cause(f"{text} of {joint}", problem, parameter, begins=begins)
         for what, unit in (("torque", "N m"), ("velocity", "rad/s")) if drive.dynamic_motors else ():
-            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing[0], [(j, f"motor_1_{what}")])
+            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing, [(j, f"motor_1_{what}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
             if key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
