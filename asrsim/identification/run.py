@@ -188,7 +188,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
-    misfit += ties_that_are_none(final, x, found) if complete else []
+    misfit += ties_that_are_none(final, x) if complete else ()
     accepted = accept and bool(misfit) and min(one.explained for one in fits) >= ACCEPTABLE
     found = found.of_a_block if accepted else found
     known, combined = estimates(final, x, found, met)
