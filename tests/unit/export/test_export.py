@@ -78,7 +78,7 @@ def plain(run):
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9, 15, 19])
-def test_random_robots_move_in_mujoco_as_the_paper_s_equations_do(tmp_path, seed):
+def test_exported_random_robots_follow_the_equations_of_the_paper(tmp_path, seed):
     """Modes 0, 1, 4, 5 and 6, all actuators, fixed and floating bases, revolute and prismatic joints."""
     run = plain(random_run(seed, moving=3, fixed=seed % 3 > 0, jumps=False, duration=1.0))
     run.write(tmp_path)
