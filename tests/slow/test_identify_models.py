@@ -74,28 +74,6 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
     assert_found(result, truth, 0.05)
 
 
-def test_fit_recovers_hysteresis(tmp_path: Path) -> None:
-    time = np.arange(0.0, 4.0005, 1e-3)
-    level, length = 0.15, 0.06
-    slopes = np.gradient(waves(np.arange(0.0, 4.001, 1e-5)), 1e-5)
-
-    def motion(t: float, y: np.ndarray) -> list[float]:
-        q, v, h = y
-        rate = float(np.interp(t, np.arange(len(slopes)) * 1e-5, slopes)) - v
-        return [v, (SPRING * (waves(t) - q) + h - DAMPING * v) / INERTIA, (level * rate - abs(rate) * h) / length]
-
-    q = solve_ivp(motion, (0.0, 4.0), [0.0, 0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=2e-3).y[0]
-    columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
-    truth = {"joint_1.spring_stiffness": SPRING, "joint_1.hysteresis_torque": level, "joint_1.hysteresis_deflection": length,
-             "joint_1.damping": DAMPING}  # fmt: skip
-    springs = ["joint_1.spring_stiffness", "joint_1.damping"]
-    free = [*springs, "joint_1.hysteresis_torque=0.05", "joint_1.hysteresis_deflection=0.03"]
-    result = fitted(tmp_path, columns, NOISE, free, mode=2, damping=0.04, tags=tags(spring_k=5, max_def=3))
-    assert_found(result, truth, 0.01)
-    without = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=springs)
-    assert not without.fits
-
-
 def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
     time = np.arange(0.0, 3.0005, 1e-3)
     constant, resistance, inertia, loss = 0.9, 2.5, 0.01, 0.05
