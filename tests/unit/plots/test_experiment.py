@@ -197,7 +197,7 @@ def simulated_chirp(tmp_path):
     return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
 
 
-def test_forces_on_an_object_count_on_both_sides_of_a_pair():
+def test_forces_on_both_sides_of_a_contact_pair_count():
     """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
     time = np.linspace(0.0, 1.0, 11)
     force = np.tile([1.0, 0.0, 0.0], (11, 1))

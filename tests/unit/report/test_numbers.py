@@ -84,7 +84,7 @@ def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)
 
 
-def test_lines_of_an_object_differ_by_dash_and_those_of_runs_by_colour(tmp_path):
+def test_lines_of_an_object_differ_by_dash_runs_by_colour(tmp_path):
     run, time = read_curves(made_up_log(tmp_path / "log.mcap")), np.linspace(0.0, 1.0, 11)
     box = {key: Curve(time=time, values=time) for key in ("dx", "dy", "dz")}
     plot, *_ = object_plots([replace(run, label=name, bodies={"box": box}) for name in ("soft", "stiff")], time)

@@ -109,7 +109,7 @@ def five():
     return asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="mujoco", duration=1.0)
 
 
-def test_a_torque_on_one_joint_is_seen_at_that_joint_alone(five):
+def test_an_external_torque_is_observed_only_at_its_joint(five):
     with asrsim.Simulation(five) as robot, asrsim.Twin(five) as twin:
         robot.set_reference("joint_3", "external_torque", 2.0)
         for _ in range(1500):
