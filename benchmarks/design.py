@@ -69,18 +69,13 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
     return *paths, {"free": free, "ties": ties}
 
 
-def searcher(
-    scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
-) -> Search:
+def searcher(scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS) -> Search:
     """Design search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
-    plant = DesignPlant(ready, given, layout, read, seconds)
+    plant = DesignPlant(ready, given, layout, read, seconds, [np.zeros(len(layout))])
     stack.callback(plant.close)
-    generator = np.random.default_rng(99)
-    draws, others = [np.zeros(len(layout))], [off(layout, generator) for _ in range(checks)]
-    known = np.zeros((len(layout), len(layout)))
-    return Search(plant, {}, draws, others, plant.substeps_of({}, draws + others), known, generator)
+    return Search(plant.under({}), 1, np.zeros((len(layout), len(layout))), np.random.default_rng(99))
 
 
 def plain(plant: DesignPlant) -> Iterator[tuple[str, np.ndarray]]:
@@ -133,7 +128,7 @@ def fitting(search: Search, shares: np.ndarray) -> float:
             motion = np.array(
                 [p.values(np.clip(f * s, -1, 1)) for p, f, s in zip(plant.references, there, shares, strict=True)]
             )
-            found = search.play(motion, changes=SMALL)
+            found = plant.play(motion, 1, changes=SMALL)
             if found is not None and found.use.max() <= 1.0 and found.information is not None:
                 low, size = middle, there
                 if float(search.score(found.information)) < best:
@@ -141,7 +136,7 @@ def fitting(search: Search, shares: np.ndarray) -> float:
             else:
                 high = middle
     changes = [(h, -h) for h in (1e-4, 1e-3) if largest is not None]
-    outcomes = [search.play(largest, changes=both) for both in changes]
+    outcomes = [plant.play(largest, 1, changes=both) for both in changes]
     scores = [float(search.score(one.information)) for one in outcomes if one is not None and one.information is not None]
     return max([best, *scores])
 
@@ -159,7 +154,7 @@ def tighter(names: list[str]) -> None:
             found = design(scenario, limits, seconds=SECONDS, **options)
             took = time.perf_counter() - began
             percent = {kind: 196 * np.exp(value) for kind, value in best.items()}
-            own = 196 * np.exp(found.found.score)
+            own = 196 * np.exp(search.rank(found.found))
             others = min(value for kind, value in percent.items() if kind != "one step")
             text = ", ".join(f"{kind} {value:.3g} %" for kind, value in percent.items())
             gain, step = others / own, percent["one step"] / own
@@ -176,8 +171,9 @@ def gains(names: list[str]) -> None:
             choose = {"joint_1.controller_1_proportional": [12, 40, 125]}
             scenario, within, options = laboratory(name, Path(folder), choose)
             found = design(scenario, within, seconds=SECONDS, **options)
-            print(f"{name}: design {196 * np.exp(found.found.score):.3g} % with {dict(found.gains)}, one step "
-                  f"{196 * np.exp(step):.3g} %: {np.exp(step - found.found.score):.1f} x", flush=True)  # fmt: skip
+            mean = 1.96 * np.exp(search.rank(found.found))
+            print(f"{name}: design {100 * mean:.3g} % with {dict(found.gains)}, one step "
+                  f"{196 * np.exp(step):.3g} %: {1.96 * np.exp(step) / mean:.1f} x", flush=True)  # fmt: skip
 
 
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
@@ -224,19 +220,19 @@ def fits(names: list[str], count: int = 40) -> None:
                   f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
 
 
-def limits(names: list[str], count: int = 50, rounds: int = 8) -> None:
-    """Play robust designs of a short search on robots whose parameters are wrong by up to a factor of 2."""
+def limits(names: list[str], count: int = 50) -> None:
+    """Play robust designs on robots whose parameters are wrong by up to a factor of 2."""
     for name in names:
         with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
             scenario, within, options = laboratory(name, Path(place))
             began = time.perf_counter()
-            motion = design(scenario, within, seconds=SECONDS, robust=2, rounds=rounds, **options).found.motion
+            motion = design(scenario, within, seconds=SECONDS, robust=2, **options).found.motion
             took = time.perf_counter() - began
             plant = searcher(scenario, within, options, stack).plant
             uses = []
             for number in range(count):
-                draw = off(plant.layout, np.random.default_rng([77, number]))
-                outcome = plant.play(motion, {}, [draw], plant.substeps_of({}, [draw]))
+                plant.robots = [off(plant.layout, np.random.default_rng([77, number]))]
+                outcome = plant.under({}).play(motion, 1)
                 uses.append(np.inf if outcome is None else float(outcome.use.max()))
             said = f"exceeded {np.sum(np.array(uses) > 1.0)} of {count}; largest shares {np.sort(uses)[-5:].round(3)}"
             print(f"{name}: {said}; {took:.0f} s", flush=True)

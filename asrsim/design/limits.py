@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from asrsim.document.file import read_file
 from asrsim.document.kinds import NUMBER, POSITIVE, Either, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.yaml_reader import read_yaml
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem
 
 SENSORS = "sensors"
 """Key of `choose` that lists sensors; all other keys are gains."""
@@ -24,7 +25,7 @@ class Limits:
     """The contents of a limits file."""
 
     limits: Mapping[str, Mapping[str, Any]] = declare(
-        MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False)),
+        MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False), star=False),
         doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for the torque of each motor",
     )
     choose: Mapping[str, Any] = declare(
@@ -55,33 +56,30 @@ LIMITS: Block[Limits] = block_of(Limits, "limits")
 def read_limits(path: Path) -> Limits:
     """Read a limits file. Raises InputError with every problem."""
     found = read_file(LIMITS, path)
-    problems = list(_faults(found, path))
-    if problems:
-        raise InputError(located(problems, path))
+    with located(path):
+        if problems := list(_faults(found)):
+            raise InputError(problems)
     return found
 
 
-def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
+def _faults(limits: Limits) -> Iterator[Problem]:
     for joint, ranges in limits.limits.items():
         for name, given in ranges.items():
             low, high = interval(given)
             if not low < high:
                 key = f"limits.{joint}.{name}"
-                yield Problem("its lower limit is not below its upper one", file=path, key=key, value=low, code="limits")
+                yield Problem("its lower limit is not below its upper one", key=key, value=low, code="limits")
     for sensor in limits.sensors:
         if sensor not in limits.noise:
-            hint = f"Add to `noise`: {sensor}: its standard deviation"
-            yield Problem(
-                "has no noise level, so the information that it gives is unknown",
-                file=path,
-                key=f"choose.{sensor}",
-                hint=hint,
-                code="noise",
+            message, hint = (
+                "has no noise level, so its information is unknown",
+                f"Add to `noise`: {sensor}: its standard deviation",
             )
+            yield Problem(message, key=f"choose.{sensor}", hint=hint, code="noise")
     for key, values in limits.gains.items():
         if any(isinstance(value, str) for value in values):
             message = f"must be numbers; names belong to '{SENSORS}'"
-            yield Problem(message, file=path, key=f"choose.{key}", hint=did_you_mean(key, (SENSORS,)), code="choose")
+            yield Problem(message, key=f"choose.{key}", meant=key, choices=(SENSORS,), code="choose")
 
 
 def interval(given: Any) -> tuple[float, float]:
@@ -89,10 +87,14 @@ def interval(given: Any) -> tuple[float, float]:
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
 
 
-def located(problems: Sequence[Problem], path: Path) -> list[Problem]:
-    """Problems of keys of a limits file, with their lines."""
-    root, _ = read_yaml(path)
-    return [replace(problem, file=path, line=_line(root, problem.key or "")) for problem in problems]
+@contextmanager
+def located(path: Path) -> Iterator[None]:
+    """Context manager that adds file and line to problems of keys of a limits file."""
+    try:
+        yield
+    except InputError as error:
+        root, _ = read_yaml(path)
+        raise InputError([replace(one, file=path, line=_line(root, one.key or "")) for one in error.problems]) from None
 
 
 def _line(node: Node, key: str) -> int | None:

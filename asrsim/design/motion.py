@@ -1,4 +1,4 @@
-"""Motions of references: segments of levels and sines, which begin and end at rest at the references of the start."""
+"""Motions of references: pieces of levels and sines, which begin and end at rest at the references of the start."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ import numpy as np
 from asrsim.samples import Array
 
 KNOTS = 3
-"""Number of levels of a segment; amplitude and frequency of its sine are interpolated between the same number of values."""
-LEVELS, AMPLITUDES, FREQUENCIES = slice(0, KNOTS), slice(KNOTS, 2 * KNOTS), slice(2 * KNOTS, 3 * KNOTS)
-PHASE, RISE = 3 * KNOTS, 3 * KNOTS + 1
-NUMBERS = RISE + 1
-"""Number of free parameters of a segment for each reference. Each is between 0 and 1; a level of 0.5 is the reference of the
-start.
+"""Number of levels of a piece; its other curves are interpolated between the same number of values."""
+LEVELS, SINES, FREQUENCIES, GOALS = (slice(i * KNOTS, (i + 1) * KNOTS) for i in range(4))
+PHASE, RISE = slice(4 * KNOTS, 4 * KNOTS + 1), slice(4 * KNOTS + 1, 4 * KNOTS + 2)
+PARTS, CHANCES = (LEVELS, SINES, FREQUENCIES, GOALS, PHASE, RISE), (0.25, 0.15, 0.25, 0.15, 0.1, 0.1)
+"""Free numbers of a piece for each reference, from 0 to 1: levels (0.5 is the reference of the start), share of the sine beside
+the levels, frequencies, fractions of the limits to use, phase, and duration of a change of level. Probabilities with which a
+variation changes them.
 """
-SLOWEST, FASTEST = 0.4, 16.0
+WINDOWS = 8
+"""Number of windows of a piece; in each of them the motion is scaled into the limits."""
+SLOWEST, FASTEST = 0.3, 16.0
 """Lowest and highest frequency of the sines, Hz."""
 QUICKEST, LONGEST = 0.01, 0.25
-"""Shortest duration of a change of level, s; longest duration, as a fraction of the segment."""
+"""Shortest duration of a change of level, s; longest duration, as a fraction of the piece."""
 
 
 def ramp(share: Array) -> Array:
@@ -30,87 +33,98 @@ def ramp(share: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class Piece:
     """Part of a motion, for all references."""
 
     numbers: Array
-    """Free numbers of the segment (references, NUMBERS), from 0 to 1."""
+    """Free numbers (references, n), from 0 to 1; see `PARTS`."""
     scales: Array
-    """Sizes (references,) of the motion; size 1 covers the whole range of the reference."""
+    """Sizes of the motion (references, windows); size 1 covers the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
         """Motion (references, n) as fractions of each reference's range, from -1 to 1."""
-        rows = [scale * _row(numbers, time, length) for numbers, scale in zip(self.numbers, self.scales, strict=True)]
+        middles = _middles(self.scales.shape[1]) * length
+        rows = [
+            np.interp(time, middles, scales) * _row(u, time, length)
+            for u, scales in zip(self.numbers, self.scales, strict=True)
+        ]
         return np.asarray(np.clip(rows, -1.0, 1.0))
 
-    def scaled(self, factors: Array) -> Segment:
-        """Segment with each reference's motion multiplied by a factor."""
-        return replace(self, scales=np.minimum(self.scales * factors, 4.0))
+    def scaled(self, factors: Array) -> Piece:
+        """Piece with its sizes multiplied by factors (references, windows)."""
+        return replace(self, scales=np.clip(self.scales * factors, 1e-4, 4.0))
 
-    def beyond(self, old: Segment) -> Segment:
-        """Extrapolated segment, which differs from this segment as this segment differs from an old segment."""
-        return Segment(np.clip(2.0 * self.numbers - old.numbers, 0.0, 1.0), self.scales**2 / np.maximum(old.scales, 1e-9))
+    @property
+    def goals(self) -> Array:
+        """Fraction of the limits (references, windows) that the motion is to use."""
+        middles, knots = _middles(self.scales.shape[1]), np.linspace(0.0, 1.0, KNOTS)
+        return np.array([np.interp(middles, knots, u[GOALS]) for u in self.numbers])
+
+
+def _middles(windows: int) -> Array:
+    return np.asarray((np.arange(windows) + 0.5) / windows)
 
 
 def _row(u: Array, time: Array, length: float) -> Array:
     edges, knots = np.linspace(0.0, 0.9 * length, KNOTS + 1), np.linspace(0.0, length, KNOTS)
-    rise = QUICKEST * (max(LONGEST * length / QUICKEST, 1.0)) ** u[RISE]
+    rise = QUICKEST * max(LONGEST * length / QUICKEST, 1.0) ** u[RISE]
     jumps = np.diff(np.append(2.0 * u[LEVELS] - 1.0, 0.0), prepend=0.0)
     levels = sum(jump * ramp((time - edge) / rise) for jump, edge in zip(jumps, edges, strict=True))
+    levels *= ramp((0.97 * length - time) / (0.02 * length))
     frequency = SLOWEST * (FASTEST / SLOWEST) ** np.interp(time, knots, u[FREQUENCIES])
-    cycles = np.cumsum(frequency) * (time[1] - time[0]) + u[PHASE]
-    window = ramp(time / (0.05 * length)) * ramp((0.95 * length - time) / (0.08 * length))
-    sine = np.interp(time, knots, u[AMPLITUDES]) * np.sin(2.0 * np.pi * cycles) * window
-    return np.asarray(levels * ramp((0.97 * length - time) / (0.02 * length)) + sine)
+    sine = np.sin(2.0 * np.pi * (np.cumsum(frequency) * (time[1] - time[0]) + u[PHASE]))
+    sine *= ramp(time / (0.03 * length)) * ramp((0.97 * length - time) / (0.05 * length))
+    share = np.interp(time, knots, u[SINES])
+    return np.asarray((1.0 - share) * levels + share * sine)
 
 
-def chirp(presets: Array, first: float, last: float, preset: Array | float = 0.0) -> Segment:
+def chirp(presets: Array, first: float, last: float, preset: float = 0.0) -> Piece:
     """Chirp between two frequencies in Hz, while stiffness presets stay at a fraction, from -1 to 1, of their range."""
-    numbers = np.full((len(presets), NUMBERS), 0.5)
-    octaves = np.log(np.array([first, last]) / SLOWEST) / np.log(FASTEST / SLOWEST)
-    numbers[:, FREQUENCIES] = np.linspace(octaves[0], octaves[1], KNOTS)
-    numbers[:, AMPLITUDES] = np.where(presets, 0.0, 1.0)[:, None]
+    numbers = np.full((len(presets), RISE.stop), 0.5)
+    numbers[:, FREQUENCIES] = np.log(np.geomspace(first, last, KNOTS) / SLOWEST) / np.log(FASTEST / SLOWEST)
+    numbers[:, SINES] = np.where(presets, 0.0, 1.0)[:, None]
     numbers[:, LEVELS] += 0.5 * np.where(presets, preset, 0.0)[:, None]
-    numbers[:, PHASE] = 0.0
-    return Segment(numbers, np.where(presets, 1.0, 0.3))
+    numbers[:, GOALS], numbers[:, PHASE] = 1.0, 0.0
+    return Piece(numbers, np.where(presets, 1.0, 0.3)[:, None] * np.ones(WINDOWS))
 
 
-def step(presets: Array) -> Segment:
+def step(presets: Array) -> Piece:
     """One quick step of the references; stiffness presets stay constant."""
-    numbers = np.full((len(presets), NUMBERS), 0.5)
-    numbers[:, LEVELS] = np.where(presets, 0.5, 1.0)[:, None]
-    numbers[:, AMPLITUDES] = numbers[:, RISE] = 0.0
-    return Segment(numbers, np.where(presets, 1.0, 0.3))
+    base = chirp(presets, SLOWEST, SLOWEST)
+    base.numbers[:, LEVELS] = np.where(presets, 0.5, 1.0)[:, None]
+    base.numbers[:, SINES] = base.numbers[:, RISE] = 0.0
+    return base
 
 
-def fresh(generator: np.random.Generator, presets: Array) -> Segment:
-    """Chirp with random frequencies and constant stiffness presets; some of its levels, amplitudes and frequencies
-    are random.
-    """
-    first, last = SLOWEST * (FASTEST / SLOWEST) ** np.sort(generator.random(2))
-    simple = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0, 1.0], len(presets)))
-    numbers = generator.random(simple.numbers.shape)
-    for row, known in zip(numbers, simple.numbers, strict=True):
-        for part in (LEVELS, AMPLITUDES, FREQUENCIES):
-            if generator.random() < 0.7:
-                row[part] = known[part]
-    return replace(simple, numbers=numbers)
+def fresh(generator: np.random.Generator, presets: Array) -> Piece:
+    """Piece whose parts are random, or those of a chirp with random frequencies and constant stiffness presets."""
+    first, last = SLOWEST * (FASTEST / SLOWEST) ** generator.random(2)
+    base = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0]))
+    for row in base.numbers:
+        for part in PARTS:
+            if generator.random() < 0.4:
+                row[part] = generator.random(len(row[part]))
+    return base
 
 
-def varied(segment: Segment, generator: np.random.Generator, presets: Array) -> Segment:
-    """Segment with some numbers changed a little."""
-    size = 0.4 * 20.0 ** -generator.random()
-    some = generator.random(segment.numbers.shape) < max(1.5 / segment.numbers.size, 0.5 * generator.random() ** 2)
-    moved = segment.numbers + size * some * generator.normal(size=some.shape)
-    factors = np.where(presets, 1.0, np.exp(0.5 * size * generator.normal(size=len(presets))))
+def varied(piece: Piece, generator: np.random.Generator) -> Piece:
+    """Piece with some parts changed a little."""
+    numbers, size = piece.numbers.copy(), 0.6 * 16.0 ** -generator.random()
+    for _ in range(1 + generator.poisson(1.0)):
+        part = PARTS[generator.choice(len(PARTS), p=CHANCES)]
+        together = generator.random() < 0.4
+        numbers[generator.integers(len(numbers)), part] += size * generator.normal(
+            size=1 if together else part.stop - part.start
+        )
+    numbers[:, PHASE] %= 1.0
     # Numbers are reflected at their bounds, so that the bounds are not reached too often.
-    return Segment(1.0 - np.abs(1.0 - np.abs(moved) % 2.0), segment.scales * factors)
+    return Piece(1.0 - np.abs(1.0 - np.abs(numbers) % 2.0), piece.scales)
 
 
-def joined(segments: Sequence[Segment], step: float, rows: int) -> Array:
-    """Motion (references, rows) of segments of equal length, one after the other; the last row is at rest."""
-    edges = np.round(np.linspace(0, rows - 1, len(segments) + 1)).astype(int)
-    motion = np.zeros((len(segments[0].scales), rows))
-    for segment, first, last in zip(segments, edges, edges[1:], strict=False):
-        motion[:, first:last] = segment.values(step * np.arange(last - first), step * (last - first))
+def joined(pieces: Sequence[Piece], step: float, rows: int) -> Array:
+    """Motion (references, rows) of pieces of equal length, one after the other; the last row is at rest."""
+    edges = np.round(np.linspace(0, rows - 1, len(pieces) + 1)).astype(int)
+    motion = np.zeros((len(pieces[0].scales), rows))
+    for piece, first, last in zip(pieces, edges, edges[1:], strict=False):
+        motion[:, first:last] = piece.values(step * np.arange(last - first), step * (last - first))
     return motion

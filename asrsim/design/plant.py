@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from asrsim.design.limits import Limits, interval
-from asrsim.design.motion import Segment, joined
-from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identification.door import COMPARABLE, Door, Drive, Start, Substeps
+from asrsim.design.motion import Piece, joined
+from asrsim.errors import InputError, Problem
+from asrsim.identification.door import COMPARABLE, Door, Drive, Start
 from asrsim.identification.layout import Layout
 from asrsim.identification.track import numbers_of
 from asrsim.robot.model import Robot
@@ -65,8 +67,8 @@ class DesignChannel:
     joint: str
     quantity: str
     noise: float
-    group: int
-    """Number of the additional sensor, from 1; 0 for a sensor that is recorded anyway."""
+    sensor: str
+    """Name of the additional sensor; empty for a sensor that is recorded anyway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,62 +76,71 @@ class MotionOutcome:
     """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
-    """Largest used fraction (bounds,) of each limit over all robots; a limit is exceeded above 1."""
-    when: float
-    """Time at which the largest fraction of a limit is used, s."""
+    """Largest used fraction (bounds, windows) of each limit over all robots; a limit is exceeded above 1."""
     information: Array | None
-    """Fisher matrices (robots, groups, n, n); None if not computed, or if a robot is near chaos."""
+    """Fisher matrices (robots, n, n); None if not computed, or if a robot is near chaos."""
 
 
 class DesignPlant:
-    """A scenario whose references are designed."""
+    """A scenario whose references are designed, for robots with different parameters."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, layout: Layout, limits: Limits, seconds: float) -> None:
+    def __init__(
+        self, scenario: Scenario, robot: Robot, layout: Layout, limits: Limits, seconds: float, robots: Sequence[Array]
+    ) -> None:
+        """robots: parameter vector of each robot."""
         self.scenario = replace(scenario, duration=seconds, expect=(), desired={}, log_every=1)
         self.door, self.layout = Door(self.scenario, robot), layout
         self.step, self.rows = scenario.step, round(seconds / scenario.step) + 1
-        self.joints = self.door.joints
         self._problems: list[Problem] = []
-        given = tuple(self._bounds(limits))
-        self.bounds = tuple(bound for bound in given if bound.quantity in COMPARABLE)
-        self.references = tuple(one for drive in self.door.drives for one in self._references(drive, given))
+        bounds = tuple(self._bounds(limits))
+        self.bounds = tuple(bound for bound in bounds if bound.quantity in COMPARABLE)
+        self.references = tuple(one for drive in self.door.drives for one in self._references(drive, bounds))
         self.channels = tuple(self._channels(limits))
-        if not self.references and not self._problems:
-            self._fault("limits", "no joint with a reference has limits")
+        self.presets = np.array([one.slot == 1 for one in self.references])
+        if self.presets.all() and not self._problems:
+            self._fault("limits", "no joint that a reference moves has limits")
         if self._problems:
             self.close()
             raise InputError(self._problems)
-        self.groups = 1 + len(limits.sensors)
         self.every = max(1, round(1.0 / (limits.rate * self.step)))
         """Steps between samples."""
-        self.presets = np.array([one.slot == 1 for one in self.references])
-        self.own = np.array([[bound.joint == one.joint for bound in self.bounds] for one in self.references])
-        """Mask (references, bounds): whether a limit belongs to the reference's joint."""
+        moved = {one.joint for one in self.references}
+        self.own = np.array(
+            [[bound.joint == one.joint or bound.joint not in moved for bound in self.bounds] for one in self.references]
+        )
+        """Mask (references, bounds): limits of the reference's joint, and of joints without references."""
+        self.robots, self.gains, self.substeps = robots, dict[str, float](), self.door.substeps
+
+    def under(self, gains: Mapping[str, float]) -> DesignPlant:
+        """Plant with other gains, and with the number of substeps that the stiffest robot needs."""
+        found = copy(self)
+        found.gains = dict(gains)
+        needed = np.array([self.door.substeps_of(found._numbers(x)) for x in self.robots])
+        found.substeps = int(needed[:, 0].max()), int(needed[:, 1].max())
+        return found
 
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
 
-    def _fault(self, key: str, message: str, hint: str | None = None) -> None:
-        self._problems.append(Problem(message, key=key, hint=hint, code="limits"))
-
-    def _unknown(self, key: str, message: str, name: str, choices: tuple[str, ...]) -> None:
-        self._problems.append(Problem(message, key=key, hint=did_you_mean(name, choices), choices=choices, code="limits"))
+    def _fault(self, key: str, message: str, **details: Any) -> None:
+        self._problems.append(Problem(message, key=key, code="limits", **details))
 
     def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
         names = [name for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())]
         known = tuple(dict.fromkeys((*names, *COMPARABLE)))
         for joint, ranges in limits.limits.items():
-            if joint not in (*self.joints, "*"):
-                self._unknown(f"limits.{joint}", "the robot has no such joint", joint, self.joints)
+            if joint not in self.door.joints:
+                self._fault(f"limits.{joint}", "the robot has no such joint", meant=joint, choices=self.door.joints)
                 continue
             for name, given in ranges.items():
-                quantities = _by_motor(name)
-                if not {*quantities} <= {*known}:
-                    self._unknown(f"limits.{joint}.{name}", "no quantity or reference has this name", name, known)
+                motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
+                quantities = motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]
+                if quantities[0] not in known:
+                    message = "no quantity or reference has this name"
+                    self._fault(f"limits.{joint}.{name}", message, meant=name, choices=known)
                     continue
-                for one in self.joints if joint == "*" else (joint,):
-                    yield from (LimitBound(one, quantity, *interval(given)) for quantity in quantities)
+                yield from (LimitBound(joint, quantity, *interval(given)) for quantity in quantities)
 
     def _references(self, drive: Drive, bounds: Sequence[LimitBound]) -> Iterator[Reference]:
         mode, own = drive.mode, {bound.quantity: bound for bound in bounds if bound.joint == drive.name}
@@ -137,21 +148,20 @@ class DesignPlant:
             return
         if mode.direct or not (mode.spring or mode.controller):
             message = f"a joint in mode {mode.number} ({mode.name}) does not return to rest by itself"
-            self._fault(f"limits.{drive.name}", message, "Drive it by a controller: modes 1, 5 and 6")
+            self._fault(f"limits.{drive.name}", message, hint="Drive it by a controller: modes 1, 5 and 6")
             return
-        position = self.door.positions[self.joints.index(drive.name)]
-        for slot, name in enumerate(mode.references):
+        alone = drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2
+        for slot, name in enumerate(mode.references[:1] if alone else mode.references):
             preset = mode.mapped and slot == 1
             bound = own.get(name) or (None if preset else own.get("link_position"))
-            if (slot and drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2) or (
-                preset and bound is None
-            ):
-                continue
             signal = self.scenario.references_of(drive.name).get(name)
+            position = self.door.positions[self.door.joints.index(drive.name)]
             home = float(signal.values(np.zeros(1))[0]) if signal is not None else 0.0 if preset else position
             if bound is None:
-                message = f"the range of {name} is missing: give a limit of it, or of link_position"
-                self._fault(f"limits.{drive.name}.{name}", message)
+                # A preset without a limit stays constant.
+                if not preset:
+                    message = f"the range of {name} is missing: give a limit of it, or of link_position"
+                    self._fault(f"limits.{drive.name}.{name}", message)
             elif not bound.low <= home <= bound.high:
                 self._fault(f"limits.{drive.name}.{bound.quantity}", f"the scenario begins outside of this limit, at {home:g}")
             else:
@@ -162,89 +172,78 @@ class DesignPlant:
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
             quantities = [f"{quantity}_1", f"{quantity}_2"] if f"{quantity}_1" in COMPARABLE else [quantity]
-            if not {*quantities} <= {*COMPARABLE} or owner not in ("", *self.joints):
-                self._unknown(f"noise.{name}", "no sensor measures this quantity", name, COMPARABLE)
+            if quantities[0] not in COMPARABLE or owner not in ("", *self.door.joints):
+                self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=COMPARABLE)
                 continue
-            group = limits.sensors.index(name) + 1 if name in limits.sensors else 0
+            sensor = name if name in limits.sensors else ""
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
-                    yield from (DesignChannel(drive.name, one, size, group) for one in quantities)
+                    yield from (DesignChannel(drive.name, one, size, sensor) for one in quantities)
 
-    def substeps_of(self, gains: Mapping[str, float], robots: Sequence[Array]) -> Substeps:
-        """Number of substeps that the stiffest of several robots needs."""
-        needed = [self.door.substeps_of(self._numbers(gains, x)) for x in robots]
-        return max(one[0] for one in needed), max(one[1] for one in needed)
+    def _numbers(self, x: Array) -> Mapping[str, Mapping[str, float]]:
+        return numbers_of({**self.layout.table(x, 0), **self.gains})
 
-    def _numbers(self, gains: Mapping[str, float], x: Array) -> Mapping[str, Mapping[str, float]]:
-        return numbers_of({**self.layout.table(x, 0), **gains})
-
-    def motion(self, segments: Sequence[Segment], rows: int) -> Array:
+    def motion(self, pieces: Sequence[Piece], rows: int) -> Array:
         """Motion (references, rows) in the references' units."""
-        shares = joined(segments, self.step, rows)
+        shares = joined(pieces, self.step, rows)
         return np.array([one.values(share) for one, share in zip(self.references, shares, strict=True)])
 
     def play(
-        self,
-        motion: Array,
-        gains: Mapping[str, float],
-        robots: Sequence[Array],
-        substeps: Substeps,
-        changes: Sequence[Array | float] = (),
+        self, motion: Array, robots: int, *, changes: Sequence[Array | float] = (), windows: int = 1, sensor: str = ""
     ) -> MotionOutcome | None:
-        """Outcome of a motion (references, rows); None if the simulation of a robot diverges.
+        """Outcome of a motion (references, rows) for the first robots; None if the simulation of a robot diverges.
 
-        changes: relative changes of each parameter; sensitivities are means over these changes. Without changes no information
-        is computed.
+        Args:
+            motion: In the references' units.
+            robots: Number of robots.
+            changes: Relative changes of each parameter; sensitivities are means over these changes. Without changes no
+                information is computed.
+            windows: Number of equal parts of the motion in which the use of limits is measured.
+            sensor: Additional sensor whose information is computed; empty: all sensors that are recorded anyway.
         """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
         for one, values in zip(self.references, motion, strict=True):
             signals.setdefault(one.joint, {})[one.name] = Sampled(times=time, samples=values)
         watched: tuple[LimitBound | DesignChannel, ...] = (*self.bounds, *self.channels)
-        names = [(self.joints.index(one.joint), one.quantity) for one in watched]
+        names = [(self.door.joints.index(one.joint), one.quantity) for one in watched]
         low, high = self.layout.bounds
-        moves = [
-            np.array([np.where((x + h > high) | (x + h < low), -h, h) for h in changes]).reshape(-1, len(x)) for x in robots
-        ]
-        worlds = [x + h for x, own in zip(robots, moves, strict=True) for h in (np.zeros((1, len(x))), *map(np.diag, own))]
-        worlds = [*np.concatenate(worlds)]
-        starts = [Start(parameters=self._numbers(gains, x), references=signals) for x in worlds]
-        runs = list(self.door.rollout(names, starts, steps=motion.shape[1] - 1, substeps=substeps))
-        each = len(runs) // len(robots)
-        known = [run for run in runs[::each] if run is not None]
-        if len(known) < len(robots):
-            return None
-        rows = np.array(known)[:, : len(self.bounds), : motion.shape[1]]
-        bottom, top = np.array([(one.low, one.high) for one in self.bounds]).reshape(-1, 2, 1).swapaxes(0, 1)
-        shares = np.nan_to_num(np.abs(2.0 * rows - top - bottom) / (top - bottom)).max(axis=0)
-        when = self.step * float(np.argmax(shares.max(axis=0, initial=0.0)))
-        matrices = [self._fisher(runs[i * each :][:each], own) for i, own in enumerate(moves) if changes]
-        whole = [one for one in matrices if one is not None]
-        information = np.array(whole) if len(whole) == len(robots) else None
-        return MotionOutcome(shares.max(axis=1, initial=0.0), when, information)
+        shares, matrices = [], []
+        for x in self.robots[:robots]:
+            moves = [np.where((x + h > high) | (x + h < low), -h, h) for h in changes]
+            worlds = [x, *(x + row for move in moves for row in np.diag(move))]
+            starts = [Start(parameters=self._numbers(world), references=signals) for world in worlds]
+            runs = list(self.door.rollout(names, starts, steps=len(time) - 1, substeps=self.substeps))
+            if runs[0] is None:
+                return None
+            shares.append(self._use(runs[0][: len(self.bounds), : len(time)], windows))
+            matrices.append(self._fisher(runs, moves, sensor) if changes else None)
+        known = [one for one in matrices if one is not None]
+        return MotionOutcome(np.max(shares, axis=0), np.array(known) if len(known) == robots else None)
 
-    def _fisher(self, runs: Sequence[Array | None], moves: Array) -> Array | None:
-        """Fisher matrices (groups, n, n) from runs of a robot with its own and with slightly changed parameters; None if
-        sensitivities grow too much.
+    def _use(self, values: Array, windows: int) -> Array:
+        """Used fraction (bounds, windows) of each limit, for values (bounds, rows) of the limited quantities."""
+        ends = np.array([(one.low, one.high) for one in self.bounds]).reshape(-1, 2)
+        low, high = ends[:, :1], ends[:, 1:]
+        shares = np.nan_to_num(np.abs(2.0 * values - high - low) / (high - low))
+        edges = np.linspace(0, values.shape[1], windows + 1).round().astype(int)
+        return np.asarray(np.maximum.reduceat(shares, edges[:-1], axis=1))
+
+    def _fisher(self, runs: Sequence[Array | None], moves: Sequence[Array], sensor: str) -> Array | None:
+        """Fisher matrix (n, n) from runs of a robot with its own and with slightly changed parameters; None if sensitivities
+        grow too much.
         """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
             return None
-        base = rows[0]
-        slopes = np.array([(one - base) / h for one, h in zip(rows[1:], moves.ravel(), strict=True)])
-        slopes = slopes.reshape(*moves.shape, *base.shape).mean(axis=0)
+        base, sizes = rows[0], np.array(moves)
+        slopes = (np.array(rows[1:]) - base) / sizes.reshape(-1, 1, 1)
+        slopes = slopes.reshape(*sizes.shape, *base.shape).mean(axis=0)
         own = np.ptp(base, axis=1)
         measured = np.isfinite(base).all(axis=1) & np.isfinite(slopes).all(axis=(0, 2))
         if np.any((np.abs(slopes).max(axis=2) > GROWTH * np.maximum(own, 1e-9))[:, measured & (own > 0.0)]):
             return None
-        found = np.zeros((self.groups, len(slopes), len(slopes)))
-        for i in np.flatnonzero(measured):
-            slope = slopes[:, i, :: self.every] / self.channels[i].noise
-            found[self.channels[i].group] += slope @ slope.T
-        return found
-
-
-def _by_motor(name: str) -> list[str]:
-    """Quantities to which a limit applies. A limit of `motor_torque` applies to the torque of each motor."""
-    motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
-    return motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]
+        noise = np.array([one.noise for one in self.channels])
+        used = measured & [one.sensor == sensor for one in self.channels]
+        scaled = (slopes / noise[:, None])[:, used, :: self.every].reshape(len(slopes), -1)
+        return np.asarray(scaled @ scaled.T)

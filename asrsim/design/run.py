@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,11 +13,11 @@ import numpy as np
 
 from asrsim.design.limits import Limits, located, read_limits
 from asrsim.design.plant import DesignPlant, Reference
-from asrsim.design.search import BATCH, Found, Search
+from asrsim.design.search import DESIGN, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
-from asrsim.identification.layout import Entry, Layout, make_layout
+from asrsim.identification.layout import Layout, make_layout
 from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian
 from asrsim.identification.setup import read_scenario, set_up
@@ -28,14 +28,14 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
-ROUNDS = 25
+ROUNDS = 10
 """Number of rounds of the search; each choice of gains gets a fifth of this number."""
 SHORTEST, PROBE = 0.5, 0.2
 """Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
+TRIED = 12
+"""Number of random pieces that are tried, after the chirps, before a parameter is said to have no effect."""
 CHECKS, FACTOR = 24, 2.0
 """Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
-MANY = 27
-"""Largest number of combinations of gains that are tried."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""
 
@@ -44,7 +44,6 @@ WANTED = 0.05
 class Design:
     """A designed motion, and the predicted intervals of the parameters."""
 
-    task: Task
     scenario: Scenario
     references: tuple[Reference, ...]
     step: float
@@ -98,6 +97,9 @@ def design(
         InputError: The files are wrong, no recorded quantity depends on a free parameter, or no motion keeps the limits.
     """
     path, read = Path(limits), read_limits(Path(limits))
+    if not seconds >= SHORTEST:
+        message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
+        raise InputError(message, key="seconds", value=seconds, code="seconds")
     task = _task(Path(scenario), after, options)
     with one_thread(), ExitStack() as stack:
         ready, robot, layout, remarks = _read(task, read)
@@ -105,39 +107,41 @@ def design(
         if task.experiments:
             known = _of_recordings(set_up(task, stack).problem, layout)
             remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
-        if not seconds >= SHORTEST:
-            message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
-            raise InputError(message, key="seconds", value=seconds, code="seconds")
-        try:
-            plant = DesignPlant(ready, robot, layout, read, seconds)
-            stack.callback(plant.close)
+        with located(path):
             generator = np.random.default_rng(seed)
             robots = [np.zeros(len(layout)), *(off(layout, generator) for _ in range(robust))]
-            checks = [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
-            searches = []
-            for gains in _choices(read):
-                substeps = plant.substeps_of(gains, robots + checks)
-                searches.append(Search(plant, gains, robots, checks, substeps, known, np.random.default_rng(seed), stop))
+            robots += [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
+            plant = DesignPlant(ready, robot, layout, read, seconds, robots)
+            stack.callback(plant.close)
+            searches = [
+                Search(
+                    plant.under(dict(zip(read.gains, values, strict=True))),
+                    1 + robust,
+                    known,
+                    np.random.default_rng(seed),
+                    stop,
+                )
+                for values in product(*read.gains.values())
+            ]
             _probe(searches[0])
-        except InputError as error:
-            raise InputError(located(error.problems, path)) from None
         search, best, tried = _searched(searches, rounds, progress)
-        sizes = np.array([_size(entry) for entry in layout.entries])
-        known_by = {"design": best.information} | {name: one.information for name, one in search.plain.items()}
-        for group, sensor in enumerate(read.sensors, start=1):
-            known_by[f"with {sensor}"] = best.information + best.information[:, [group]]
+        # An interval is relative to the value; if the value is zero, to its typical size.
+        sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.parameter.size) for one in layout.entries])
+        known_by = {DESIGN: best.information} | {
+            name: one.information for name, one in search.motions.items() if name != DESIGN
+        }
+        for sensor in read.sensors:
+            more = search.plant.play(best.motion, search.robots, changes=SMALL, sensor=sensor)
+            if more is not None and more.information is not None:
+                known_by[f"with {sensor}"] = best.information + more.information
         intervals = {name: 1.96 * search.deviations(one)[0] * sizes for name, one in known_by.items()}
         keys = tuple(entry.name for entry in layout.entries)
-        remarks += tried
-        unknown = [key for key, half in zip(keys, intervals["design"], strict=True) if half > 1.0]
-        if unknown:
-            remarks.append(f"this motion does not identify: {', '.join(unknown)}")
-        missing = [name for name in ("one step", "chirp") if name not in intervals]
-        remarks += [f"{name}: no tried size keeps the limits with reliable information" for name in missing]
-        if best.name != "design":
+        unknown = [key for key, half in zip(keys, intervals[DESIGN], strict=True) if half > 1.0]
+        remarks += [*tried, *([f"this motion does not identify: {', '.join(unknown)}"] if unknown else [])]
+        if best.name != DESIGN:
             remarks.append(f"no motion was found that is better than: {best.name}")
         return Design(
-            task=task, scenario=ready, references=plant.references, step=plant.step, gains=search.gains, keys=keys, found=best,
+            scenario=ready, references=plant.references, step=plant.step, gains=search.plant.gains, keys=keys, found=best,
             intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
         )  # fmt: skip
 
@@ -176,9 +180,9 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
-    keys = [entry.parameter.key for entry in layout.entries]
     shared = [entry.parameter.key if entry.track is None else "" for entry in whole.layout.entries]
-    mine, others = [shared.index(key) for key in keys], [i for i, key in enumerate(shared) if key not in keys]
+    mine = [shared.index(entry.parameter.key) for entry in layout.entries]
+    others = [i for i in range(len(shared)) if i not in mine]
     cross = matrix[np.ix_(mine, others)]
     return np.asarray(matrix[np.ix_(mine, mine)] - cross @ np.linalg.pinv(matrix[np.ix_(others, others)]) @ cross.T)
 
@@ -192,36 +196,27 @@ def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False)
     return np.clip(places, *layout.bounds)
 
 
-def _choices(limits: Limits) -> Iterator[dict[str, float]]:
-    table = list(product(*limits.gains.values()))
-    if len(table) > MANY:
-        raise InputError(f"{len(table)} choices of gains are more than {MANY}", key="choose", code="choose")
-    return (dict(zip(limits.gains, values, strict=True)) for values in table)
-
-
 def _probe(search: Search) -> None:
     """Raise InputError if the start exceeds limits, no motion keeps the limits, or no recorded quantity depends on
     a parameter.
     """
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
-    resting = search.play(home, checked=True)
+    resting = plant.play(home, len(plant.robots))
     if resting is None:
         raise InputError("the simulation of the resting robot diverges", key="limits", code="start-limit")
     if resting.use.max(initial=0.0) > 1.0:
         bound = plant.bounds[int(np.argmax(resting.use))]
-        message = (
-            f"the robot exceeds this limit at {resting.when:.3g} s while its references stand still: {bound.quantity} reaches "
-        )
-        message += f"{resting.use.max():.3g} times its limit"
+        message = "the robot exceeds this limit while its references stand still: "
+        message += f"{bound.quantity} reaches {resting.use.max():.3g} times its limit"
         hint = None if plant.scenario.initial_equilibrium else "Let it begin at rest: `initial: equilibrium` in the scenario"
         raise InputError(message, key=f"limits.{bound.joint}.{bound.quantity}", hint=hint, code="start-limit")
     search.start()
-    search.extend(BATCH)
-    tried = [*search.plain.values(), *search.library]
+    search.try_fresh(TRIED)
+    tried = [*search.motions.values(), *search.library]
     if not tried:
         raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
-    seen = np.diagonal(sum(one.information[0].sum(axis=0) for one in tried) + search.known)
+    seen = np.diagonal(sum(one.information[0] for one in tried) + search.known)
     none = [entry.name for entry, shown in zip(plant.layout.entries, seen, strict=True) if shown < 1e-8]
     if none:
         message, hint = "no motion identifies it: no recorded quantity depends on it", "Do not free it, or record more"
@@ -230,28 +225,19 @@ def _probe(search: Search) -> None:
 
 def _searched(searches: Sequence[Search], rounds: int, progress: Callable[[float], None]) -> tuple[Search, Found, list[str]]:
     """Search with the best gains, its best motion, and a remark about each choice of gains. Raises InputError."""
-    several = len(searches) > 1
+    several, remarks = len(searches) > 1, []
     for i, one in enumerate(searches if several else []):
         one.run(rounds // 5)
         progress(0.5 * (i + 1) / len(searches))
-    tried = [(one, one.best.score) for one in searches if one.best is not None]
-    search = min(tried, key=lambda pair: pair[1])[0] if tried else searches[0]
+        if one.best is not None:
+            named = ", ".join(f"{key} = {value:g}" for key, value in one.plant.gains.items())
+            remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % in the mean")
+    search = min(searches, key=lambda one: np.inf if one.best is None else one.rank(one.best))
     best = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
     if best is None:
         message = "no motion that was tried keeps the limits with reliable information"
         hint = "Widen the limits, free fewer parameters, or add damping to the scenario"
         raise InputError(message, key="limits", hint=hint, code="limits")
-    remarks = [f"gains: {_named(search.gains)}"] if several else []
-    remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(score):.2g} % in the mean" for one, score in tried if several]
+    if several:
+        remarks.insert(0, "gains: " + ", ".join(f"{key} = {value:g}" for key, value in search.plant.gains.items()))
     return search, best, remarks
-
-
-def _named(gains: Mapping[str, float]) -> str:
-    return ", ".join(f"{key} = {value:g}" for key, value in gains.items())
-
-
-def _size(entry: Entry) -> float:
-    """Relative change of each value per unit change of the parameter vector; if a value is zero, relative to its
-    typical size.
-    """
-    return float(entry.slope(0.0) / (abs(entry.value(0.0)) or entry.parameter.size))

@@ -39,10 +39,7 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         for link in robot.links:
             spec.body(link_body(link.name)).simple = mujoco.mjtLimited.mjLIMITED_FALSE
-        model = spec.compile()
-        for item, inertia in box_inertias(mujoco, model, scenario.world).items():
-            model.body(item).inertia = inertia
-        return model
+        return spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
         raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
@@ -142,27 +139,9 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
         name = f"object/{item.name}"
         form = _form(mujoco, spec, name, item.shape, item.size or (1.0, 1.0, 1.0), str(item.mesh))
         body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
-        if item.mass and (item.inertia is not None or item.shape == "mesh"):
+        if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
-            body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
-
-
-def box_inertias(mujoco: Any, model: Any, world: World) -> dict[str, Array]:
-    """Moments of inertia (3,) in kg m^2 of objects that are meshes without a given inertia, by name of the body: as in
-    PyBullet, those of the mesh's bounding box; the centre of mass is the origin of the mesh."""
-    found = {}
-    for item in world.objects:
-        if item.shape != "mesh" or not item.mass or item.inertia is not None:
-            continue
-        mesh = int(model.geom(f"object/{item.name}").dataid[0])
-        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        # MuJoCo stores the vertices of a mesh along the principal axes of its inertia.
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
-        vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
-        x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
-        found[f"object/{item.name}"] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
-    return found
+            body.inertia = list(item.inertia)
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:

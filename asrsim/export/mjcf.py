@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.engines.mujoco_build import add_shape, assemble, box_inertias, link_body, quaternion_wxyz
+from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import ScenarioError, SimulationError
 from asrsim.export.springs import Spline, spline_of
@@ -144,8 +144,6 @@ def model_of(
         model = spec.compile()
     except ValueError as error:
         raise SimulationError(f"MuJoCo cannot load the model: {' '.join(str(error).split())[:300]}") from error
-    for name, inertia in box_inertias(mujoco, model, scenario.world).items():
-        spec.body(name).inertia = inertia
     _add_start(spec, model, prepared)
     return Mjcf(spec=spec, splines=splines, remarks=tuple(remarks))
 

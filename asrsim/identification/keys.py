@@ -74,7 +74,6 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
 
 
 def _of_joints(robot: Robot) -> Iterator[Parameter]:
-    motors = {block.joint: ACTUATORS.get(block.actuator).motors for block in robot.actuators}
     for joint in robot.moving_joints:
         name, (force, place) = joint.name, ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
         for key, unit, start in (
@@ -85,9 +84,8 @@ def _of_joints(robot: Robot) -> Iterator[Parameter]:
         yield _positive(f"{name}.stribeck_velocity", f"{place}/s", joint.stribeck_velocity)
         yield _positive(f"{name}.passive_stiffness", f"{force}/{place}", joint.spring_stiffness)
         yield Parameter(key=f"{name}.passive_reference", unit=place, start=joint.spring_reference)
-        for key in ("position", *(f"motor_{i}_position" for i in range(1, motors.get(name, 0) + 1))):
-            yield Parameter(key=f"{name}.initial_{key}", unit=place, start=math.nan, own=True)
-        yield Parameter(key=f"{name}.initial_velocity", unit=f"{place}/s", start=math.nan, own=True)
+        for key, unit in (("position", place), ("velocity", f"{place}/s")):
+            yield Parameter(key=f"{name}.initial_{key}", unit=unit, start=math.nan, own=True)
 
 
 def _of_links(robot: Robot) -> Iterator[Parameter]:

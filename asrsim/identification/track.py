@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK
-from asrsim.identification.noise import at_rest, fine_noise, first_samples
+from asrsim.identification.noise import at_rest, fine_noise, first_samples, onset
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -80,9 +80,7 @@ def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[Playe
     ]
 
 
-NOT_THE_ROBOTS = (
-    "offset", "gain", "delay", "initial_position", "initial_velocity", "initial_motor_1_position", "initial_motor_2_position",
-)  # fmt: skip
+NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
 """Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
@@ -125,11 +123,13 @@ class Track:
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
         self.initial: dict[str, float] = {}
-        """Positions and velocities of links and motors at time 0, by key."""
+        """Positions and velocities of links at time 0, by key."""
+        self.motors: dict[str, list[float]] = {}
+        """Positions of motors at time 0, by joint; other motors start where the scenario says."""
         self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario's."""
         self._begin(trusted)
-        self.onset = min(map(_onset, data.channels))
+        self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in data.channels)
         """Time of the first motion, s."""
 
     @property
@@ -161,19 +161,16 @@ class Track:
                 self.uncertain += shown if channel in self.channels else ()
         for drive in self.door.drives:
             numbers, link = range(1, drive.dynamic_motors + 1), f"{drive.name}.initial_position"
-            motors = [f"{drive.name}.initial_motor_{i}_position" for i in numbers]
-            rest = (drive.motor_positions or (self.initial[link],) * len(motors))[: len(motors)]
-            self.initial |= dict(zip(motors, rest, strict=True))
             channels = [c for i in numbers if (c := self._channel(drive.name, f"motor_{i}_position")) and c.time[0] <= SOON]
-            if not channels or len(channels) < len(motors) or trusted & {channel.key for channel in channels}:
+            if not channels or len(channels) < len(numbers) or trusted & {channel.key for channel in channels}:
                 continue
+            rest = (drive.motor_positions or (self.initial[link],) * len(numbers))[: len(numbers)]
             places = [at_rest(channel) for channel in channels]
             if any(abs(place - was) > STILL * error for (place, error), was in zip(places, rest, strict=True)):
-                self.initial |= dict(zip(motors, (place for place, _ in places), strict=True))
-                self.uncertain += motors
+                self.motors[drive.name] = [place for place, _ in places]
                 if self._channel(drive.name, "link_position") is None:
                     # A link at rest moves with the initial positions of its motors.
-                    self.initial[link] += float(np.mean([place for place, _ in places]) - np.mean(rest))
+                    self.initial[link] += float(np.mean(self.motors[drive.name]) - np.mean(rest))
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         known = (*self.channels, *self.data.guides)
@@ -225,17 +222,12 @@ class Track:
         positions, velocities = (
             {joint: initial[f"{joint}.initial_{what}"] for joint in self.door.joints} for what in ("position", "velocity")
         )
-        motors: dict[str, list[float]] = {}
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
-            keys = [f"{drive.name}.initial_motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)]
-            # Motors at the scenario's positions follow the initial position of their link.
-            if {*keys} & {*values, *self.uncertain}:
-                motors[drive.name] = [initial[key] for key in keys]
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
-            velocities=velocities, motors=motors,
+            velocities=velocities, motors=self.motors,
         )  # fmt: skip
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
@@ -261,11 +253,6 @@ class Track:
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
-
-
-def _onset(channel: Channel) -> float:
-    away = np.abs(channel.values - np.median(channel.values[:5])) > 8.0 * max(channel.noise, channel.quantum)
-    return float(channel.time[int(np.argmax(away))]) if away.any() else float(channel.time[-1])
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:

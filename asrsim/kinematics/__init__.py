@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from asrsim.kinematics.clik import follow
-from asrsim.kinematics.compensation import equilibrium_for_load
+from asrsim.kinematics.drive_inverse import equilibrium_for_load
 from asrsim.kinematics.engine_model import model_of
-from asrsim.kinematics.plan import plan
-from asrsim.kinematics.references import plan_references, plan_task
-from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.kinematics.path import PoseTrajectory, follow
+from asrsim.kinematics.plan import plan, plan_references, plan_task
 
 __all__ = [
     "PoseTrajectory",

@@ -1,39 +1,143 @@
-"""Inverse model of one joint's drive: the input that gives the wanted torque on a link with the wanted motion.
+"""Inverse models of one joint's drive: the input that holds a load at rest, and the input for a torque on a moving link.
 
-The deflection of the springs is found by inverting their law, so that this works for every registered actuator. The lag of
-the motors behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position
-theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_el:
+The springs' law is inverted numerically, so that this works for every registered actuator. In motion, the lag of the motors
+behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position theta, gains
+P, I and D, inertia J, damping B, friction F and spring torque tau_el:
 
     P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
 The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each
-time. Only the preset commands the distance d between the motors; d follows from nu (theta + lag) = nu c, a low-pass filter. The
-equilibrium is rho (theta + lag - c).
+time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is that of motors
+without springs, plus the steady-state error under the springs. The equilibrium is rho (theta + lag - c).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.rest import increasing_roots
+from asrsim.actuators.rest import increasing_roots, resting_motors
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.compensation import SEARCH
-from asrsim.kinematics.desired import smooth_motion
+from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
+SEARCH = 16.0
+"""Largest distance of the equilibrium from the link position in the search, rad or m: a few turns of a motor."""
+EXACT = 1e-9
+"""Largest relative error of the torque at which the spring counts as holding the load."""
 SLOW = 0.02
 """Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
 RESERVE = 1e-3
 """Fraction of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
 """Largest number of iterations between the distance of the motors and the torques of the springs."""
-NUDGE = 1e-6
-"""Step of the central differences for slopes, rad."""
+MODEL_STEP = 4e-3
+"""Smallest time step between the samples of a motion for the inverse models, s."""
+MODEL_SAMPLES = 2000
+"""Largest number of samples of a motion: a longer motion is sampled more coarsely."""
+KNOT = 0.03
+"""Smallest distance between spline knots of motions and inputs, s. It limits their bandwidth to about 15 Hz."""
+MOST_KNOTS = 200
+"""Largest number of spline knots of a motion."""
+
+
+# -- at rest ---------------------------------------------------------------------------------------------------------
+
+
+def equilibrium_for_load(drive: Drive, position: float, load: float, preset: float, *, droop: bool = False) -> float:
+    """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
+
+    preset: the second reference (stiffness preset, or adjuster in m). droop: whether to include the steady-state error of the
+    motors under their load. Raises ScenarioError if the springs or the motors cannot hold the load.
+    """
+    values = (np.array([value], dtype=float) for value in (position, load, preset))
+    return float(equilibria_for_loads(drive, *values, droop=droop)[0])
+
+
+def equilibria_for_loads(
+    drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
+) -> Array:
+    """Equilibrium positions (n,) at the instants of a motion, rad; see `equilibrium_for_load`. All arrays are (n,).
+
+    time: times for error messages, s.
+    """
+    law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
+
+    def torques(equilibria: Array) -> Array:
+        motors = references(equilibria, presets)
+        motors = resting_motors(drive, positions, motors, limited=False) if droop else motors
+        return law(positions, *motors, drive.elastic)
+
+    found = increasing_roots(lambda equilibria: torques(equilibria).sum(axis=0) - loads, positions, farthest=SEARCH)
+    springs = torques(found)
+    missing = np.abs(springs.sum(axis=0) - loads) > EXACT * np.maximum(1.0, np.abs(loads))
+    limits = np.array([*drive.max_torque, *[np.inf] * len(springs)][: len(springs)])
+    overloaded = np.abs(springs) > limits[:, None]
+    if not (missing.any() or overloaded.any()):
+        return found
+    row = int(np.argmax(missing | overloaded.any(axis=0)))
+    when = "" if time is None else f"at {time[row]:.4g} s: "
+    where = f"at position {positions[row]:.4g} rad"
+    if missing[row]:
+        largest = springs[:, row].sum()
+        message = f"the spring cannot hold {loads[row]:.4g} N m {where}: the most it can hold that way is {largest:.4g} N m"
+        hint, code = "choose a stiffer preset or spring, or another posture", "spring-too-weak"
+    else:
+        motor = int(np.argmax(overloaded[:, row]))
+        message = (
+            f"motor {motor + 1} would have to hold {abs(springs[motor, row]):.4g} N m {where} under a load of "
+            f"{loads[row]:.4g} N m and preset {presets[row]:.4g}, but its limit is {limits[motor]:.4g} N m"
+        )
+        hint, code = "raise the motor's maximum torque or lower the stiffness preset", "motor-too-weak"
+    raise ScenarioError(f"gravity cannot be compensated {when}{message}", key=f"task.{drive.joint}", hint=hint, code=code)
+
+
+# -- in motion -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesiredMotion:
+    """Positions over time with two derivatives; the columns are in the order of the model's joints."""
+
+    time: Array
+    """Equidistant times (n,), s."""
+    positions: Array
+    """Positions (n, joints), rad or m."""
+    velocities: Array
+    """Velocities (n, joints)."""
+    accelerations: Array
+    """Accelerations (n, joints)."""
+
+    @property
+    def step(self) -> float:
+        """Time step in s."""
+        return float(self.time[1] - self.time[0])
+
+
+def model_time(duration: float, step: float) -> Array:
+    """Time grid (n,) of the inverse models for a motion of `duration` s that is simulated in steps of `step` s."""
+    wanted = max(MODEL_STEP, duration / MODEL_SAMPLES, step)
+    return np.linspace(0.0, duration, max(round(duration / wanted), 8) + 1)
+
+
+def knot_distance(duration: float) -> float:
+    """Time in s between spline knots for a motion of `duration` s."""
+    return max(KNOT, duration / MOST_KNOTS)
+
+
+def smooth_motion(time: Array, samples: Array) -> DesiredMotion:
+    """Motion along quintic splines, fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
+    from scipy.interpolate import make_lsq_spline
+
+    duration = float(time[-1] - time[0])
+    pieces = max(min(round(duration / knot_distance(duration)), (len(time) - 6) // 2), 1)
+    inner = np.linspace(time[0], time[-1], pieces + 1)
+    knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
+    spline = make_lsq_spline(time, samples, knots, k=5)
+    return DesiredMotion(time=time, positions=spline(time), velocities=spline(time, nu=1), accelerations=spline(time, nu=2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,9 +185,19 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
     s = along(d)
     if len(drive.proportional) > 1:
+        from scipy.signal import lsim
+
+        # Controllers with integral action have no steady-state error.
+        droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / drive.proportional)
+        weights = across**2 / drive.proportional
+        inertia, drag = weights @ drive.motor_inertia, weights @ np.add(drive.motor_damping, drive.derivative)
+        commanded = d[0] + lsim(([across @ across], [inertia, drag, across @ across]), d - d[0], time - time[0])[1]
+
+        def apart(s: Array) -> Array:
+            return increasing_roots(lambda d: across @ across * (d - commanded) + droop @ torques(s, d), commanded)
+
         for _ in range(ROUNDS):
-            before = d
-            d = _distance(drive, time, s, d, torques, rho, across, across @ offsets)
+            before, d = d, apart(s)
             s = along(d)
             if np.abs(d - before).max() < 1e-7:
                 break
@@ -122,48 +236,3 @@ def controller_error(output: Array, proportional: float, integral: float, step: 
     half = 0.5 * step * integral
     ahead, behind = proportional + half, half - proportional
     return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))
-
-
-def _distance(
-    drive: Drive,
-    time: Array,
-    s: Array,
-    d: Array,
-    law: Callable[[Array, Array], Array],
-    rho: Array,
-    across: Array,
-    commanded: Array,
-) -> Array:
-    """Distance d (n,) between the motors in the next iteration, from sum nu_i (theta_i + lag_i) = nu c with the slope of the
-    springs at the present d."""
-    gain = np.array(drive.proportional)
-    # Controllers with integral action have no steady-state error.
-    droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / gain)
-    inertia = float(across**2 @ (np.array(drive.motor_inertia) / gain))
-    drag = float(across**2 @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain))
-    slopes = (law(s, d + NUDGE) - law(s, d - NUDGE)) / (2.0 * NUDGE)
-    stretch = (law(s + NUDGE, d) - law(s - NUDGE, d)) / (2.0 * NUDGE)
-    with np.errstate(all="ignore"):
-        # The common position s of the motors changes with their distance d, so that the torque on the link stays constant.
-        share = np.nan_to_num(slopes.sum(axis=0) / stretch.sum(axis=0), posinf=0.0, neginf=0.0)
-    stiffness = np.maximum(droop @ (slopes - stretch * share), 0.0)
-    common = smooth_motion(time, s[:, None])
-    known = commanded - droop @ law(s, d) + stiffness * d
-    known -= (across * rho) @ (np.array(drive.motor_inertia) / gain) * common.accelerations[:, 0]
-    known -= (across * rho) @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain) * common.velocities[:, 0]
-    return _low_pass(inertia, drag, float(across @ across) + stiffness, known, float(time[1] - time[0]))
-
-
-def _low_pass(inertia: float, drag: float, stiffness: Array, force: Array, step: float) -> Array:
-    """Solution x (n,) of inertia x'' + drag x' + stiffness x = force by the midpoint rule, starting from rest."""
-    position, rate = float(force[0] / stiffness[0]), 0.0
-    found = [position]
-    middle = (0.5 * (stiffness[1:] + stiffness[:-1])).tolist()
-    pushes = (0.5 * (force[1:] + force[:-1])).tolist()
-    half = 0.5 * step
-    for k, push in zip(middle, pushes, strict=True):
-        mean = (inertia * rate + half * (push - k * position)) / (inertia + half * (drag + half * k))
-        rate = 2.0 * mean - rate
-        position += step * mean
-        found.append(position)
-    return np.array(found)

@@ -16,8 +16,15 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.desired import DesiredMotion, knot_distance, model_time, smooth_motion
-from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
+from asrsim.kinematics.drive_inverse import (
+    SLOW,
+    DesiredMotion,
+    DriveMotion,
+    drive_backwards,
+    knot_distance,
+    model_time,
+    smooth_motion,
+)
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
 from asrsim.robot.model import Joint, Robot
@@ -192,39 +199,36 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
     return np.asarray(law.constant + 2.0 * law.ratio * np.sqrt(law.inertia * np.maximum(stiffness, 0.0)))
 
 
-def demands_of(
-    drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint | None = None
-) -> list[Demand]:
-    """Largest demand of the motion on each part of a joint. joint: None to ignore effort limit and stops."""
+def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint) -> list[Demand]:
+    """Largest demand of the motion on each part of a joint."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
-    slides = joint is not None and joint.kind == "prismatic"
+    rows: list[tuple[str, int, str, Array, Array | float]] = [("joint effort", 0, "N m", torque, joint.most_effort)]
+    for motor, most in enumerate(drive.max_torque if drive.mode.motor else ()):
+        rate = np.gradient(item.motors[:, motor], time)
+        rows.append(("motor torque", motor + 1, "N m", item.motor_torques[:, motor], most))
+        rows.append(("motor speed", motor + 1, "rad/s", rate, drive.max_velocity[motor]))
+    if drive.mode.spring:
+        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
+        deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None]).min(axis=1)
+        rows.append(("spring torque", 0, "N m", torque, item.holdable))
+        rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))
     found: list[Demand] = []
 
-    def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:
+    def add(what: str, motor: int, unit: str, needed: Array, limits: Array, shares: Array) -> None:
+        worst = int(np.argmax(shares))
+        found.append(Demand(
+            joint=drive.joint, what=what, motor=motor, unit=linear_unit(unit) if joint.kind == "prismatic" else unit,
+            needed=float(needed[worst]), limit=float(limits[worst]), time=float(time[worst]),
+        ))  # fmt: skip
+
+    for what, motor, unit, needed, limit in rows:
         limits = np.broadcast_to(np.abs(limit), needed.shape)
         with np.errstate(all="ignore"):
-            share = np.where(judged, np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf), -1.0)
-        add_at(int(np.argmax(share)), what, needed, limits, unit, motor)
-
-    def add_at(row: int, what: str, needed: Array, limits: Array, unit: str, motor: int = 0) -> None:
-        values = {"needed": float(needed[row]), "limit": float(limits[row]), "time": float(time[row])}
-        unit = linear_unit(unit) if slides else unit
-        found.append(Demand(joint=drive.joint, what=what, unit=unit, motor=motor, **values))
-
-    for motor, limit in enumerate(drive.max_torque if drive.mode.motor else ()):
-        add("motor torque", item.motor_torques[:, motor], limit, "N m", motor + 1)
-        rate = np.gradient(item.motors[:, motor], time)
-        add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
-    if drive.mode.spring:
-        add("spring torque", torque, item.holdable, "N m")
-        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
-        deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
-        add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
-    if joint is not None:
-        add("joint effort", torque, joint.most_effort, "N m")
-        within = np.clip(position, *joint.stops)
-        worst = int(np.argmax(np.abs(position - within)))
-        if abs(position[worst] - within[worst]) > 1e-3:
-            add_at(worst, "joint stop", position, within, "rad")
+            shares = np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf)
+        add(what, motor, unit, needed, limits, np.where(judged, shares, -1.0))
+    within = np.clip(position, *joint.stops)
+    beyond = np.abs(position - within)
+    if beyond.max() > 1e-3:
+        add("joint stop", 0, "rad", position, within, beyond)
     return found

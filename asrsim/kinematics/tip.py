@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.kinematics.path import PoseTrajectory
 from asrsim.robot.chain import Chain, Pose
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 from asrsim.scenario.data import for_joint

@@ -19,8 +19,7 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.desired import DesiredMotion
-from asrsim.kinematics.drive_inverse import reference_map
+from asrsim.kinematics.drive_inverse import DesiredMotion, reference_map
 from asrsim.kinematics.engine_model import EngineModel
 from asrsim.samples import Array
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.kinematics.desired import knot_distance
+from asrsim.kinematics.drive_inverse import knot_distance
 from asrsim.learning.linear import Linearised
 from asrsim.learning.trial import LearningProblem, Outcome, Trial
 from asrsim.samples import Array

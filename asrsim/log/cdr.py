@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,12 +83,15 @@ class CdrBuilder:
         self._data += struct.pack("<d", math.nan)
         return self
 
-    def float64s(self, columns: Sequence[MessageColumn | None]) -> CdrBuilder:
-        """Add a sequence of variable numbers."""
-        self.uint32(len(columns))
+    def numbers(self, columns: Iterable[MessageColumn | None]) -> CdrBuilder:
+        """Add variable numbers one after another."""
         for column in columns:
             self.float64(column)
         return self
+
+    def float64s(self, columns: Sequence[MessageColumn | None]) -> CdrBuilder:
+        """Add a sequence of variable numbers with its length."""
+        return self.uint32(len(columns)).numbers(columns)
 
     def build(self) -> CdrTemplate:
         """Template of the finished message."""

@@ -19,6 +19,8 @@ RESULT_METADATA = "asrsim_result"
 
 _RUN, _URDF, _SCENARIO, _RESOLVED = "run.json", "robot.urdf", "scenario.yaml", "resolved.json"
 _FOLDER = "attachments/"
+_COPIED = ("robot", "variant", "step", "log_every", "urdf_path", "scenario_path")
+"""Fields of `RunInfo` that `run.json` contains unchanged."""
 _JOINT_SHAPE: Shape = {
     "name": str, "actuator": str, "mode": (int, None), "namespace": str, "motors": int, "prismatic": bool, "quantities": [str],
 }  # fmt: skip
@@ -37,12 +39,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     """Attachments needed to repeat the run: name -> (media type, data). `run.json` contains all data without a file."""
     run = {
         "format": FORMAT,
-        "robot": info.robot,
-        "variant": info.variant,
-        "step": info.step,
-        "log_every": info.log_every,
-        "urdf_path": info.urdf_path,
-        "scenario_path": info.scenario_path,
+        **{name: getattr(info, name) for name in _COPIED},
         "joints": [asdict(joint) for joint in info.joints],
         "metadata": dict(info.metadata),
     }
@@ -64,10 +61,7 @@ def info_metadata(info: RunInfo) -> dict[str, str]:
     return {
         "asrsim_version": __version__,
         "log_format": FORMAT,
-        "robot": info.robot,
-        "variant": info.variant,
-        "step": repr(float(info.step)),
-        "log_every": str(info.log_every),
+        **{name: str(getattr(info, name)) for name in ("robot", "variant", "step", "log_every")},
         **info.metadata,
     }
 
@@ -101,15 +95,10 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     except UnicodeDecodeError as error:
         raise _damaged(str(error)) from error
     return RunInfo(
-        robot=run["robot"],
+        **{name: run[name] for name in _COPIED},
         joints=joints,
-        step=run["step"],
-        log_every=run["log_every"],
-        variant=run["variant"],
         urdf=urdf,
-        urdf_path=run["urdf_path"],
         scenario=scenario,
-        scenario_path=run["scenario_path"],
         resolved=_plain(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
         metadata=run["metadata"],
         attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},

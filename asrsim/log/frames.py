@@ -71,8 +71,7 @@ def _template(frames: Sequence[Frame]) -> CdrTemplate:
     builder = CdrBuilder().uint32(len(frames))
     for frame in frames:
         builder.header(frame.parent).string(frame.child)
-        for index in range(7):
-            builder.float64(MessageColumn("frame", frame.child, index))
+        builder.numbers(MessageColumn("frame", frame.child, index) for index in range(7))
     return builder.build()
 
 

@@ -7,7 +7,7 @@ numbers for tools that expect the arrays.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
@@ -152,19 +152,14 @@ def body_topic(bodies: Sequence[str]) -> Topic:
     """Topic `/tf` with the pose of every body in the world frame."""
     builder = CdrBuilder().uint32(len(bodies))
     for body in bodies:
-        builder.header("world").string(body)
-        for index in range(7):
-            builder.float64(MessageColumn("body", body, index))
+        builder.header("world").string(body).numbers(MessageColumn("body", body, index) for index in range(7))
     return Topic(name="/tf", message="tf2_msgs/TFMessage", template=builder.build())
 
 
 def contact_topic(contact: str) -> Topic:
     """Topic `/contacts/<first>/<second>` with the force on the first body in the world frame."""
-    builder = CdrBuilder().header("world")
-    for index in range(3):
-        builder.float64(MessageColumn("contact", contact, index))
-    name = "/contacts" + _ros_path(contact)
-    return Topic(name=name, message="geometry_msgs/Vector3Stamped", template=builder.build())
+    force = CdrBuilder().header("world").numbers(MessageColumn("contact", contact, index) for index in range(3))
+    return Topic(name="/contacts" + _ros_path(contact), message="geometry_msgs/Vector3Stamped", template=force.build())
 
 
 def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
@@ -182,10 +177,8 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
 
 def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
     """Topics of a joint in a compact log: one topic with all numbers (NaN if not recorded), and the separate topics."""
-    builder = CdrBuilder().header()
-    for quantity in SAMPLE_FIELDS:
-        builder.float64(MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None)
-    yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=builder.build())
+    numbers = CdrBuilder().header().numbers(_of_joint(joint, SAMPLE_FIELDS))
+    yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=numbers.build())
     yield from _own_quantities(joint, path)
 
 
@@ -197,37 +190,28 @@ def _own_quantities(joint: JointInfo, path: str) -> Iterator[Topic]:
 
 
 def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[Topic]:
-    def source(quantity: str) -> MessageColumn | None:
-        return MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None
-
-    def recorded(quantities: Sequence[str]) -> bool:
-        return any(quantity in joint.quantities for quantity in quantities)
+    def group(name: str, message: str, quantities: Collection[str]) -> Iterator[Topic]:
+        if any(quantity in joint.quantities for quantity in quantities):
+            numbers = CdrBuilder().header().numbers(_of_joint(joint, quantities))
+            yield Topic(name=f"{path}/{name}", message=message, template=numbers.build())
 
     def scalar(name: str, quantity: str, *, canonical: bool = True) -> Iterator[Topic]:
         if quantity in joint.quantities:
-            template = CdrBuilder().float64(source(quantity)).build()
-            yield Topic(name=f"{path}/{name}", message="std_msgs/Float64", template=template, canonical=canonical)
+            number = CdrBuilder().numbers(_of_joint(joint, [quantity]))
+            yield Topic(name=f"{path}/{name}", message="std_msgs/Float64", template=number.build(), canonical=canonical)
 
-    if recorded(tuple(LINK_STATE_FIELDS.values())):
-        builder = CdrBuilder().header()
-        for quantity in LINK_STATE_FIELDS.values():
-            builder.float64(source(quantity))
-        yield Topic(name=f"{path}/link_state", message="asrsim_msgs/LinkState", template=builder.build())
+    yield from group("link_state", "asrsim_msgs/LinkState", LINK_STATE_FIELDS.values())
     for index in (1, 2):
-        quantities = [f"motor_{index}_{what}" for what in ("position", "velocity", "torque")]
-        if recorded(quantities):
-            yield joint_state(f"{path}/motor_{index}_state", [joint], [_of([joint], quantity) for quantity in quantities])
+        columns = [_of([joint], f"motor_{index}_{what}") for what in ("position", "velocity", "torque")]
+        if any(column != [None] for column in columns):
+            yield joint_state(f"{path}/motor_{index}_state", [joint], columns)
     for index in (1, 2):
         yield from scalar(f"torque_el{index}_state", f"elastic_torque_{index}")
     for index, name in enumerate(REFERENCE_TOPICS.get(joint.mode, ()), start=1):
         yield from scalar(name, f"reference_{index}", canonical=False)
     if external:
         yield from scalar("external_torque", "external_torque", canonical=False)
-    if recorded(DETAIL_FIELDS):
-        builder = CdrBuilder().header()
-        for quantity in DETAIL_FIELDS:
-            builder.float64(source(quantity))
-        yield Topic(name=f"{path}/details", message="asrsim_msgs/JointDetails", template=builder.build())
+    yield from group("details", "asrsim_msgs/JointDetails", DETAIL_FIELDS)
     yield from _own_quantities(joint, path)
 
 
@@ -255,7 +239,12 @@ def joint_state(
 
 
 def _of(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:
-    return [MessageColumn("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]
+    return [column for joint in joints for column in _of_joint(joint, [quantity])]
+
+
+def _of_joint(joint: JointInfo, quantities: Iterable[str]) -> list[MessageColumn | None]:
+    """Sources of a joint's quantities; None for quantities that are not recorded."""
+    return [MessageColumn("value", name, joint.name) if name in joint.quantities else None for name in quantities]
 
 
 def _ros_path(name: str) -> str:

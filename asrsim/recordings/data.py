@@ -24,8 +24,6 @@ class RawColumn:
     """Name in the file: header of a column, field of a message, or path of a variable."""
     values: Array
     """Values (n,) in the file's unit, NaN where a cell has no number. Dates are in s since `zero`."""
-    unit: str = ""
-    """Unit stated outside the name, for example in a row of units; "" where only the name, or nothing, states a unit."""
     zero: int | None = None
     """Origin of the values: Unix time in ns for dates, ns since midnight for times of day, None for other columns."""
     place: int = 0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.data import RawColumn
-from asrsim.recordings.units import Unit, find_unit, fits, split_header
+from asrsim.recordings.units import Unit, fits, split_header
 
 KNOWN = {**QUANTITIES, **DERIVED}
 """All quantities that a column may contain, by name."""
@@ -65,9 +65,9 @@ def _words(tokens: Sequence[str]) -> list[str]:
     return [word for token in tokens if (word := _WORDS.get(token, token))]
 
 
-def stated_unit(name: str, beside: str = "") -> Unit | None:
-    """Unit of a column, from the separate text `beside` or else from the name. A velocity in deg is read in deg/s."""
-    unit = find_unit(beside) or split_header(name)[1]
+def stated_unit(name: str) -> Unit | None:
+    """Unit in the name of a column. A velocity in deg is read in deg/s."""
+    unit = split_header(name)[1]
     if unit is not None and unit.si in ("rad", "m") and "velocity" in _words(tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
     return unit

@@ -22,7 +22,7 @@ from asrsim.recordings.names import KNOWN, DoubtError, find_raw, joint_of, meani
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
-from asrsim.recordings.units import Unit, find_unit, fits
+from asrsim.recordings.units import Unit, fits
 from asrsim.samples import Array
 
 LARGEST = 1e30
@@ -79,7 +79,8 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         other = mistaken(path, "recording") if unread else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
         raise RecordingError(problems) from None
-    return replace(content, findings=tuple(replace(one, file=one.file or path) for one in findings)), recording
+    found = tuple(replace(one, file=one.file or path) for one in findings)
+    return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 
 
 def _recording(
@@ -99,7 +100,6 @@ def _recording(
     return Recording(
         path=path, format=content.format, time=max(columns, key=lambda column: len(column.time)).time,
         channels={column.source: column for column in columns}, reading=reading.origin,
-        findings=tuple(replace(one, file=one.file or path) for one in condense(findings)),
     )  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
 def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
     """Unit stated by the mapping or the file; an empty unit where neither states it."""
     stated = None if one is None else one.unit
-    return stated or stated_unit(raw.name, raw.unit) or Unit("", "", 1.0)
+    return stated or stated_unit(raw.name) or Unit("", "", 1.0)
 
 
 def _column(
@@ -176,7 +176,7 @@ def _column(
 
 def _meaning(raw: RawColumn, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
     """Joint and quantity that the file states for a column, or else that its name implies. Raises DoubtError."""
-    unit = stated_unit(raw.name, raw.unit)
+    unit = stated_unit(raw.name)
     if raw.quantity is not None:
         place = re.search(r"\[(\d+)\]$", raw.name)
         return raw.joint or joint_of(int(place[1]) if place else None, joints, indexed=True), raw.quantity
@@ -187,8 +187,6 @@ def _meaning(raw: RawColumn, joints: Sequence[str] | None) -> tuple[str | None, 
         joint, quantity = raw.joint, meaning_of(name, unit, [raw.joint])[1]
     if quantity is None or unit is not None:
         return joint, quantity
-    if raw.unit and find_unit(raw.unit) is None:
-        raise DoubtError(f"its name means {quantity}, but its unit [{raw.unit}] is unknown")
     values = raw.values[np.isfinite(raw.values)]
     angle = KNOWN[quantity].unit == "rad" or quantity == "reference_1"
     if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):

@@ -80,16 +80,14 @@ def is_named_time(column: RawColumn) -> bool:
     """
     name, unit = split_header(column.name)
     last = re.split(r"[./]", name)[-1] or name
-    named = is_time(last, find_unit(column.unit) or unit) and (last == name or last not in _SYMBOLS)
+    named = is_time(last, unit) and (last == name or last not in _SYMBOLS)
     return column.zero is not None or named
 
 
 def unit_of_time(column: RawColumn) -> Unit | None:
     """Unit that the header of a time column states, or its name (`nanosec`), or the digits of its Unix times; else None."""
-    if column.zero is not None:  # dates are in s already
-        return None
     plain, unit = split_header(column.name)
-    unit = find_unit(column.unit) or unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
+    unit = unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
     if unit is not None and unit.si == "s":
         return unit
     known = column.values[np.isfinite(column.values)]

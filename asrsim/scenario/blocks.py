@@ -282,8 +282,8 @@ class WorldObject:
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
         ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
-        doc="principal moments; default: those of the solid shape, of a mesh those of its bounding box; the centre of mass is "
-        "the shape's middle, of a mesh its origin",
+        doc="principal moments; default: those of the solid shape; a mesh that moves needs them; the centre of mass is the "
+        "shape's middle, of a mesh its origin",
     )  # fmt: skip
     friction: float = declare(
         NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"
@@ -311,6 +311,8 @@ def _object(**arguments: Any) -> WorldObject:
         raise ScenarioError(message, key="mesh", code="mesh")
     if mesh is not None and (fault := mesh_fault(mesh)) is not None:
         raise ScenarioError(f"the mesh {fault}", key="mesh", code="mesh")
+    if mesh is not None and arguments["mass"] and arguments["inertia"] is None:
+        raise ScenarioError("a mesh with a mass needs its principal moments of inertia", key="inertia", code="mesh")
     return WorldObject(**{**arguments, "size": size, "name": ""})
 
 
@@ -465,15 +467,13 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class AnyData(Kind[Any]):
     """Kind of value: plain data that another module validates."""
 
+    text = "anything"
+
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         return node.plain()
 
     def schema(self) -> Schema:
         return {}
-
-    @property
-    def text(self) -> str:
-        return "anything"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,7 +87,7 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
     """Claim that the link settles on the reference, or, if its springs are too weak, that friction holds it elsewhere."""
-    from asrsim.kinematics.compensation import equilibrium_for_load
+    from asrsim.kinematics.drive_inverse import equilibrium_for_load
     from asrsim.robot import drive_of
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)

@@ -4,7 +4,7 @@ true parameters."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp, pi
+from math import copysign, pi, sin
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from asrsim.identification import Result, identify
+from support.event_driven import EventDriven, Mass
 from support.identify_files import SEA, write
-from support.stick_slip import stick_slip
 
 pytestmark = pytest.mark.slow
 SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02
@@ -60,10 +60,8 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
     time = np.arange(0.0, 4.0005, 1e-3)
     truth = {"joint_1.friction": 0.15, "joint_1.stribeck_friction": 0.1, "joint_1.stribeck_velocity": 0.15,
              "joint_1.damping": DAMPING, "link_1.izz": INERTIA}  # fmt: skip
-    q, _ = stick_slip(
-        time, lambda t, x: SPRING * (waves(t) - x), lambda v, _: 0.15 + 0.1 * exp(-((v / 0.15) ** 2)), mass=INERTIA,
-        damping=DAMPING,
-    )  # fmt: skip
+    joint = EventDriven(Mass(INERTIA, DAMPING), lambda v: 0.15 + 0.1 * np.exp(-((v / 0.15) ** 2)))
+    q = joint.move(np.zeros(1), np.zeros(1), lambda t, x: SPRING * (waves(t) - x), time)[0][:, 0]
     columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
     free = ["joint_1.friction", "joint_1.stribeck_friction=0.05", "joint_1.stribeck_velocity", "joint_1.damping", "link_1.izz"]
     # The step must be so small that its error in stiction is well below the noise.
@@ -72,28 +70,6 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
         tags=tags(spring_k=4, max_def=3),
     )  # fmt: skip
     assert_found(result, truth, 0.05)
-
-
-def test_fit_recovers_hysteresis(tmp_path: Path) -> None:
-    time = np.arange(0.0, 4.0005, 1e-3)
-    level, length = 0.15, 0.06
-    slopes = np.gradient(waves(np.arange(0.0, 4.001, 1e-5)), 1e-5)
-
-    def motion(t: float, y: np.ndarray) -> list[float]:
-        q, v, h = y
-        rate = float(np.interp(t, np.arange(len(slopes)) * 1e-5, slopes)) - v
-        return [v, (SPRING * (waves(t) - q) + h - DAMPING * v) / INERTIA, (level * rate - abs(rate) * h) / length]
-
-    q = solve_ivp(motion, (0.0, 4.0), [0.0, 0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=2e-3).y[0]
-    columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
-    truth = {"joint_1.spring_stiffness": SPRING, "joint_1.hysteresis_torque": level, "joint_1.hysteresis_deflection": length,
-             "joint_1.damping": DAMPING}  # fmt: skip
-    springs = ["joint_1.spring_stiffness", "joint_1.damping"]
-    free = [*springs, "joint_1.hysteresis_torque=0.05", "joint_1.hysteresis_deflection=0.03"]
-    result = fitted(tmp_path, columns, NOISE, free, mode=2, damping=0.04, tags=tags(spring_k=5, max_def=3))
-    assert_found(result, truth, 0.01)
-    without = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=springs)
-    assert not without.fits
 
 
 def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
@@ -178,3 +154,48 @@ def test_fit_recognises_held_commands(tmp_path: Path, stairs: bool) -> None:
     assert any("staircase" in text for text in result.remarks) == stairs
     assert result.played == {"joint_1.reference_1 [rad]": "hold" if stairs else "smooth"}
     assert_found(result, truth, 0.01)
+
+
+SERVO = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="0.6"/>
+<inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="50" velocity="20"/><dynamics damping="0" friction="0"/></joint></robot>"""
+SERVO_SCENARIO = """robot: rig.urdf
+duration: 5
+actuators:
+  elbow:
+    type: sea
+    mode: 5
+    parameters: {spring_stiffness: 5000, max_deflection: 1, motor_1_inertia: 0.005, motor_1_damping: 0,
+      motor_1_friction_torque: 0.05, motor_1_friction_stiffness: 100000, motor_1_max_torque: 100, motor_1_max_velocity: 100,
+      motor_1_torque_constant: 1, motor_1_resistance: 5, motor_1_max_voltage: 12,
+      controller_1_proportional: 30, controller_1_integral: 0, controller_1_derivative: 0}
+"""
+
+
+def test_fit_recovers_a_smart_servo_from_goals_and_positions(tmp_path: Path) -> None:
+    """Error gain, torque constant, winding, rotor and friction of a servo of 12 V that moves a known pendulum; its goals
+    are held for 10 ms, and its encoder has 4096 steps."""
+    gain, constant, resistance, rotor, friction, step = 60.0, 1.6, 4.6, 0.006, 0.08, 2e-5
+    time = np.arange(0.0, 5.0005, 1e-2)
+    goal = 0.6 * np.sin(2.0 * pi * (0.3 + 0.2 * time) * time) + 0.8 * (np.floor(time / 1.2) % 2)
+    inertia, places, q, v = rotor + 0.002 + 0.6 * 0.2**2, [], 0.0, 0.0
+    for wanted in goal.tolist():
+        places.append(q)
+        for _ in range(500):
+            volt = min(max(gain * (wanted - q), -12.0), 12.0)
+            slid = v + step * (constant * (volt - constant * v) / resistance - 0.6 * 9.81 * 0.2 * sin(q)) / inertia
+            most = step * friction / inertia
+            v = 0.0 if abs(slid) < most else slid - copysign(most, slid)
+            q += step * v
+    quantum = 2.0 * pi / 4096
+    columns = np.column_stack([time, goal, quantum * np.round(np.array(places) / quantum)])
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header="time,goal,present", comments="", fmt="%.9g")
+    (tmp_path / "rig.urdf").write_text(SERVO)
+    (tmp_path / "lab.yaml").write_text(SERVO_SCENARIO)
+    names = ("controller_1_proportional", "motor_1_torque_constant", "motor_1_resistance", "motor_1_inertia")
+    free = [f"elbow.{name}" for name in (*names, "motor_1_friction_torque")]
+    maps = ["goal=elbow.reference_1 [rad]", "present=elbow.motor_1_position [rad]"]
+    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps)
+    assert_found(result, dict(zip(free[:3], (gain, constant, resistance), strict=True)), 0.01)
+    assert_found(result, dict(zip(free[3:], (rotor, friction), strict=True)), 0.1)

@@ -1,4 +1,4 @@
-"""The engine's model of a robot against differences of its own poses, and plans on the example arm."""
+"""Plans on the example arm, with the engine's model of the robot."""
 
 from __future__ import annotations
 
@@ -9,53 +9,6 @@ from asrsim.kinematics import model_of, plan_references, plan_task
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario, make_scenario
 from support.paths import EXAMPLES
-
-ARM = EXAMPLES / "urdf" / "dof5_arm.urdf"
-TIP = (0.094, 0.02, 0.03)
-
-
-@pytest.fixture
-def turned_arm(tmp_path):
-    """The arm with centres of mass off its axes and inertias turned: Bullet's frames then differ from the URDF's."""
-    text = ARM.read_text()
-    text = text.replace('<origin xyz="0.0543 0 0"/>', '<origin xyz="0.0543 0.01 0.02" rpy="0.5 0.3 1.0"/>')
-    text = text.replace('<origin xyz="0.0793 0 0"/>', '<origin xyz="0.0793 0.02 0" rpy="1 0 0.3"/>')
-    path = tmp_path / "turned.urdf"
-    path.write_text(text)
-    return path
-
-
-@pytest.mark.parametrize("base", [{}, {"position": [1.0, 2.0, 3.0], "rpy": [0.3, 0.5, 1.0]}])
-def test_jacobian_is_the_slope_of_the_pose(turned_arm, base):
-    scenario = make_scenario(turned_arm, duration=1.0, base=base)
-    q = np.array([0.3, 0.2, -0.4, 0.7, 0.5])
-    nudge = 1e-3
-    with model_of(scenario, load_robot(turned_arm)) as model:
-        jacobian = model.jacobian(q, "link_5", TIP)
-        for joint in range(5):
-            step = nudge * np.eye(5)[joint]
-            (ahead, turned), (behind, before) = model.pose(q + step, "link_5", TIP), model.pose(q - step, "link_5", TIP)
-            spin = (turned - before) @ model.pose(q, "link_5", TIP)[1].T / (2 * nudge)
-            assert jacobian[:3, joint] == pytest.approx((ahead - behind) / (2 * nudge), abs=3e-4)
-            assert jacobian[3:, joint] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=3e-4)
-
-
-def test_gravity_torques_are_the_slope_of_the_potential(turned_arm):
-    """The potential from the poses of the centres of mass, on a base that is turned."""
-    scenario = make_scenario(turned_arm, duration=1.0, base={"rpy": [0.3, 0.5, 1.0]})
-    robot = load_robot(turned_arm)
-    q = np.array([0.3, 0.2, -0.4, 0.7, 0.5])
-    with model_of(scenario, robot) as model:
-
-        def potential(positions):
-            return sum(
-                9.81 * link.mass * model.pose(positions, link.name, link.centre_of_mass)[0][2]
-                for link in robot.links
-                if link.mass
-            )
-
-        slope = [(potential(q + step) - potential(q - step)) / 2e-3 for step in 1e-3 * np.eye(5)]
-        assert model.gravity_torques(q) == pytest.approx(slope, abs=2e-3)
 
 
 def box_push():

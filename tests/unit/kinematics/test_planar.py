@@ -12,7 +12,7 @@ import pytest
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import PoseTrajectory, follow, plan
-from asrsim.kinematics.trajectory import minimum_jerk
+from asrsim.kinematics.path import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
 
@@ -109,14 +109,6 @@ def test_minimum_jerk_rests_at_both_ends():
     assert speed.max() == pytest.approx(1.875, abs=1e-6)
 
 
-def test_the_trajectory_goes_through_its_waypoints_and_holds():
-    trajectory = PoseTrajectory.through(line((1.0, 0.1, 0.0), (2.0, 0.2, 0.1), (4.0, 0.3, 0.0)), "minimum_jerk")
-    positions, rotations = trajectory.at(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
-    assert rotations is None
-    assert positions[:, 0] == pytest.approx([0.1, 0.1, 0.15, 0.2, 0.25, 0.3, 0.3])
-    assert positions[:, 1] == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.05, 0.0, 0.0])
-
-
 def task(*poses, **changes):
     return CartesianTask(link="tip", poses=line(*poses), **changes)
 
@@ -164,19 +156,6 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
             assert sum(QbMove.elastic_torques(q[index], *motors, drive.elastic)) == pytest.approx(loads[index], abs=1e-11)
     shifts = [planned.references[name]["equilibrium_position"] for name in ("one", "two")] - planned.path.positions.T
     assert np.abs(shifts).max() > 0.1
-
-
-def test_a_load_beyond_the_spring_is_named_with_its_limit():
-    model = Planar2R(weight=(900.0, 100.0))
-    with pytest.raises(ScenarioError, match=r"at 0 s.*cannot hold .* N m.*the most it can hold") as error:
-        plan(
-            task((0.0, 0.35, 0.1), gravity_compensation=True),
-            model,
-            [qbmove("one"), qbmove("two")],
-            initial(elbow(0.35, 0.1)),
-            1.0,
-        )
-    assert error.value.problems[0].key == "task.one"
 
 
 def test_plans_of_motor_reference_modes_give_motor_positions():

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from asrsim.kinematics import PoseTrajectory, follow
-from asrsim.kinematics.trajectory import INTERPOLATIONS
+from asrsim.kinematics.path import INTERPOLATIONS
 from asrsim.robot.poses import roll_pitch_yaw
 from asrsim.scenario.data import CartesianPose
 

@@ -86,7 +86,7 @@ def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
     assert not found.missing
 
 
-def test_topics_are_published_half_as_often_when_the_run_is_behind(tmp_path, monkeypatch):
+def test_topics_are_published_half_as_often_by_late_runs(tmp_path, monkeypatch):
     script = Script()
     monkeypatch.setattr(Pace, "is_behind", lambda pace: script.polls in (50, 60))
     monkeypatch.setattr("asrsim.live.session.TOPICS_SHARE", 0.0)
@@ -308,7 +308,7 @@ def test_ticks_catch_up_and_slip():
     assert now[0] == pytest.approx(1.205)
 
 
-def test_a_run_is_behind_only_if_it_is_late_for_two_seconds():
+def test_a_run_is_late_after_two_seconds_of_lateness():
     now = [0.0]
     pace = Pace(1.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
 
