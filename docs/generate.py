@@ -239,7 +239,7 @@ def save_small(made: Path, shown: Path) -> None:
 
 def main() -> None:
     """Writes all pages and the schema."""
-    from asrsim.scenario.schema import FILE_NAME, schema_text
+    from asrsim.scenario.schema import schema_text
 
     text = PAGES[0].read_text(encoding="utf-8")
     printed = run_example()
@@ -249,7 +249,7 @@ def main() -> None:
             save_small(made, shown)
     for page in PAGES:
         page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
-    (Path(__file__).parent / FILE_NAME).write_text(schema_text(), encoding="utf-8")
+    (Path(__file__).parent / "scenario.schema.json").write_text(schema_text(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -22,12 +22,9 @@ GAUSS = tuple(
 """Nodes and weights of Gauss-Legendre quadrature with twelve points on [0, 1]."""
 
 _ARRAY_MATH: dict[str, Any] = {
-    name: getattr(np, name)
-    for name in (
-        "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "atan2", "asinh", "acosh", "atanh", "exp", "expm1",
-        "log", "log1p", "sqrt", "hypot", "fabs", "copysign", "pow", "floor", "ceil",
-    )
-}  # fmt: skip
+    name: law for name in vars(math) if name != "remainder" and isinstance(law := getattr(np, name, None), np.ufunc)
+}
+"""NumPy's functions by the names of `math`; `remainder` means another function in NumPy."""
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
 
 

@@ -158,7 +158,7 @@ def number(value: object) -> object:
 
 
 def _block(block: ActuatorBlock) -> dict[str, Any]:
-    about = ("actuator", "joint", "mode", "namespace", "sample_time", "line")
+    about = ("actuator", "joint", "mode", "namespace", "line")
     return {
         **{key: getattr(block, key) for key in about},
         "title": ACTUATORS.get(block.actuator).title,

@@ -106,7 +106,7 @@ class Block(Kind[T], Generic[T]):
                 good = good and found is not None
                 if found is not None:
                     arguments.update(found[0] if key.spread else {key.argument: found[0]})
-        # A plain mapping keeps its valid keys.
+        # A block that is read into a plain mapping keeps its valid keys.
         if not good and self.build is not dict:
             raise Rejected
         return self._built(arguments, node, path, reading)

@@ -26,7 +26,7 @@ class Kind(ABC, Generic[T_co]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T_co:
         """Value of the node. Raises Rejected after recording the problems in `reading`.
 
-        Some kinds with parts return the valid parts: the document is valid only if `reading` has no problems.
+        A mapping may be returned without its invalid entries: the document is valid only if `reading` has no problems.
         """
 
     @abstractmethod
@@ -187,6 +187,8 @@ class Integer(Number):
 class Boolean(Kind[bool]):
     """Kind of value: `true` or `false`."""
 
+    text = "true or false"
+
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> bool:
         if not isinstance(node.value, bool):
             raise reading.fault(node, path, "must be true or false", code="type")
@@ -194,10 +196,6 @@ class Boolean(Kind[bool]):
 
     def schema(self) -> Schema:
         return {"type": "boolean"}
-
-    @property
-    def text(self) -> str:
-        return "true or false"
 
 
 @dataclass(frozen=True, kw_only=True)

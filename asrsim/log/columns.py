@@ -1,10 +1,10 @@
-"""Reads columns of numbers from chunks. All rows of a chunk have equal length, so a column is a strided view."""
+"""Reads columns of numbers, and commands, from chunks. All rows of a chunk have equal length, so a column is a strided view."""
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,11 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from asrsim.log.cdr import MessageColumn
+from asrsim.log.commands import COMMAND_TOPIC, decoded
 from asrsim.log.container import COLUMNS_KEY
 from asrsim.log.rows import MESSAGE_HEADER
 from asrsim.log.structure import split_records, stream
-from asrsim.samples import Array
+from asrsim.samples import Array, Command
 
 _TIME = MessageColumn("time")
 
@@ -26,6 +27,7 @@ class ColumnReader:
 
     def __init__(self, channels: Iterable[Channel] = ()) -> None:
         self._columns: dict[int, list[tuple[int, MessageColumn]]] = {}
+        self._commands: set[int] = set()
         for channel in channels:
             self._register(channel)
 
@@ -91,7 +93,21 @@ class ColumnReader:
             row.append((place - 9 - start, length, channel))
         return start, row
 
+    def commands(self, data: bytes) -> Iterator[Command]:
+        """Commands from outside in an uncompressed chunk; they precede its rows."""
+        for opcode, place, length in split_records(data):
+            if opcode == Opcode.CHANNEL:
+                self._register(Channel.read(stream(data[place : place + length])))
+            elif opcode == Opcode.MESSAGE:
+                (channel,) = struct.unpack_from("<H", data, place)
+                if channel in self._columns:
+                    return
+                if channel in self._commands:
+                    yield decoded(data[place - 9 + MESSAGE_HEADER.size : place + length])
+
     def _register(self, channel: Channel) -> None:
+        if channel.topic == COMMAND_TOPIC:
+            self._commands.add(channel.id)
         text = channel.metadata.get(COLUMNS_KEY)
         if text is None:
             return

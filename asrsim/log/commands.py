@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
 from functools import lru_cache
 
-from mcap.opcode import Opcode
-from mcap.records import Channel
-
 from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
-from asrsim.log.rows import MESSAGE_HEADER
-from asrsim.log.structure import split_records, stream
-from asrsim.log.topics import TIME_TOPIC, Topic
+from asrsim.log.topics import Topic
 from asrsim.samples import Command
 
 COMMAND_TOPIC = "/asrsim/commands"
@@ -58,26 +52,3 @@ def decoded(data: bytes) -> Command:
     place += -(place - 4) % 8
     substep, value = struct.unpack_from("<Qd", data, place)
     return Command(substep, texts[1], texts[2], None if math.isnan(value) else value)
-
-
-class CommandReader:
-    """Reader of the commands in chunks, which must be read in order."""
-
-    def __init__(self) -> None:
-        self._commands: set[int] = set()
-        self._rows: set[int] = set()
-
-    def read(self, chunk: bytes) -> Iterator[Command]:
-        """Commands in an uncompressed chunk; they precede its rows."""
-        for opcode, place, length in split_records(chunk):
-            if opcode == Opcode.CHANNEL:
-                channel = Channel.read(stream(chunk[place : place + length]))
-                known = {COMMAND_TOPIC: self._commands, TIME_TOPIC: self._rows}.get(channel.topic)
-                if known is not None:
-                    known.add(channel.id)
-            elif opcode == Opcode.MESSAGE:
-                (number,) = struct.unpack_from("<H", chunk, place)
-                if number in self._rows:
-                    return
-                if number in self._commands:
-                    yield decoded(chunk[place - 9 + MESSAGE_HEADER.size : place + length])

@@ -61,10 +61,7 @@ def info_metadata(info: RunInfo) -> dict[str, str]:
     return {
         "asrsim_version": __version__,
         "log_format": FORMAT,
-        "robot": info.robot,
-        "variant": info.variant,
-        "step": repr(float(info.step)),
-        "log_every": str(info.log_every),
+        **{name: str(getattr(info, name)) for name in ("robot", "variant", "step", "log_every")},
         **info.metadata,
     }
 

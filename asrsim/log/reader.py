@@ -15,7 +15,6 @@ from mcap.exceptions import McapError
 from asrsim.errors import LogError, Problem
 from asrsim.log.cdr import MessageColumn
 from asrsim.log.columns import ColumnReader
-from asrsim.log.commands import CommandReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
 from asrsim.quantities import QUANTITIES
@@ -134,19 +133,14 @@ class LogReader:
             if MessageColumn("time") not in found:
                 continue
             time = found[MessageColumn("time")]
-            chosen = np.arange(len(time))
-            if start is not None or end is not None:
-                low = -np.inf if start is None else start
-                high = np.inf if end is None else end
-                chosen = np.flatnonzero((time >= low) & (time <= high))
-            first, count = chosen[0] if len(chosen) else 0, len(chosen)
+            low, high = -np.inf if start is None else start, np.inf if end is None else end
+            chosen = np.flatnonzero((time >= low) & (time <= high))
             if np.any(np.diff(chosen) != 1):
                 raise corrupt(self.path, f"times decrease near {place.start * 1e-9:g} s")
-            rows = slice(int(first) + skip, int(first) + count, step)
-            taken = len(range(*rows.indices(len(time)))) if skip < count else 0
-            skip += taken * step - count
-            if taken:
-                yield _samples(found, names, members, rows)
+            taken = chosen[skip::step]
+            skip = (skip - len(chosen)) % step
+            if len(taken):
+                yield _samples(found, names, members, slice(int(taken[0]), int(taken[-1]) + 1, step))
 
     def _chunks(
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
@@ -166,8 +160,8 @@ class LogReader:
 
     def commands(self) -> Iterator[Command]:
         """Commands from outside in a live run, in the order in which they took effect. Raises LogError."""
-        finder = CommandReader()
-        for _, commands in self._decoded(self._structure.chunks, lambda data: list(finder.read(data))):
+        reader = ColumnReader(self._structure.channels)
+        for _, commands in self._decoded(self._structure.chunks, lambda data: list(reader.commands(data))):
             yield from commands
 
     def _decoded(self, places: Sequence[ChunkPlace], decode: Callable[[bytes], T]) -> Iterator[tuple[ChunkPlace, T]]:

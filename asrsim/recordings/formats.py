@@ -66,13 +66,11 @@ def content_of(path: Path, reading: Reading) -> Content:
         name = format_of(path)
         reader = READERS.get(name)
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
-        if reading.missing is not None:
-            found = replace(found, tables=tuple(_without(table, reading.missing) for table in found.tables))
-        return replace(found, findings=tuple(replace(one, file=path) for one in found.findings))
-    except RecordingError as error:
-        raise RecordingError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
     except OSError as error:
-        raise RecordingError(f"cannot be read: {error}", file=path, code="no-file") from None
+        raise RecordingError(f"cannot be read: {error}", code="no-file") from None
+    if reading.missing is None:
+        return found
+    return replace(found, tables=tuple(_without(table, reading.missing) for table in found.tables))
 
 
 def _without(table: RawTable, missing: float) -> RawTable:
@@ -115,7 +113,7 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
     try:
         return unpack(run_confined(Path(__file__).with_name("reader_child.py"), request, seconds=SECONDS))
     except ConfinedError as error:
-        raise RecordingError(f"cannot be read: its reader {error}", file=path, code="damaged") from None
+        raise RecordingError(f"cannot be read: its reader {error}", code="damaged") from None
 
 
 def answer_of(request: dict[str, str]) -> bytes:

@@ -79,7 +79,8 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         other = mistaken(path, "recording") if unread else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
         raise RecordingError(problems) from None
-    return replace(content, findings=tuple(replace(one, file=one.file or path) for one in findings)), recording
+    found = tuple(replace(one, file=one.file or path) for one in findings)
+    return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 
 
 def _recording(
@@ -99,7 +100,6 @@ def _recording(
     return Recording(
         path=path, format=content.format, time=max(columns, key=lambda column: len(column.time)).time,
         channels={column.source: column for column in columns}, reading=reading.origin,
-        findings=tuple(replace(one, file=one.file or path) for one in condense(findings)),
     )  # fmt: skip
 
 

@@ -248,12 +248,8 @@ def _encoding(path: Path) -> str:
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if b"\0" in start.rstrip(b"\0"):
-        raise RecordingError(
-            "is not a text file (it contains zero bytes)",
-            file=path,
-            code="binary",
-            hint="Give it the ending of its format",
-        )
+        message = "is not a text file (it contains zero bytes)"
+        raise RecordingError(message, code="binary", hint="Give it the ending of its format")
     try:
         start.decode("utf-8")
     except UnicodeDecodeError as error:

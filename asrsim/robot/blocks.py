@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from typing import Any, Unpack
@@ -13,7 +12,7 @@ from asrsim.errors import Details, did_you_mean, nearest
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
-from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
+from asrsim.robot.tags import BLOCK_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
 from asrsim.robot.values import parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -54,8 +53,7 @@ def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings) -> tuple
             block = ActuatorBlock(
                 actuator=actuator.name, joint=joint or "", mode=mode or 0, namespace=tags.text("namespace"),
                 subscribe_external_torque=external,
-                parameters=tags.parameters(actuator, mode), sample_time=tags.sample_time(),
-                plugin_name=plugin.get("name") or "", line=findings.line(plugin),
+                parameters=tags.parameters(actuator, mode), plugin_name=plugin.get("name") or "", line=findings.line(plugin),
             )  # fmt: skip
             if joint is not None:
                 blocks[joint] = block
@@ -83,13 +81,6 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
         message = "no actuator belongs to this plugin file"
         findings.error(message, plugin, shown, code="unknown-actuator", value=filename, choices=choices, hint=hint)
         return None, {text_of(tag) for tag in tags if tag.tag == "joint"}
-    if name == "qbmove" and given.intersection(FOREIGN_QBMOVE_TAGS):
-        message = (
-            "this block is for another plugin of the same file name (l1va/qbmove_ros: it has <command_topic> or <pos_topic>); "
-            "it is not simulated"
-        )
-        findings.warn(message, plugin, shown, code="foreign-dialect")
-        return None, set()
     if reference:
         message = f"this block is inside <gazebo reference='{reference}'>, where Gazebo loads no actuator; it is not simulated"
         findings.warn(message, plugin, shown, code="plugin-in-reference", hint="Remove the reference attribute")
@@ -177,16 +168,6 @@ class _Tags:
         if value is None and name in self.by_name:
             self.error("must be true or false", name, code="not-a-boolean", choices=tuple(_BOOLEANS))
         return bool(value)
-
-    def sample_time(self) -> float | None:
-        """Sampling time, s; None if the tag is absent."""
-        if "t_sample" not in self.by_name:
-            return None
-        value = self.number("t_sample")
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            self.error("must be larger than 0 s", "t_sample", code="out-of-range")
-            return None
-        return value
 
     def parameters(self, actuator: type[Actuator], mode: int | None) -> dict[str, ParameterValue]:
         """All parameters of the actuator by name, with defaults for missing tags."""

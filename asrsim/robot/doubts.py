@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Details, Problem, did_you_mean
-from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.poses import link_poses
 from asrsim.robot.structure import EMPTY_LIMIT
 from asrsim.robot.values import has_spring
@@ -40,13 +40,11 @@ def robot_doubts(robot: Robot) -> Iterator[Problem]:
         yield from check(robot)
     for block in robot.actuators:
         for doubt in block_doubts(block, robot.joint(block.joint)):
-            tags = [parameter.tag for parameter in doubt.parameters]
-            line = doubt.parameters[0].line if tags else block.line
+            set_by = [block.parameters[name] for name in (doubt.key or "").split(", ") if name]
+            line = set_by[0].line if set_by else block.line
             name = block.plugin_name or block.joint
-            key = f"{name}.{', '.join(tags)}" if tags else name
-            yield Problem(
-                doubt.message, code=doubt.code, file=robot.path, line=line, key=key, value=doubt.value, hint=doubt.hint
-            )
+            key = f"{name}.{', '.join(parameter.tag for parameter in set_by)}" if set_by else name
+            yield replace(doubt, file=robot.path, line=line, key=key)
 
 
 # -- links and joints --------------------------------------------------------------------------------------------------
@@ -152,73 +150,60 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
 # -- actuators ---------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class Doubt:
-    """A probable mistake in an actuator's parameters or its joint."""
+def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
+    """Warnings about one actuator. The key of a warning names its parameters, separated by commas; None: the whole actuator.
 
-    message: str
-    code: str
-    value: str | None = None
-    hint: str | None = None
-    parameters: tuple[ParameterValue, ...] = ()
-    """Parameters with the problem; empty: the problem is about the whole actuator."""
-
-
-def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Doubt, ...]:
-    """Warnings about one actuator. Parameters with the same warning, such as those of two motors, share it."""
-    merged: dict[tuple[str, str], Doubt] = {}
+    Parameters with the same warning, such as those of two motors, share it.
+    """
+    merged: dict[tuple[str, str], Problem] = {}
     for check in BLOCK_CHECKS:
         for doubt in check(block, joint):
             first = merged.setdefault((doubt.message, doubt.code), doubt)
             if first is not doubt:
-                merged[doubt.message, doubt.code] = replace(first, parameters=(*first.parameters, *doubt.parameters))
+                merged[doubt.message, doubt.code] = replace(first, key=f"{first.key}, {doubt.key}")
     return tuple(merged.values())
 
 
-def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
+def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     if joint.kind == "prismatic":
-        yield Doubt(message="the joint is prismatic: the actuator's rad and N m are taken as m and N", code="prismatic-joint")
+        yield Problem("the joint is prismatic: the actuator's rad and N m are taken as m and N", code="prismatic-joint")
     if joint.effort is None:
-        yield Doubt(message="the joint has no effort limit: torques are not clipped", code="no-effort-limit")
+        yield Problem("the joint has no effort limit: torques are not clipped", code="no-effort-limit")
     elif joint.effort == 0.0:
         message = "the joint's effort limit is 0: every torque is clipped to nothing"
-        yield Doubt(message=message, code="zero-effort-limit", hint=EMPTY_LIMIT)
+        yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
     if MODES[block.mode].spring and not has_spring(block):
-        yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+        yield Problem("the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
 
 
-def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
+def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     """Warnings about single parameters that the file sets."""
     mode, values = MODES[block.mode], block.values()
     for declared in ACTUATORS.get(block.actuator).all_parameters():
         name, parameter = declared.name, block.parameters[declared.name]
         value = parameter.value
-
-        def doubt(message: str, *, code: str, value: str | None = None, parameter: ParameterValue = parameter) -> Doubt:
-            return Doubt(message=message, code=code, value=value, parameters=(parameter,))
-
         if parameter.origin not in ("tag", "scenario"):
             continue
         if declared.unused:
-            yield doubt(f"has no effect: {declared.unused}", code="unused-tag")
+            yield Problem(f"has no effect: {declared.unused}", key=name, code="unused-tag")
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and value < 0.0:
-            yield doubt("a negative gain drives away from the reference", code="negative-gain", value=f"{value:g}")
+            yield Problem("a negative gain drives away from the reference", key=name, code="negative-gain", value=f"{value:g}")
         if declared.optional and values.get(declared.needs, 1.0) <= 0.0:
-            yield doubt(f"has no effect without {declared.needs}", code="no-effect", value=f"{value:g}")
+            yield Problem(f"has no effect without {declared.needs}", key=name, code="no-effect", value=f"{value:g}")
         motor = name[: len("motor_1")]
         friction, largest = f"{motor}_friction_torque", f"{motor}_max_torque"
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
             message = "the motor's friction is at least its largest torque: it never turns"
-            yield doubt(message, code="stuck-motor", value=f"{values[friction]:g} N m")
+            yield Problem(message, key=name, code="stuck-motor", value=f"{values[friction]:g} N m")
         # Usual values in N m/rad do not apply to values in N/m.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
         ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:
             unit = "" if declared.unit == "1" else f" {declared.unit}"
-            yield doubt(f"is {ratio:.1g} times the usual {usual:g}{unit}", code="unusual-value", value=f"{value:g}")
+            yield Problem(f"is {ratio:.1g} times the usual {usual:g}{unit}", key=name, code="unusual-value", value=f"{value:g}")
 
 
-def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:
+def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
     """Warning about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
     mode = MODES[block.mode]
     differing = []
@@ -227,7 +212,7 @@ def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:
         if other is not None and value.origin == "tag" and other.origin != "tag" and other.value != value.value:
             differing.append(f"<{value.tag}> {value.value:g} but {other.tag} {other.value:g}")
     if differing:
-        yield Doubt(message=f"motor 2 keeps the default gains: {'; '.join(differing)}", code="one-controller-set")
+        yield Problem(f"motor 2 keeps the default gains: {'; '.join(differing)}", code="one-controller-set")
 
 
-BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Doubt]], ...] = (_of_joint, _of_parameters, _one_controller)
+BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (_of_joint, _of_parameters, _one_controller)

@@ -48,8 +48,6 @@ class ActuatorBlock:
     mode: int
     namespace: str = ""
     subscribe_external_torque: bool = False
-    sample_time: float | None = None
-    """Sampling time, s, from the tag `<t_sample>` of the toolbox's later dialect; unused, as the scenario sets the step."""
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     """All parameters of the actuator by name, with defaults."""
     plugin_name: str = ""

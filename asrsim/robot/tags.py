@@ -73,9 +73,6 @@ REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_t
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 """Tags that are not numbers of the actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
 
-FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
-"""Tags by which the older plugin with the same file name is recognised (l1va/qbmove_ros)."""
-
 
 def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""

@@ -467,15 +467,13 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class AnyData(Kind[Any]):
     """Kind of value: plain data that another module validates."""
 
+    text = "anything"
+
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         return node.plain()
 
     def schema(self) -> Schema:
         return {}
-
-    @property
-    def text(self) -> str:
-        return "anything"
 
 
 @dataclass(frozen=True, kw_only=True)

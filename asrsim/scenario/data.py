@@ -36,6 +36,7 @@ from asrsim.scenario.blocks import (
     RPY,
     SIGNALS_BY_JOINT,
     WORLD,
+    AnyData,
     CartesianPose,
     CartesianTask,
     Effects,
@@ -322,9 +323,7 @@ SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_emp
 """Block of one variant."""
 
 VARIANT: Block[Keys] = Block(
-    keys=tuple(
-        replace(key, default=None if key.required else key.default) for key in KEYS if key.name not in ("name", "variant")
-    ),
+    keys=tuple(replace(key, kind=AnyData(), default=None, spread=False) for key in KEYS if key.name not in ("name", "variant")),
     build=dict,
     noun="keys that differ",
 )

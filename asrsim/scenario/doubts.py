@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,9 +46,8 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     for block in changed.actuators:
         for doubt in block_doubts(block, changed.joint(block.joint)):
             if (block.joint, doubt.message) not in earlier:
-                names = ", ".join(parameter.name for parameter in doubt.parameters)
-                key = f"parameters.{block.joint}{'.' if names else ''}{names}"
-                yield Problem(doubt.message, key=key, value=doubt.value, hint=doubt.hint, code=doubt.code)
+                key = f"parameters.{block.joint}.{doubt.key}" if doubt.key else f"parameters.{block.joint}"
+                yield replace(doubt, key=key)
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------

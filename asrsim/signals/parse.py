@@ -24,6 +24,8 @@ _OTHER_WORDS = {
 class SignalKind(Kind[Signal]):
     """Kind of value: a signal in a document."""
 
+    text = "signal"
+
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Signal:
         from asrsim.signals import SIGNALS
         from asrsim.signals.pieces import Constant
@@ -61,10 +63,6 @@ class SignalKind(Kind[Signal]):
 
     def schema(self) -> Schema:
         return {"$ref": "#/$defs/signal"}
-
-    @property
-    def text(self) -> str:
-        return "signal"
 
     def merge(self, base: Node, over: Node) -> Node:
         """Signal of `base` with the keys of `over`, if both have the same kind; otherwise `over`."""

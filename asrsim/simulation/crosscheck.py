@@ -78,11 +78,8 @@ def cross_check(
     for chunk in chunks:
         logged.write(chunk)
     try:
-        comparison = Comparison(same, [logged.motion], keep=False)
-        again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
+        again, found = _differences(replace(same, engine=other), logged.motion, robot, progress and partial(progress, other))
         version = again.info.metadata["engine_version"]
-        if comparison.differences:
-            (found,) = comparison.differences
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -127,21 +124,21 @@ def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progres
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
+    moved, found = _differences(replace(scenario, initial_positions=nudged), logged, known, progress)
+    return math.inf if moved.status == "diverged" else float(found[0, 0].max())
+
+
+def _differences(
+    scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None
+) -> tuple[Run, Array]:
+    """A further run of the scenario, and its differences from the logged motion (see `Comparison.differences`). If the run
+    diverges, the part before the divergence."""
     comparison = Comparison(scenario, [logged], keep=False)
-    moved = _run(replace(scenario, initial_positions=nudged), known, comparison, progress)
-    if moved.status == "diverged" or not comparison.differences:
-        return math.inf
-    return float(comparison.differences[0][0, 0].max())
-
-
-def _run(
-    scenario: Scenario, robot: Robot | None, comparison: Comparison, progress: Callable[[float], None] | None
-) -> Run:  # fmt: skip
-    """A further run of the scenario; if the run diverges, the part before the divergence."""
     try:
-        return simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
+        run = simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:
-        return error.run  # type: ignore[return-value]
+        run = error.run  # type: ignore[assignment]
+    return run, comparison.differences[0] if comparison.differences else np.full((2, *logged.shape[1:]), np.nan)
 
 
 def _size(value: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -56,12 +57,16 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         falls = not scenario.fixed_base and scenario.world.empty
         return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
 
+    @cache
+    def pull(j: int, position: float) -> float:
+        return link_torque(drives[j], position, goals[j])
+
     def balance(positions: Array) -> Array:
         """Residual torque of each joint (joints,) in N m."""
-        held = external - weight(positions)
+        residual = external - weight(positions)
         for j in sprung:
-            held[j] += link_torque(drives[j], float(positions[j]), goals[j])
-        return np.asarray(held)
+            residual[j] += pull(j, float(positions[j]))
+        return np.asarray(residual)
 
     def unbalanced(left: Array) -> list[int]:
         """Joints that are not in equilibrium. A joint that is pressed onto its stop is in equilibrium."""
@@ -73,13 +78,10 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         if not free:
             break
         slopes = np.empty((len(free), len(free)))
-        here = weight(q)
         for column, j in enumerate(free):
             moved = q.copy()
             moved[j] += NUDGE
-            slopes[:, column] = (here - weight(moved))[free] / NUDGE
-            own = [link_torque(drives[j], float(place), goals[j]) for place in (q[j], moved[j])]
-            slopes[column, column] += (own[1] - own[0]) / NUDGE
+            slopes[:, column] = (balance(moved) - left)[free] / NUDGE
         stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
         if np.abs(left[free]).max() < BALANCED:
             if stiffness[0] > -FLAT:

@@ -56,6 +56,8 @@ def axis_of(name: str, value: Any) -> Axis:
 class _Law(AnyData):
     """Values of a key; see `asrsim.sweeps.laws`."""
 
+    text = ", ".join(f"`{form}`" for form in FORMS)
+
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         try:
             law_of(node.plain(), path[-1])
@@ -63,10 +65,6 @@ class _Law(AnyData):
             problem = error.problems[0]
             raise reading.fault(node, path, problem.message, choices=problem.choices, hint=problem.hint) from None
         return node.plain()
-
-    @property
-    def text(self) -> str:
-        return ", ".join(f"`{form}`" for form in FORMS)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -74,12 +74,17 @@ class Mismatch:
         self._rows += self._shares * (values - self._rows)
         return np.asarray(self._rows[:, -1] - (self._rows[:, 1:-2] * self._found).sum(axis=1))
 
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """Whether each link moves."""
+        return np.asarray(np.abs(self._rows[0, 0]) > SLOWEST)
+
     def learn(self, free: NDArray[np.bool_]) -> None:
         """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may
         have any value.
         """
-        velocity, rows = self._rows[0, 0], self._rows[0, 1:].T
-        gain = (free & (np.abs(velocity) > SLOWEST)).astype(float)[:, None, None]
+        rows = self._rows[0, 1:].T
+        gain = (free & self.moves).astype(float)[:, None, None]
         self._products += gain * (rows[:, :, None] * rows[:, None, :] - self._interval / MEMORY * self._products)
         size = np.sqrt(np.einsum("jii->ji", self._products)) + 1e-12
         correlations = self._products / size[:, :, None] / size[:, None, :]

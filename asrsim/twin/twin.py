@@ -29,8 +29,10 @@ TOLERANCE, UNLEARNED = 0.08, 0.6
 """Alarm threshold for errors of the model, as a fraction of the springs' largest recent torque: after the mismatch of the model
 was estimated, and before.
 """
-FRICTION = 0.5
-"""Alarm threshold for errors of the friction, as a fraction of the friction."""
+FRICTION, STICKING = 0.5, 2.0
+"""Alarm threshold for errors of the friction, as a multiple of the friction: in motion, and at rest, where the frictions of
+robot and twin may have opposite signs.
+"""
 RELEASE = 0.7
 """An alarm ends when the torque falls below this fraction of the alarm threshold."""
 PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
@@ -112,9 +114,10 @@ class Twin:
         self.joints, self._drives = self.worlds.joints, ready.drives
         shape = n, _ = len(self.joints), len(self._starts)
         self._springs = [name for name in self.worlds.selection.names if name.startswith("elastic_torque_")]
-        self._friction = FRICTION * np.array(
+        self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
+        self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._observer = Observer(shape[::-1], step=step, bandwidth=bandwidth)
         self._noise_gain = noise_gain(step, bandwidth)
         self._mismatch = Mismatch(n, step=step, bandwidth=bandwidth, interval=EVERY)
@@ -146,9 +149,11 @@ class Twin:
             for reference, value in given.items():
                 self._command(joint, reference, value, notes)
         lost = self._missing * self._step > LONGEST_GAP
+        self._measure_noise(positions, notes)
+        # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
+        positions = np.clip(positions, *self._stops)
         if self._steps == 0 or (lost & np.isfinite(positions)).any():
             self._place(positions)
-        self._measure_noise(positions, notes)
         state = self._corrected(positions, notes)
         error = positions - state.link_position
         torques = self._pull(error, state.link_position[0])
@@ -187,7 +192,7 @@ class Twin:
         links, motors = {}, {}
         for j, (drive, position) in enumerate(zip(self._drives, positions.tolist(), strict=True)):
             if math.isfinite(position):
-                links[drive.name] = float(np.clip(position, *drive.joint.stops))
+                links[drive.name] = position
             if drive.drive is not None and drive.drive.mode.motor and drive.drive.mode.controller:
                 own = np.nan_to_num([*(values[0, j] for values in references.values()), 0.0])
                 motors[drive.name] = drive.goals(own[:, None])[: drive.dynamic_motors, 0].tolist()
@@ -245,8 +250,9 @@ class Twin:
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
         noise = self._noise_gain * np.sqrt(self._masses**2 @ self._variance)
         tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
+        friction = self._friction * np.where(self._mismatch.moves, FRICTION, STICKING)
         # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
-        threshold = np.hypot(SIGMAS * noise, tolerance * self._peak + self._friction)
+        threshold = np.hypot(SIGMAS * noise, tolerance * self._peak + friction)
         measured, ready = error == error, self._steps >= self._settled
         slow, fast = external
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready

@@ -68,7 +68,7 @@ def test_tables_of_examples_fit_80_columns(scenario, asrsim_command):
     assert max(map(len, rules)) <= 80
 
 
-def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsim_command):
+def test_json_output_equals_the_summary_file(tiny, asrsim_command):
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json", "--set", "duration=0.3")
     document = json.loads(outcome.out)
     assert outcome.err == ""
@@ -112,7 +112,7 @@ def test_invalid_variant_is_named_and_ends_the_command(tiny, asrsim_command):
     assert not log_of(tiny, "c").exists()
 
 
-def test_a_failed_claim_does_not_keep_the_other_variants_from_running(tiny, asrsim_command):
+def test_other_variants_run_after_a_failed_claim(tiny, asrsim_command):
     claim = "{variant: a, joint: elbow, quantity: link_position, measure: final, comparison: '>', value: 9}"
     tiny.scenario.write_text(tiny.scenario.read_text() + f"variants: {{a: {{}}, b: {{}}}}\nexpect: [{claim}]\n")
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json")
@@ -206,7 +206,7 @@ def test_divergence_ends_with_joint_and_time(tiny, asrsim_command):
     assert "elbow" in summary["message"]
 
 
-def test_ctrl_c_before_the_first_step_ends_the_command_at_once():
+def test_ctrl_c_during_compilation_ends_the_command():
     """During compilation nothing polls `stop`, so the signal ends the command. After the first poll, the run handles it."""
     from asrsim.cli.interrupt import Interruption
 
@@ -244,7 +244,7 @@ def test_interrupts_end_with_a_message_at_any_time(tiny, place):
         assert (done.returncode, done.stderr) == (130, "asrsim: aborted\n")
 
 
-def test_a_full_disk_ends_with_one_error_and_a_readable_log(tiny):
+def test_a_full_disk_gives_one_error_and_a_readable_log(tiny):
     def little_room():
         resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
 

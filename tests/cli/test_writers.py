@@ -124,7 +124,7 @@ def test_folders_and_files_are_not_interchanged(place, asrsim_command, arguments
     assert said in " ".join(outcome.err.split())
 
 
-def test_a_run_does_not_replace_the_log_that_it_compares_with(place, asrsim_command):
+def test_a_run_keeps_the_log_that_it_is_compared_with(place, asrsim_command):
     what = "quantity: link_position, measure: rmse, value: 0, tolerance: 1, against: made/log.mcap"
     claim = f"\nexpect:\n  - {{joint: elbow, {what}}}\n"
     (place / "step.yaml").write_text((place / "step.yaml").read_text() + claim)
@@ -175,7 +175,7 @@ def test_a_signal_ends_a_run_with_a_readable_log(place):
     assert (summary["status"], summary["samples"]) == ("interrupted", len(log.samples.time))
 
 
-def test_a_killed_run_leaves_no_lock_the_earlier_result_and_a_log_to_repeat(place, asrsim_command):
+def test_a_killed_run_leaves_a_repeatable_log_and_no_lock(place, asrsim_command):
     assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "long", "--no-plot").code == 0
     before = (place / "long/log.mcap").read_bytes()
     # A kill during the first chunk (576 kB) would leave no samples.

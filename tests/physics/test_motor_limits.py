@@ -80,7 +80,7 @@ def test_motor_leaves_its_stop_by_its_equation_of_motion(friction: float, stop: 
     assert column(result, "motor_1_position")[-1] == pytest.approx(there, abs=1e-5)
 
 
-def test_the_summary_counts_the_steps_of_a_motor_at_its_stop() -> None:
+def test_the_summary_counts_steps_of_a_motor_at_its_stop() -> None:
     result = drive(
         mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": 0.3, "spring_k": 20.0},

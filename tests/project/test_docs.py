@@ -161,7 +161,7 @@ def test_commands_run_as_they_are_printed(page, asrsim_command):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_a_summary_an_example_and_help_for_its_options(name):
+def test_commands_have_a_summary_an_example_and_help_for_options(name):
     command = COMMANDS[name]
     assert f"Example: asrsim {name}" in command.help
     assert command.help.split("\n\n")[0].endswith(".")

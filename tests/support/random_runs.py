@@ -180,12 +180,11 @@ def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
         ends = {"torque_constant": (0.02, 0.06), "gear_ratio": (20.0, 60.0), "max_current": (1.0, 4.0)}
         if volts:
             ends |= {"resistance": (1.0, 4.0), "max_voltage": (4.0, 12.0)}
+        parameters |= _drawn(source, ends, f"motor_{i}_")
         if mode in (5, 6):
             # The gains are in volts or amperes. Some are so high that motors reach their limits.
-            ends |= {f"proportional of {i}": (10.0, 40.0), f"integral of {i}": (0.0, 60.0), f"derivative of {i}": (0.2, 1.5)}
-        for name, pair in ends.items():
-            part = f"controller_{i}_{name.split()[0]}" if " " in name else f"motor_{i}_{name}"
-            parameters[part] = float(source.uniform(*pair))
+            gains = {"proportional": (10.0, 40.0), "integral": (0.0, 60.0), "derivative": (0.2, 1.5)}
+            parameters |= _drawn(source, gains, f"controller_{i}_")
     if count and source.random() < 0.5:
         parameters |= {"hysteresis_torque": float(source.uniform(0.05, 0.4)), "hysteresis_deflection": 0.1}
     if count and source.random() < 0.5:
@@ -196,6 +195,11 @@ def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
     if source.random() < 0.3:
         changes["constant_damping"] = float(source.uniform(0.02, 0.2))
     return replace(joint, parameters=parameters, mode=mode, **changes)
+
+
+def _drawn(source: np.random.Generator, ends: dict[str, tuple[float, float]], prefix: str = "") -> dict[str, float]:
+    """Random number between the ends for each name."""
+    return {prefix + name: float(source.uniform(*pair)) for name, pair in ends.items()}
 
 
 def _limits(text: str, joint: JointSpec) -> str:
@@ -237,22 +241,22 @@ def _joint(
     mode = int(source.integers(0, 7))
     if source.random() < passive:
         return JointSpec(**plain)
-    parameters = {key: float(source.uniform(*ends)) for key, ends in SPRINGS[actuator].items()} if mode > 1 else {}
+    parameters = _drawn(source, SPRINGS[actuator]) if mode > 1 else {}
     motors = {"sea": 1, "awas_ii": 1}.get(actuator, 2)
     if mode == 1:
         gains = {"proportional": (5.0, 20.0), "integral": (0.0, 30.0), "derivative": (0.0, 1.0)}
-        parameters |= {f"controller_1_{key}": float(source.uniform(*ends)) for key, ends in gains.items()}
+        parameters |= _drawn(source, gains, "controller_1_")
     if mode > 3:
         for i in range(1, motors + 1):
             ends = {
                 "inertia": (0.01, 0.03), "damping": (0.0, 0.4), "max_torque": (5.0, 9.0),
                 "friction_torque": (0.05, 0.2) if friction else (0.0, 0.0),
             }  # fmt: skip
-            parameters |= {f"motor_{i}_{key}": float(source.uniform(*pair)) for key, pair in ends.items()}
+            parameters |= _drawn(source, ends, f"motor_{i}_")
             parameters[f"motor_{i}_max_velocity"] = 1e3
             if mode > 4:
                 gains = {"proportional": (20.0, 80.0), "integral": (0.0, 100.0), "derivative": (0.5, 3.0)}
-                parameters |= {f"controller_{i}_{key}": float(source.uniform(*ends)) for key, ends in gains.items()}
+                parameters |= _drawn(source, gains, f"controller_{i}_")
     start, preset = plain["start"], PRESETS[actuator]
     first = _wave(source, 1.0, times) if mode in (0, 4) else _wave(source, 0.3, times, start)
     if actuator == "awas_ii":

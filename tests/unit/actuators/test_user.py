@@ -258,7 +258,7 @@ def test_each_fault_is_found_by_its_check(failed: str, laws: dict[str, Callable[
     assert check.detail
 
 
-def test_init_of_a_user_s_actuator_prints_a_command_that_runs(tmp_path, asrsim_command):
+def test_the_command_printed_by_init_for_a_plugin_runs(tmp_path, asrsim_command):
     law = shutil.copy(EXAMPLE, tmp_path)
     robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
     said = asrsim_command("init", robot, "--actuator", "my_vsa", "--plugin", law, "--out", "arm.yaml").out

@@ -31,14 +31,14 @@ def found(tmp_path_factory):
     return design(SEA, path, variant="soft", free=FREE, seconds=2.0, rounds=1)
 
 
-def test_information_of_a_bench_spring_is_the_sum_of_squared_torques(limits):
+def test_information_about_a_spring_is_the_sum_of_squared_torques(limits):
     path = limits("limits: {joint_1: {link_position: 0.5}}\nnoise: {elastic_torque_1: 0.05}\n")
     found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], seconds=1.0, rounds=0)
     torque = 200.0 * found.found.motion[0]
     assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / 0.05**2, rel=1e-4)
 
 
-def test_intervals_are_smaller_than_those_of_one_step_and_a_chirp(found):
+def test_intervals_are_smaller_than_with_a_step_or_a_chirp(found):
     assert set(found.intervals) == {"design", "one step", "chirp"}
     mean = {name: np.exp(np.log(halves).mean()) for name, halves in found.intervals.items()}
     assert mean["design"] < min(mean["one step"], mean["chirp"])
@@ -53,7 +53,7 @@ def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
     assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
 
 
-def test_promised_interval_agrees_with_runs_that_differ_by_a_small_share(limits, tmp_path):
+def test_promised_interval_agrees_with_finite_differences_of_runs(limits, tmp_path):
     """A sticking SEA, one number free: slopes from two runs of the written scenario, 6e-4 apart."""
     robot = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
     text = f"robot: {robot}\nduration: 1\nactuators: {{joint_1: {{type: sea, mode: 6}}}}\ninitial: equilibrium\n"
@@ -120,7 +120,7 @@ def test_impossible_designs_are_refused_with_the_reason(limits, text, options, s
         design(SEA, limits(text), **{"variant": "soft", "free": FREE, **options})
 
 
-def test_a_start_beyond_a_limit_is_named_with_quantity_and_cure(limits):
+def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
     """Motors that begin away from their presets need more torque than the limit at once."""
     robot = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
     scenario = limits(f"robot: {robot}\nduration: 1\nmodes: 6\nreferences: {{joint_1: {{stiffness_preset: 0.3}}}}\n")

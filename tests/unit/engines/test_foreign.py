@@ -106,7 +106,7 @@ os.write(1, b" again")
 """
 
 
-def test_an_engine_may_end_and_a_user_interrupt_at_any_moment() -> None:
+def test_engines_and_interrupts_may_end_a_call_at_any_time() -> None:
     """The collector ends what nobody holds any more, in the middle of anything: that waits for nobody, and no word is lost."""
     done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=20, check=True)
     assert done.stdout == "heard;told again"

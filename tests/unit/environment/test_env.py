@@ -51,7 +51,7 @@ def test_the_checker_of_gymnasium_finds_nothing(scenario):
 
 
 @pytest.mark.parametrize("options", [{}, {"randomise": RANDOM, "initial": {"joint_1": "uniform(-0.5, 0.5)"}}])
-def test_equal_seeds_equal_bits_and_a_reset_is_a_fresh_start(scenario, options):
+def test_equal_seeds_give_equal_bits_after_each_reset(scenario, options):
     env, other = make_env(scenario, **options), make_env(scenario, **options)
     first = rollout(env, 1)
     rollout(env, 2)

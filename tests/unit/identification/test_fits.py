@@ -58,7 +58,7 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
 
 
-def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
+def test_ratios_are_named_where_single_parameters_are_unidentifiable(lab):
     # Without torques, stiffness, inertia and damping are known up to a common factor.
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
     assert [one.verdict for one in result.estimates] == ["only as ratio"] * 3
@@ -75,7 +75,7 @@ def test_what_has_no_effect_is_told_with_its_reason(lab):
     assert (one.verdict, one.reason) == ("no effect", "no compared channel depends on it in mode 3 (SpringEqPres)")
 
 
-def test_an_inertia_that_the_recording_has_not_is_said_to_vanish(tmp_path):
+def test_an_inertia_without_effect_is_reported(tmp_path):
     light = {**SEA, "damping": 0.5, "izz": 2e-5}
     recording = record(write(tmp_path, "true", light, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     izz = identify(write(tmp_path, "lab", {**light, "izz": 0.009}), [recording], free=["link_1.izz"]).find("link_1.izz")
@@ -215,7 +215,7 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
 
 
 @pytest.mark.parametrize("every", [2, 10])
-def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(tmp_path, every):
+def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     """Delays of commands too, which are no numbers of the robot; and what commands are between coarse samples."""
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     (tmp_path / "data").mkdir()
@@ -232,7 +232,7 @@ def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(t
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
 
 
-def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_path):
+def test_a_sweep_over_a_fit_runs_the_fitted_robot(lab, fitted, tmp_path):
     """With what is tied, and with the moments of inertia that a larger one asks for."""
     ties = (
         Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
@@ -272,7 +272,7 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
 
 
-def test_what_is_said_beside_a_fit_file_is_added_to_it_or_stands_in_its_place(lab, tmp_path):
+def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path):
     path, default = tmp_path / "fit.yaml", task_of(lab / "lab.yaml", [lab / "a.csv"])
     path.write_text(
         f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nstarts: 3\n"
@@ -297,7 +297,7 @@ def test_what_is_said_beside_a_fit_file_is_added_to_it_or_stands_in_its_place(la
     assert (task.ties, task.free["joint_1.damping"].own) == ((Tie(key="joint_1.friction", to="joint_1.damping"),), True)
 
 
-def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
+def test_a_preview_judges_parameters_that_start_at_their_bound(lab):
     free = {"joint_1.damping": 0.0, "joint_1.reference_1.delay": 0.0}
     checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
     assert [one.value for one in checked.estimates] == [0.0, 0.0]
@@ -349,7 +349,7 @@ def test_a_judgement_ends_at_the_wish_to_stop(lab, stage):
     assert len(result.estimates) == 2
 
 
-def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
+def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     told = []
     task = task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
     result = identify(task, seconds=1e-3, progress=told.append)
@@ -370,7 +370,7 @@ def test_progress_tells_a_time_that_remains(lab, monkeypatch):
 
 
 @pytest.mark.parametrize("factor", [8.0, 0.125])
-def test_a_swing_of_little_damping_is_found_from_a_stiffness_eight_times_off(tmp_path, factor):
+def test_a_weakly_damped_swing_is_fitted_from_a_distant_stiffness(tmp_path, factor):
     numbers = {**SEA, "damping": 0.002, "mode": 2, "tags": "<spring_k>20.0</spring_k>"}
     true = write(tmp_path, "true", numbers, "{reference_1: {step: {at: 0.1, from: 0, to: 0.3}}}", duration=4.0)
     # In steps of 1 ms the simulated swing itself is off by more than the interval.
@@ -403,7 +403,7 @@ def test_a_tie_that_is_none_is_suspected_and_no_offset(tmp_path):
 
 
 @pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash is missing")])
-def test_a_spring_that_softens_or_has_backlash_is_rejected_on_the_bench(tmp_path, width, cause):
+def test_softening_and_backlash_are_detected_on_the_bench(tmp_path, width, cause):
     time = np.arange(0.0, 4.0, 0.01)
     deflection = np.linspace(-0.02, 0.02, 20001)
     soft = 1.5 * np.tanh(deflection / 1e-3) if not width else -1099.9 * np.clip(deflection, -0.5 * width, 0.5 * width)

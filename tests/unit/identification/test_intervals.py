@@ -37,7 +37,7 @@ def linear(slopes: np.ndarray, left: float | np.ndarray = 0.0, corner: float | n
     return modelled(lambda x: slopes @ x + left + np.abs(bent @ x), n, len(slopes))
 
 
-def test_a_null_is_one_though_a_column_was_taken_across_a_corner():
+def test_a_null_direction_is_found_despite_a_corner():
     time = np.linspace(0.0, 1.0, 200)
     shown = np.stack([np.sin(7.0 * time), time], axis=1) * 1e4
     # Two entries that show in their sum only, and one that shows by itself.
@@ -69,7 +69,7 @@ def test_differences_are_never_taken_beyond_bounds():
     np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 2.0 * x.sum(), atol=1e-9)
 
 
-def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
+def test_white_noise_gives_the_deviation_of_least_squares():
     """sqrt(r'r / (m - n) diag(A'A)^-1), and 1.96 of it, where blocks tell nothing else."""
     generator = np.random.default_rng(2)
     slopes = generator.normal(size=(60, 4))
@@ -84,7 +84,7 @@ def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
 
 
 @pytest.mark.parametrize(("memory", "quantum"), [(0.0, 0.0), (0.9, 0.0), (0.97, 0.0), (0.0, 4.0)])
-def test_95_percent_intervals_of_a_linear_model_hold_the_truth_under_any_noise(memory: float, quantum: float) -> None:
+def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory: float, quantum: float) -> None:
     """Noise of an autoregression, or an encoder's steps over a slow motion: in 90 to 98 % of 100 draws of 4 numbers."""
     generator, time, hits = np.random.default_rng(7), np.linspace(0.0, 1.0, 1500), []
     slopes = np.stack([np.sin(9.0 * time), np.cos(23.0 * time), time, np.sign(np.sin(14.0 * time))], axis=1)
@@ -152,7 +152,7 @@ def positive(key: str, start: float, unit: str = "") -> Parameter:
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (2.0, 30.0, 5.0)])
 @pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0)])
-def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_sizes(values, powers):
+def test_an_identifiable_product_of_three_parameters_is_found(values, powers):
     (one,) = known([positive(key, value) for key, value in zip("abc", values, strict=True)], powers)
     assert sorted(one.keys) == [0, 1, 2]
     factors = re.findall(r"(^| \* | / )([abc])(?:\^([\d.]+))?", one.text)
@@ -183,7 +183,7 @@ def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -
 
 
 @pytest.mark.parametrize(("unit", "text", "value"), [("kg", "a + b", 3.0), ("1", "a * b", 2.25), ("m", "a * b", 2.25)])
-def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, text: str, value: float) -> None:
+def test_equal_changes_give_sums_of_masses_and_products_of_gains(unit: str, text: str, value: float) -> None:
     (one,) = known([positive(key, 1.5, unit) for key in "ab"], (1.0, 1.0))
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
 
@@ -226,7 +226,7 @@ def test_where_a_joint_sticks_nothing_is_known_that_is_not():
 
 
 @pytest.mark.parametrize("met", [True, False])
-def test_what_is_at_its_bound_leaves_others_as_open_as_it_is_itself(met: bool):
+def test_a_parameter_at_its_bound_leaves_others_uncertain(met: bool):
     generator = np.random.default_rng(0)
     slopes = generator.normal(size=(200, 2)) @ [[1.0, 0.9], [0.0, 0.4]]
     found = uncertainty(linear(slopes), np.zeros(2), [met, False], foreseen=True)
@@ -262,7 +262,7 @@ def test_noise_however_coloured_asks_for_no_extension(memory: float) -> None:
 
 
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])
-def test_a_fast_motion_never_stands_still_on_the_steps_of_its_encoder(noise: float, told: bool) -> None:
+def test_fast_motions_show_no_plateaus_of_the_encoder(noise: float, told: bool) -> None:
     time, quantum = np.arange(0.0, 6.0, 0.002), 2.0 * np.pi / 4096
     values = 0.8 * np.sin(6.0 * time) + noise * quantum * np.random.default_rng(0).normal(size=len(time))
     found = quantum_of(quantum * np.round(values / quantum))
@@ -303,7 +303,7 @@ def locked_joint(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_locked_joint_lacks_its_spring_and_has_published_numbers_with_it(tmp_path: Path) -> None:
+def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path: Path) -> None:
     scenario = locked_joint(tmp_path)
     maps = ["Force (N)=motor.reference_1 [N]", "Position (m)=motor.link_position [m]"]
     free = ["motor.damping", "motor.friction", "carriage.mass"]
@@ -349,7 +349,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
 
 
 @pytest.mark.parametrize("tied", range(4))
-def test_motors_whose_friction_is_one_number_have_bristles_of_one_stiffness(tied: int) -> None:
+def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied: int) -> None:
     """A stiffness that is free, or given, is left alone."""
     robot = load_robot(ROOT / "examples/urdf/dof2_horizontal.urdf")
     motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]

@@ -53,7 +53,7 @@ def test_a_simulation_that_diverges_fits_nothing() -> None:
         assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane  # type: ignore[misc]
 
 
-def test_the_held_out_error_may_be_as_large_as_the_estimates_let_it() -> None:
+def test_the_held_out_error_may_reach_its_predicted_size() -> None:
     large = replace(GOOD, held_after=2.0)
     assert verdict([GOOD], lambda: [0.0]) == []
     (reason,) = verdict([large], lambda: [0.0])

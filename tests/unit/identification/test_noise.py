@@ -63,7 +63,7 @@ def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
     assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
 
 
-def test_a_segment_that_is_off_is_loud_and_outliers_are_not() -> None:
+def test_a_deviating_segment_is_noisy_and_outliers_are_not() -> None:
     white = np.random.default_rng(0).normal(size=2000)
     assert not is_loud(white + np.where(np.arange(2000) % 100 == 0, 50.0, 0.0), 1.0)
     assert is_loud(white * np.where(np.arange(2000) < 200, 4.0, 1.0), 1.0)

@@ -86,7 +86,7 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals() -> 
     assert few.deviations(np.eye(1))[0] == pytest.approx(1.0)
 
 
-def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -> None:
+def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path: Path) -> None:
     """Damping below its least value, stiffness beyond its largest; given from Python as in a file."""
     recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.06})

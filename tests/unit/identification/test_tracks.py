@@ -44,7 +44,7 @@ TIME = np.arange(0.0, 0.8005, 1e-3)
 """s."""
 
 
-def test_what_is_predicted_is_the_motion_as_its_sensor_shows_it(tmp_path: Path) -> None:
+def test_predictions_include_the_effects_of_the_sensor(tmp_path: Path) -> None:
     """Later by the sensor's delay and the clock's, through its gain, then its zero; a part is that of the whole."""
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
@@ -69,7 +69,7 @@ def test_what_is_predicted_is_the_motion_as_its_sensor_shows_it(tmp_path: Path) 
 
 @pytest.mark.parametrize("place", [0.3, -0.4])
 @pytest.mark.parametrize("speed", [-3.0, 0.0, 3.0])
-def test_a_link_begins_where_and_as_fast_as_its_recording_says(tmp_path: Path, place: float, speed: float) -> None:
+def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path: Path, place: float, speed: float) -> None:
     moved = np.stack([place + speed * TIME - 5.0 * TIME**2 * np.sign(speed), 0.2 + 0.0 * TIME]) + noise(2, len(TIME))
     moved[1] += 0.1 * np.sin(20.0 * np.maximum(TIME - 0.2, 0.0))
     columns = {"time [s]": TIME}
@@ -109,9 +109,7 @@ def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path: Path, seen
         assert track.initial["joint_1.initial_position"] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
 
 
-def test_derivatives_on_many_threads_are_those_on_one_under_noise_of_commands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_derivatives_on_many_threads_equal_those_on_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal + noise(len(TIME)), "joint_1.link_position [rad]": goal**2}
     found: dict[int | None, list[np.ndarray]] = {None: [], 3: [], 4: []}
@@ -120,7 +118,7 @@ def test_derivatives_on_many_threads_are_those_on_one_under_noise_of_commands(
         with ExitStack() as stack:
             problem = setup_of(stack, tmp_path, columns, ["link_1.izz", "joint_1.damping"])
             for draw, matrices in found.items():
-                drawn = replace(problem, playing=(replace(problem.playing[0], draw=draw),))
+                drawn = replace(problem, playing=replace(problem.playing, draw=draw))
                 matrices.append(jacobian(drawn, np.zeros(len(problem.layout))))
     for one, two in found.values():
         np.testing.assert_array_equal(one, two)

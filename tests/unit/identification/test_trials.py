@@ -29,7 +29,7 @@ def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
 
 
 @pytest.mark.slow
-def test_a_spring_on_a_bench_is_told_of_and_its_hysteresis_is_simulated(tmp_path: Path) -> None:
+def test_a_spring_on_a_bench_has_its_hysteresis_identified(tmp_path: Path) -> None:
     time = np.arange(0.0, 4.0, 0.005)
     angle = 0.1 * np.sin(math.pi * time)
     lag = np.zeros(len(time))
@@ -99,7 +99,7 @@ def test_steps_and_a_zero_within_one_are_no_faults(phase: float) -> None:
     assert lag_correlation(beyond) - borne > 0.3
 
 
-def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> None:
+def test_an_identifiable_sum_of_unidentifiable_parts_is_named(tmp_path: Path) -> None:
     tags = "<ctrl_D>1.7</ctrl_D><mot_D>1.4</mot_D><mot_tauMax>1e4</mot_tauMax><mot_maxVel>1e4</mot_maxVel>"
     numbers: dict[str, object] = {**SEA, "mode": 6, "tags": tags}
     lab = write(tmp_path, "lab", numbers, f"{{equilibrium_position: {CHIRP}}}")
@@ -110,7 +110,7 @@ def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> 
     assert result.combinations[0].value == pytest.approx(3.1)
 
 
-def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tmp_path: Path) -> None:
+def test_spring_over_inertia_about_the_joint_is_identifiable(tmp_path: Path) -> None:
     """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
 
     def arm(name: str, numbers: dict[str, object], references: str | None = None) -> Path:
@@ -130,7 +130,7 @@ def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tm
     assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)
 
 
-def test_trials_of_a_spring_whose_zero_moves_from_one_to_the_next_are_told_of(tmp_path: Path) -> None:
+def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path: Path) -> None:
     generator, time, trials = np.random.default_rng(0), np.arange(0.0, 4.0, 0.01), []
     for number in range(5):
         place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)

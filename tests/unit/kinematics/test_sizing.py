@@ -79,7 +79,7 @@ def test_a_long_hanging_arm_rests_where_its_torques_balance(tmp_path):
     assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
 
 
-def test_a_falling_arm_is_warned_of_and_held_by_the_proposal(tmp_path):
+def test_a_falling_arm_gets_a_warning_and_a_sufficient_proposal(tmp_path):
     keys = {
         "actuators": "qbmove",
         "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.5}}, "stiffness_preset": 0.3}},
@@ -98,12 +98,11 @@ def test_a_falling_arm_is_warned_of_and_held_by_the_proposal(tmp_path):
         assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_weak_motors_are_distinguished_from_soft_springs(tmp_path, side):
+def test_weak_motors_are_distinguished_from_soft_springs(tmp_path):
     robot = write_plain_arm(tmp_path)
     keys = {
         "actuators": {"*": {"type": "sea", "parameters": {"spring_k": 300.0, "motor_1_max_torque": 0.5}}},
-        "references": {"*": {"equilibrium_position": 1.2 * side}},
+        "references": {"*": {"equilibrium_position": -1.2}},
     }
     scenario = scenario_of(robot, **keys)
     applied = apply_to_robot(scenario, checked_robot(scenario)[0])
@@ -167,7 +166,7 @@ def test_a_slider_on_its_stop_is_lifted(tmp_path, travel):
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
 
 
-@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+@pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
     preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
@@ -206,7 +205,7 @@ def test_an_effort_limit_below_the_weight_is_warned_of(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])
-def test_a_scenario_of_init_starts_at_rest_and_reaches_its_goal(tmp_path, seed):
+def test_a_starter_scenario_starts_at_rest_and_reaches_its_goal(tmp_path, seed):
     """Sliders under their weight, without any damping: nothing moves before the step, and in the mean they then are within
     0.06 m of where they are sent, which would be little of a radian."""
     source = np.random.default_rng([seed, 17])

@@ -50,14 +50,14 @@ def test_arms_that_can_follow_do_without_tuning(seed, tmp_path):
     assert result.best.worst <= 0.005
 
 
-def test_a_motion_out_of_reach_is_told_with_joint_and_time(tmp_path):
+def test_a_motion_out_of_reach_names_joint_and_time(tmp_path):
     arm, *motion = random_arm(5)
     prepared, result = learned(plant_of(tmp_path, weaker(arm, 0.01), *motion, max_iterations=4))
     assert re.search(r"out of reach: .* off; joint_\d at [\d.]+ s: motor torque", prepared.reach(result))
     assert any(line.startswith("beyond its limit: joint_") for line in prepared.before)
 
 
-def test_a_motor_torque_beyond_its_limit_for_a_moment_is_within_reach_if_no_error_is_left(tmp_path):
+def test_a_short_torque_beyond_the_limit_may_be_within_reach(tmp_path):
     """Inverse dynamics needs 140 % of the torque; with the limit in force trials come within the tolerance."""
     arm, *motion = random_arm(2)
     with learning_model(plant_of(tmp_path, arm, *motion)) as model:
@@ -110,7 +110,7 @@ def trials(*totals):
     return problem, [problem.trial(number, zero, zero + total) for number, total in enumerate(totals)]
 
 
-def test_a_worse_trial_goes_back_to_the_best_with_ten_times_the_weight():
+def test_after_a_worse_trial_the_best_gets_ten_times_weight():
     best, rho, failed = standing(trials(1.0, 0.5, 0.8)[1])
     assert (best.number, failed) == (1, 1)
     assert rho == pytest.approx(1.0)
@@ -147,7 +147,7 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     assert found.changes["delay"] == pytest.approx(0.02, abs=0.002)
 
 
-def test_learning_goes_on_with_recordings_of_a_robot_that_is_not_asrsim(tmp_path):
+def test_learning_continues_with_recordings_of_an_independent_robot(tmp_path):
     """Masses and stiffnesses off by 25 %, losses by 50 %, 10 ms, 1 mrad of noise."""
     arm, *motion = random_arm(0)
     plant, robot = plant_of(tmp_path, arm, *motion), perturbed(arm, 0)
@@ -196,7 +196,7 @@ def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
     ],
     ids=lambda changes: next(iter(changes)),
 )
-def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
+def test_the_model_of_learning_contains_the_scenario_s_effects(changes):
     """Inverse dynamics counts it: trial 0 is within some mrad, and every update helps."""
     motion = {"*": {"minimum_jerk": {"duration": 1.2, "to": 0.15}}}
     block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 12}

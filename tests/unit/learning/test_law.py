@@ -45,7 +45,7 @@ def learn(problem, simulate, settings, on_trial=None, **options):
     return learn_by(problem, simulate, settings, on_trial, law=FixedGain(problem, settings), **options)
 
 
-def test_without_extras_the_update_is_equation_13_to_the_last_bit():
+def test_without_options_the_update_equals_equation_13_bit_for_bit():
     generator = np.random.default_rng(1)
     inputs, outputs = generator.normal(size=(2, len(TIME), 2))
     trial = problem().trial(3, inputs, outputs)
@@ -53,7 +53,7 @@ def test_without_extras_the_update_is_equation_13_to_the_last_bit():
     assert np.array_equal(following, inputs + 0.5 * math.exp(-3 / 10) * (reference() - outputs))
 
 
-def test_errors_of_a_static_plant_shrink_by_one_minus_share_times_gain():
+def test_errors_of_a_static_plant_shrink_by_one_minus_gain():
     result = learn(problem(), static_plant, settings())
     assert result.converged
     for trial in result.trials:
@@ -83,7 +83,7 @@ def test_a_diverged_simulation_ends_the_learning():
     assert (result.outcome, result.iterations) == ("growing", 0)
 
 
-def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
+def test_the_learning_filter_has_no_delay_and_halves_its_cutoff():
     time = np.arange(20001) * STEP
     for frequency, amplitude in ((0.5, 1.0), (5.0, 0.5), (50.0, 0.0)):
         wave = np.sin(2 * np.pi * frequency * time)[:, None]
@@ -126,7 +126,7 @@ def test_a_state_of_another_problem_is_refused(tmp_path, changed):
         learn(problem(**changed), static_plant, settings(max_iterations=1), state=state, resume=True)
 
 
-def test_a_state_that_would_unpack_to_more_than_its_file_is_refused_before_it_is(tmp_path):
+def test_a_compressed_state_is_refused_before_it_is_unpacked(tmp_path):
     state = tmp_path / "state.npz"
     learn(problem(), static_plant, settings(max_iterations=1), state=state)
     stored = dict(np.load(state))
@@ -140,7 +140,7 @@ GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], Tr
 
 
 @pytest.mark.parametrize(("worst", "ends"), GROWTH.values(), ids=GROWTH)
-def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(worst, ends):
+def test_fixed_gains_stop_after_two_significant_increases_of_the_error(worst, ends):
     given = LearningProblem(joints=("one",), time=np.arange(2.0), reference=np.zeros((2, 1)), first_guess=np.zeros((2, 1)))
     trials = [given.trial(number, np.zeros((2, 1)), np.full((2, 1), error)) for number, error in enumerate(worst)]
     found = FixedGain(given, settings()).verdict(trials, 2)

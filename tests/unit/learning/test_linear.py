@@ -49,7 +49,7 @@ def response(linear, omega):
     return complex(np.linalg.solve(1j * omega * np.eye(len(change)) - change, inputs)[0, 0])
 
 
-def test_response_of_a_pendulum_on_a_spring_is_the_second_order_system():
+def test_a_pendulum_on_a_spring_responds_as_second_order_system():
     linear = linear_at(sea(), 0.3, (0.5, 0.0), 0.02)
     slope = MASS * GRAVITY * LENGTH * math.cos(0.3)
     for omega in (0.0, 3.0, 40.0):
@@ -96,6 +96,12 @@ def test_slopes_of_two_springs_are_those_of_the_law():
 def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     """At the limit it has no slope, and nothing could be learned from there."""
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_input_splines_have_knots_every_30_ms_including_the_tail():
+    knots = InputSplines.over(1.0, 0.3).knots[3:-3]
+    assert (knots[0], knots[-1]) == pytest.approx((0.0, 1.3))
+    assert np.diff(knots) == pytest.approx(0.03, rel=0.02)
 
 
 @pytest.mark.parametrize("seed", [0, 2])

@@ -73,7 +73,7 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path, in
 
 
 @pytest.mark.parametrize("computed", [True, False])
-def test_the_playback_of_some_joints_leaves_the_others_as_they_were(tmp_path, computed):
+def test_playback_of_some_joints_does_not_change_the_others(tmp_path, computed):
     """The other joint's input, if it is computed, follows from what the learned one is to do."""
     motion = {"minimum_jerk": {"duration": 0.25, "to": 0.2}}
     everyone = {"equilibrium_position": motion, "stiffness_preset": 0.4}
@@ -94,7 +94,7 @@ def test_the_playback_of_some_joints_leaves_the_others_as_they_were(tmp_path, co
     assert holds(replayed)
 
 
-def test_the_playback_s_claim_is_the_error_over_the_whole_time_and_fails_on_another_robot(tmp_path):
+def test_the_claim_of_a_playback_fails_on_another_robot(tmp_path):
     """The learned error, not the tolerance: with a little more mass the claim no longer holds."""
     chosen = plant()
     session = run_session(chosen, tmp_path, picture=False)
@@ -133,7 +133,7 @@ def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
     assert len(found) == 12
 
 
-def test_a_scenario_without_ilc_and_a_mode_without_position_are_errors():
+def test_learning_needs_a_block_ilc_and_a_position_mode():
     with pytest.raises(ScenarioError, match="ilc"):
         make_plant(make_scenario(CUBE, duration=1.0))
     with pytest.raises(ScenarioError, match="mode 4"):

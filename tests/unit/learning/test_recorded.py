@@ -67,7 +67,7 @@ def test_what_the_laboratory_writes_is_the_trial(header, how, plant, tmp_path):
     ],
     ids=["degrees", "sign", "unit"],
 )
-def test_columns_that_cannot_be_meant_are_refused_unless_they_are_said_to_be(header, scale, said, plant, tmp_path):
+def test_implausible_columns_are_refused_unless_they_are_stated(header, scale, said, plant, tmp_path):
     path = write(tmp_path / "trial.csv", plant, header.replace("a", "angle"), scale=scale)
     with pytest.raises(InputError, match=said):
         take(path, plant)
@@ -77,7 +77,7 @@ def test_columns_that_cannot_be_meant_are_refused_unless_they_are_said_to_be(hea
     assert take(path, plant, *maps).outputs.shape == plant.reference.shape
 
 
-def test_a_clock_that_is_off_is_told_and_a_robot_that_lags_is_not(plant, tmp_path):
+def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):
     path = write(tmp_path / "late.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", late=0.3)
     (said,) = take(path, plant).findings
     assert "0.31" in said.message
@@ -89,7 +89,7 @@ def test_a_clock_that_is_off_is_told_and_a_robot_that_lags_is_not(plant, tmp_pat
 
 @pytest.mark.parametrize("lacking", [0.7, 1.6])
 @pytest.mark.parametrize("at", ["start", "end"])
-def test_a_recording_may_lack_a_little_of_the_start_or_the_end(plant, tmp_path, at, lacking):
+def test_a_recording_may_lack_some_samples_at_its_ends(plant, tmp_path, at, lacking):
     missing = lacking * MISSING * plant.time[-1]
     gap = (-1.0, missing) if at == "start" else (plant.time[-1] - missing, 99.0)
     path = write(tmp_path / "short.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=gap)

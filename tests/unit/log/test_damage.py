@@ -187,7 +187,7 @@ def test_a_full_disk_keeps_what_is_written(tmp_path, samples, spare):
     assert log.status == ("truncated" if spare < 10_000 else "failed")
 
 
-def test_writes_that_take_only_some_bytes_go_on_with_the_others(tmp_path, monkeypatch, samples, whole):
+def test_partial_writes_continue_with_the_remaining_bytes(tmp_path, monkeypatch, samples, whole):
     write, sizes = os.write, cycle((1, 700, 13))
     monkeypatch.setattr(os, "write", lambda file, data: write(file, data[: next(sizes)]))
     with LogWriter(tmp_path / "run.mcap", INFO) as writer:

@@ -59,7 +59,7 @@ def test_joints_are_matched_by_name_and_rigid_ones_have_none():
     np.testing.assert_array_equal(result[:, 1], THETA_1 - Q)
 
 
-def test_a_joint_among_others_has_the_numbers_that_it_has_alone():
+def test_a_joint_among_others_has_the_values_of_one_alone():
     """Kinds stand in any order; of two alike one may be recorded and the other not."""
     kinds = [("qbmove", 6), ("sea", 5), ("bavs", 2), ("qbmove", 6), ("rigid", None), ("bavs", 2), ("awas_ii", 5), ("qbmove", 1)]
     joints = [JointInfo(name=f"j{i}", actuator=actuator, mode=mode) for i, (actuator, mode) in enumerate(kinds)]

@@ -50,7 +50,7 @@ PRODUCERS = (as_file, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)
-def test_a_log_alone_repeats_its_run_and_is_judged_by_its_own_claims(tmp_path, monkeypatch, produce):
+def test_a_log_repeats_its_run_and_checks_its_claims(tmp_path, monkeypatch, produce):
     logs = produce(tmp_path / "made")
     assert logs
     for log in logs:
@@ -73,7 +73,7 @@ class Odd(Signal):
         return 0.1 * np.sin(30.0 * time)
 
 
-def test_changes_that_no_document_can_express_are_named_in_the_log(tmp_path):
+def test_the_log_names_changes_that_no_document_can_express(tmp_path):
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.1"])
     references = {**scenario.references, "joint_1": {"equilibrium_position": Odd()}}
     robot = load_robot(scenario.robot)

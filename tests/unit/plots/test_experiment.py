@@ -44,23 +44,7 @@ def test_the_lag_is_found_and_removed(tmp_path):
     assert rmse.unit == "rad"
     assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
     assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.csv"}
-    measures = {row.measure for row in read_metrics(tmp_path / "out" / "metrics.csv")}
-    assert measures >= {
-        "rmse",
-        "nrmse",
-        "maximum_error",
-        "bias",
-        "delay",
-        "r2",
-        "rise",
-    }
-
-
-@pytest.mark.parametrize(("choice", "lag"), [(0.07, 0.07), ("off", 0.0)])
-def test_the_lag_can_be_set_and_switched_off(tmp_path, choice, lag):
-    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.1)
-    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag=choice))
-    assert next(iter(result.compared[0].alignments.values())).lag == lag
+    assert "rise" in {row.measure for row in read_metrics(tmp_path / "out" / "metrics.csv")}
 
 
 def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
@@ -190,13 +174,6 @@ def test_bode_refuses_what_a_log_has_not(tmp_path, options, words):
         plot(PlotJob(logs=(made_up_log(tmp_path / "log.mcap"),), folder=tmp_path, bode=True, **options))
 
 
-def test_bode_says_what_a_recording_has_not(tmp_path):
-    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
-    job = PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), bode=True, given="motor_1_position")
-    findings = plot(job).findings
-    assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in findings)
-
-
 def test_a_recording_alone_has_its_frequency_response(tmp_path):
     """A chirp through a gain of 0.5 and 10 ms of delay, in degrees."""
     time = np.arange(0.0, 8.0, 0.002)
@@ -220,7 +197,7 @@ def simulated_chirp(tmp_path):
     return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
 
 
-def test_forces_on_an_object_count_on_both_sides_of_a_pair():
+def test_forces_on_both_sides_of_a_contact_pair_count():
     """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
     time = np.linspace(0.0, 1.0, 11)
     force = np.tile([1.0, 0.0, 0.0], (11, 1))

@@ -13,6 +13,7 @@ from asrsim.plots import draw_run, read_curves
 from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.job import PlotJob, plot
+from asrsim.plots.layout import PanelGrid
 from asrsim.plots.panels import PANELS, draw_panel
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
@@ -31,6 +32,16 @@ def test_axes_carry_their_units(tmp_path, key, label):
     axes = new_figure(4, 3).subplots()
     draw_panel(axes, PANELS[key], [run], "joint_1")
     assert axes.get_ylabel() == label
+
+
+@pytest.mark.parametrize("heights", [(1.0, 1.0), (2.1, 0.7)])
+def test_panels_have_their_size_in_inches(heights):
+    grid = PanelGrid(columns=1, heights=heights, gap_y=0.3)
+    figure, axes = grid.figure([])
+    upper, lower = (ax.get_position() for ax in axes[:, 0])
+    inches = figure.get_figheight() * np.array([upper.height, lower.height, upper.y0 - lower.y1])
+    assert inches == pytest.approx((*heights, 0.3))
+    assert figure.get_figwidth() * upper.width == pytest.approx(grid.width)
 
 
 def test_an_external_torque_that_is_never_there_is_not_drawn(tmp_path):

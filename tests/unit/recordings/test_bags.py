@@ -64,7 +64,7 @@ def test_ros1_bag(tmp_path):
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_ros2_bag_and_its_single_file_with_messages_of_its_own(tmp_path, storage):
+def test_a_ros2_bag_with_custom_messages_equals_its_single_file(tmp_path, storage):
     path = write_ros2(tmp_path / "bag", storage)
     check(path)
     check(next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3")))
@@ -172,7 +172,7 @@ def test_json_messages_were_measured_when_they_say(tmp_path, name):
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)
 
 
-def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path):
+def test_a_number_is_used_as_time_where_that_is_stated(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, _: {"t": 1000 * TIME[i], "q": Q[0, i]}})
     found = read_recording(path)
     np.testing.assert_allclose(found.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
@@ -190,7 +190,7 @@ def test_a_topic_whose_clock_restarts_is_not_read(tmp_path):
     assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
 
 
-def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path):
+def test_a_truncated_mcap_is_read_to_its_last_complete_chunk(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {"data": 0.5 * i}}, chunk=400)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     recording = read_recording(path, mapping=["/q=elbow.link_position [deg]"])

@@ -60,7 +60,7 @@ def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path, late):
     assert abs(series.metrics["delay"]) < 5e-4
 
 
-def test_alignment_prefers_the_reference_so_that_the_delay_of_the_response_stays_visible(tmp_path):
+def test_alignment_by_references_keeps_the_delay_of_the_response(tmp_path):
     t = np.arange(0, 5, 0.005)
     result = compare(simulation(), read(write(tmp_path, "time,elbow_pos,elbow_cmd", t, motion(t - 0.05), reference(t))))
     assert result.alignment.how == "cross-correlation of elbow.reference_1"
@@ -95,7 +95,7 @@ def test_lag_can_be_set_limited_or_switched_off(tmp_path):
 
 
 @pytest.mark.parametrize("late", [0.0, 0.05])
-def test_a_record_that_begins_later_on_the_same_clock_is_sought_from_that_clock(tmp_path, late):
+def test_a_later_recording_on_the_same_clock_is_aligned(tmp_path, late):
     """Where both begin says nothing, as long as they overlap."""
     t = np.arange(0.8, 5, 0.01)
     found = compare(simulation(), read(write(tmp_path, "time,elbow_pos", t, motion(t - late))), lag_limit=0.2).alignment
@@ -103,7 +103,7 @@ def test_a_record_that_begins_later_on_the_same_clock_is_sought_from_that_clock(
     assert found.how.startswith("cross-correlation")
 
 
-def test_of_a_periodic_signal_the_smallest_lag_is_taken_and_said(tmp_path):
+def test_a_periodic_signal_gets_its_smallest_lag_and_a_note(tmp_path):
     t = np.arange(0, 5, 0.01)
     path = write(tmp_path, "time,elbow_pos", t, np.sin(2 * np.pi * 2 * (t - 0.04)))
     samples = Samples(time=TIME, joints=("elbow",), values={"link_position": np.sin(2 * np.pi * 2 * TIME)[:, None]})
@@ -149,7 +149,7 @@ def test_unmarked_degrees_are_suspected_in_a_comparison(tmp_path):
     assert {f.key for f in cured.findings if f.code == "suspected-unit"} == {"elbow.reference_1"}
 
 
-def test_a_clock_without_overlap_is_aligned_where_the_motion_fits_and_else_refused_with_both_ranges(tmp_path):
+def test_clocks_without_overlap_are_aligned_by_motion_or_refused(tmp_path):
     t = 100 + np.arange(0, 5, 0.01)
     fits, noise = motion(t - 100.3), np.random.default_rng(1).normal(size=len(t))
     assert compare(simulation(), read(write(tmp_path, "time,elbow_pos", t, fits))).alignment.lag == pytest.approx(
@@ -165,7 +165,7 @@ def test_a_clock_without_overlap_is_aligned_where_the_motion_fits_and_else_refus
 
 
 @pytest.mark.parametrize("late", [0.0, 0.3])
-def test_an_axis_that_is_turned_round_is_not_laid_half_a_period_beside_itself(tmp_path, late):
+def test_a_reversed_axis_is_not_aligned_by_half_a_period(tmp_path, late):
     recording = read(laboratory(tmp_path, late=late, scale=-1.0, header="time,elbow_pos,other"))
     result = compare(simulation(), recording)
     assert result.alignment.lag == pytest.approx(late, abs=3e-3)
@@ -174,7 +174,7 @@ def test_an_axis_that_is_turned_round_is_not_laid_half_a_period_beside_itself(tm
     assert "elbow_pos=-elbow.link_position" in str(hint)
 
 
-def test_a_column_of_another_kind_of_joint_does_not_set_the_clock(tmp_path):
+def test_columns_of_another_kind_of_joint_do_not_align_clocks(tmp_path):
     """A reference in m, of a revolute joint, is compared with nothing, and so no lag is taken from it."""
     t = np.arange(0, 5, 0.01)
     recording = read(write(tmp_path, "time,elbow_ref [m],elbow_pos [rad]", t, motion(t - 0.4), motion(t - 0.1)))
@@ -191,7 +191,7 @@ def test_no_common_quantity_names_both(tmp_path):
         compare(simulation(), recording)
 
 
-def test_names_made_up_by_us_are_paired_by_order_and_said(tmp_path):
+def test_generated_names_are_paired_by_order_with_a_note(tmp_path):
     recording = read_recording(laboratory(tmp_path, header="time,q1,q1_ref"))
     result = compare(simulation("forearm"), recording)
     assert result.joints == {"joint_1": "forearm"}
@@ -211,7 +211,7 @@ def test_derived_quantities_are_compared(tmp_path):
     assert series.metrics["rmse"] < 1e-9
 
 
-def test_a_band_goes_on_through_one_runs_gap_but_not_beyond_its_end(tmp_path):
+def test_a_band_spans_the_gaps_of_a_run_only(tmp_path):
     runs = [
         compare(simulation(), read(laboratory(tmp_path, offset=offset, name=f"run{i}.csv")), lag="off")
         for i, offset in enumerate((-0.01, 0.0, 0.04))
@@ -273,7 +273,7 @@ def test_claims_whose_recording_cannot_serve_are_errors_before_the_run(tmp_path,
 @pytest.mark.parametrize(
     ("unit", "prismatic", "wrong"), [("m", False, True), ("rad", True, True), ("m", True, False), ("rad", False, False)]
 )
-def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path, unit, prismatic, wrong):
+def test_a_unit_of_another_kind_of_joint_is_refused(tmp_path, unit, prismatic, wrong):
     path = write(tmp_path, f"t,elbow_pos [{unit}],elbow_vel", TIME, motion(TIME), motion(TIME))
     infos = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, prismatic=prismatic),)
     samples = Samples(time=TIME, joints=("elbow",), values={"link_position": motion(TIME)[:, None]})

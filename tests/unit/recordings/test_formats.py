@@ -111,7 +111,7 @@ def check(recording):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_every_format_gives_the_same_numbers_as_a_recording_and_as_a_signal(tmp_path, name):
+def test_recordings_and_signals_read_equal_numbers_from_every_format(tmp_path, name):
     path = tmp_path / name
     WRITERS[name](path)
     recording = read_recording(path)
@@ -121,7 +121,7 @@ def test_every_format_gives_the_same_numbers_as_a_recording_and_as_a_signal(tmp_
     np.testing.assert_allclose(values, Q2, atol=1e-9)
 
 
-def test_a_sheet_is_named_by_the_document_and_dates_in_cells_are_its_time(tmp_path):
+def test_a_document_selects_a_sheet_and_dates_are_times(tmp_path):
     begin = datetime(2024, 5, 6, 10)
     rows = [[begin + timedelta(seconds=0.25 * i), *row[1:]] for i, row in enumerate(ROWS)]
     path = tmp_path / "lab.xlsx"
@@ -156,7 +156,7 @@ def test_the_time_of_a_matrix_is_stated(tmp_path):
     np.testing.assert_allclose(read_recording(tmp_path / "lab.mat", rate=500.0).time, 0.002 * np.arange(50))
 
 
-def test_vectors_of_another_length_are_not_read_and_that_is_said(tmp_path):
+def test_vectors_of_another_length_are_skipped_with_a_note(tmp_path):
     savemat(tmp_path / "lab.mat", {"a": {"t": TIME, "q1": Q1, "gains": np.arange(2.0)}, "b": {"t": TIME[::2], "q2": Q2[::2]}})
     recording = read_recording(tmp_path / "lab.mat")
     assert ["a.gains" in f.message for f in recording.findings if f.code == "unread"] == [True]
@@ -234,7 +234,7 @@ def test_a_confined_script_ends_at_its_limits(tmp_path, line, message):
         run_confined(script, {}, seconds=1.0 if "while" in line else 20.0, memory=2**28)
 
 
-def test_an_archive_that_unpacks_to_more_than_the_memory_is_refused(tmp_path):
+def test_an_archive_larger_than_the_memory_is_refused(tmp_path):
     header = b"\x93NUMPY\x01\x00F\x00" + str({"descr": "<f8", "fortran_order": False, "shape": (2**29,)}).encode().ljust(70)
     with zipfile.ZipFile(tmp_path / "lab.npz", "w", zipfile.ZIP_DEFLATED) as target:
         target.writestr("q.npy", header + bytes(10**7))

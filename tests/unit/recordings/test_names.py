@@ -116,7 +116,7 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
 @pytest.mark.parametrize(
     "header", ["pos_m", "theta_m", "tau_s", "q_min", "q[1]", "torque_S", "sampling_rate", "a/b", "q1 (left)"]
 )
-def test_a_letter_that_may_be_part_of_the_name_is_no_unit(header):
+def test_a_letter_of_a_name_is_not_a_unit(header):
     assert split_header(header) == (header, None)
 
 

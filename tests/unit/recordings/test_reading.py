@@ -60,7 +60,7 @@ def test_the_command_line_overrules_the_document(tmp_path):
     np.testing.assert_allclose(over.column("elbow", "link_velocity").values, np.radians(BETA), atol=1e-9)
 
 
-def test_a_document_serves_other_files_and_stands_for_the_one_that_it_names(tmp_path):
+def test_a_document_describes_its_file_and_similar_files(tmp_path):
     path = lab(tmp_path)
     (tmp_path / "arm.yaml").write_text("file: lab.csv\n" + WHOLE, encoding="utf-8")
     for found in (read_recording(path, mapping=tmp_path / "arm.yaml"), read_recording(tmp_path / "arm.yaml")):
@@ -119,6 +119,7 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
     text = (tmp_path / "lab.txt.yaml").read_text()
     assert "Hubangle" in text
     assert "# eff: JOINT.QUANTITY [unit]" in text
+    assert 'time: {column: "Time (ms)", unit: ms}' in text
     stated = read_recording(path)
     assert stated.reading is not None
     for name in ("Hubangle (deg)", "q1 [deg]"):
@@ -131,7 +132,7 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
 
 
 @pytest.mark.parametrize("name", ["quanser_2dsfl_lqr_10deg.csv", "hebi_sine_1hz.csv", "emps_estimation.csv"])
-def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path, shared, name):
+def test_proposals_for_real_files_do_not_change_the_reading(tmp_path, shared, name):
     from asrsim.recordings.propose import propose
 
     path = tmp_path / name
@@ -145,7 +146,7 @@ def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path, 
         np.testing.assert_array_equal(other.values, column.values)
 
 
-def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same_numbers(tmp_path, asrsim_command):
+def test_a_scenario_and_its_document_read_equal_numbers(tmp_path, asrsim_command):
     path = tmp_path / "data" / "lab.csv"
     path.parent.mkdir()
     lines = [f"{0.01 * i:.2f},{0.3 * np.sin(i / 9):.6f},{0.2 * i / 50:.6f}" for i in range(50)]

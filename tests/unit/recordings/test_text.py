@@ -83,7 +83,7 @@ def test_encodings(tmp_path, encoding):
     check(write(tmp_path / "lab.csv", ["t [s];q1 [°];q2 [°]", *rows(scale=DEGREES, separator=";")], encoding))
 
 
-def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_path):
+def test_only_bad_rows_are_dropped_and_their_lines_are_reported(tmp_path):
     lines = ["time,q1,q2", *rows()]
     lines[2] = "x,y,0.5"
     lines[10] = "0.09,abc,0.5"
@@ -191,14 +191,14 @@ def test_what_is_no_recording_is_refused_with_the_reason(tmp_path, lines, messag
         read_recording(tmp_path / "lab.csv")
 
 
-def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path):
+def test_missing_files_and_folders_without_bags_are_named(tmp_path):
     for path, message in ((tmp_path / "absent.csv", "no such file"), (tmp_path, r"metadata\.yaml")):
         with pytest.raises(RecordingError, match=message):
             read_recording(path)
 
 
 @pytest.mark.parametrize("odd", ["0.05,9,9", "1e9,9,9"])
-def test_the_samples_that_rise_in_time_are_kept_and_the_others_reported(tmp_path, odd):
+def test_samples_with_rising_times_are_kept_and_others_reported(tmp_path, odd):
     """A row that falls back or is far ahead, a repeated row, a stamp that differs by nothing, a stamp that is no number."""
     lines = ["time,q1,q2", *rows()]
     for place, line in ((45, "nan,9,9"), (38, f"{0.36 + 1e-300},9,9"), (30, odd), (12, lines[11])):

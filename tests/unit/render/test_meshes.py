@@ -36,7 +36,7 @@ def document(group, nodes, unit=""):
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_nodes_place_and_scale_faces_in_the_unit_of_the_file(tmp_path, group):
+def test_nodes_place_and_scale_faces_in_the_file_s_unit(tmp_path, group):
     inner = f'<node id="i"><translate>1 0 0</translate>{SHOWN}</node>'
     nodes = f'<node id="o"><rotate>0 0 1 90</rotate>{inner}</node>'
     (tmp_path / "m.dae").write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))

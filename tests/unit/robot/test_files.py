@@ -143,7 +143,7 @@ def test_bad_structure(read, body, code):
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_limit_that_is_left_out_is_0_beside_one_that_is_not(read, kind, given, stops):
+def test_a_missing_limit_beside_a_stated_limit_is_0(read, kind, given, stops):
     """URDF's own default; without either there are none. Continuous joints have none whatever is written."""
     limit = f'<limit effort="1" velocity="1" {given}/>'
     robots = (read(robot(link("a", "") + joint("j", "a", "b", limit, one) + link("b"))) for one in (kind, "continuous"))

@@ -86,7 +86,7 @@ def test_every_fault_of_an_actuator_is_told_at_its_key(tmp_path):
     ]  # fmt: skip
 
 
-def test_init_takes_an_actuator_a_joint_and_refuses_what_there_is_not(tmp_path):
+def test_init_takes_an_actuator_per_joint_and_refuses_unknown_names(tmp_path):
     robot, out = write_plain_arm(tmp_path), tmp_path / "s.yaml"
     assert run_command("init", robot, "-a", "joint_1=sea", "-a", "joint_2=awas_ii", "-o", out, "--mode", 5).exit_code == 0
     (scenario, *_) = load_scenario(out)

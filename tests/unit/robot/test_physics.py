@@ -104,6 +104,12 @@ def test_mass_matrix_and_effective_inertia_of_a_double_pendulum(read):
     assert effective_inertia(matrix)[0] == pytest.approx(m11 - m12**2 / m22)
 
 
+def test_a_link_without_inertia_is_a_point_mass(read):
+    robot = read(pendulum())
+    points = replace(robot, links=tuple(replace(link, inertia=None) for link in robot.links))
+    assert zero_pose_matrix(points) == pytest.approx(np.array([[0.2 * 0.04**2]]))
+
+
 # -- the step ----------------------------------------------------------------------------------------------------------
 
 

@@ -142,7 +142,7 @@ def test_parameters_that_cannot_be_calculated_with_are_refused(tag, value, tiny)
 
 
 @pytest.mark.parametrize(("actuator", "tag"), [("qbmove", "spring_a1"), ("qbmove", "spring_a2"), ("bavs", "spring_k_e")])
-def test_a_law_that_divides_by_zero_is_an_error_of_the_file(actuator, tag, tiny):
+def test_a_law_that_divides_by_zero_is_an_error(actuator, tag, tiny):
     block = f"<{tag}>0</{tag}>"
     text = tiny.robot.read_text().replace("libsea", f"lib{actuator}").replace("<spring_k>10</spring_k>", block)
     tiny.robot.write_text(text)
@@ -293,7 +293,7 @@ def test_check_passes_what_run_takes(case, tiny, asrsim_command):
         assert asrsim_command(*arguments).code == 0, arguments
 
 
-def test_a_floating_robot_may_have_its_mass_in_what_is_fixed_to_its_root(tiny):
+def test_mass_of_a_floating_base_may_be_in_fixed_links(tiny):
     """The root link of many packages is an empty frame; the body hangs on it by a fixed joint."""
     body = '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
     joint = '<joint name="f" type="fixed"><parent link="world"/><child link="hull"/></joint>'
@@ -305,7 +305,7 @@ def test_a_floating_robot_may_have_its_mass_in_what_is_fixed_to_its_root(tiny):
     assert engine_urdf(merged)[0].count("<link") == 2
 
 
-def test_a_package_that_is_not_known_is_told_how_to_name(tiny):
+def test_an_unknown_package_gives_a_hint(tiny):
     shape = '<collision><geometry><mesh filename="package://arm_description/a.stl"/></geometry></collision>'
     robot = changed(tiny, ("</inertial>", f"</inertial>{shape}"))
     (problem,) = engine_urdf(robot)[1]
@@ -318,7 +318,7 @@ def test_a_package_that_is_not_known_is_told_how_to_name(tiny):
     assert math.isfinite(robot.joint("elbow").damping)
 
 
-def test_a_log_finds_the_meshes_of_a_package_that_holds_the_robot(tiny, asrsim_command):
+def test_a_log_finds_the_meshes_of_its_package(tiny, asrsim_command):
     """The folder of a package is where it was, also where the robot itself lies in it."""
     (tiny.folder / "meshes").mkdir()
     (tiny.folder / "meshes" / "a.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")

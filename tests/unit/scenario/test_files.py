@@ -373,7 +373,7 @@ def test_a_document_reads_the_same_with_and_without_libyaml(text, monkeypatch):
     assert reading() == first
 
 
-def test_a_file_whose_name_is_no_utf_8_is_refused_since_logs_could_not_name_it(tmp_path):
+def test_file_names_that_are_not_utf_8_are_refused(tmp_path):
     path = tmp_path / os.fsdecode(b"n\xe9.yaml")
     try:
         path.write_text("robot: arm.urdf\nduration: 1\n")

@@ -106,7 +106,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
     ],
 )
-def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line, key, message):
+def test_entries_for_unknown_parts_are_errors_with_lines(load, text, line, key, message):
     errors, _ = check_against_robot(load(GOOD + text + "\n"), arm())
     assert any((e.line, e.key) == (line, key) and message in str(e) and e.file is not None for e in errors), errors
 
@@ -183,7 +183,7 @@ def test_a_joints_own_references_go_before_those_for_all():
     assert scenario.references_of("sea") == references["*"]
 
 
-def test_a_checked_robot_is_the_files_and_what_does_not_fit_is_one_error():
+def test_a_checked_robot_collects_all_misfits_in_one_error():
     robot = arm()
     fits = Scenario(name="s", robot=robot.path, modes={"vsa": 3}, references={"vsa": {"stiffness_preset": Constant(value=0.1)}})
     assert checked_robot(fits, robot) == (robot, check_against_robot(fits, robot)[1])
@@ -220,7 +220,7 @@ TWO_JOINTS = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
     ({"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}}, False),
     ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
 ])  # fmt: skip
-def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys, told):
+def test_an_entry_for_all_without_effect_gets_a_warning(keys, told):
     """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
     warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]
     assert any(problem.code == "unused-entry" for problem in warnings) == told

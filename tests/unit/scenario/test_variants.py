@@ -196,7 +196,7 @@ def test_a_relocated_scenario_finds_every_file(tmp_path):
 
 
 @pytest.mark.parametrize("key", ["gravity", "base.position", "base.rpy"])
-def test_an_entry_of_a_list_that_the_file_leaves_to_its_default(key, tmp_path):
+def test_a_default_entry_of_a_list_can_be_overridden(key, tmp_path):
     """Each other entry stays what it is without the key."""
     (tmp_path / "arm.urdf").write_text("<robot/>", encoding="utf-8")
     given = {"robot": str(tmp_path / "arm.urdf"), "duration": 1}

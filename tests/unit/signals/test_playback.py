@@ -104,7 +104,7 @@ def test_faults_of_bags_list_the_fields(bag, keys, messages):
 
 @pytest.mark.parametrize("rate", [50, 1000])
 @pytest.mark.parametrize("at", [0.2, 3.0])
-def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path, rate, at):
+def test_smooth_playback_follows_a_coarse_recording_and_its_jump(tmp_path, rate, at):
     """A chirp to 6 Hz with a step in it: splines are off by 5/384 of the fourth derivative, lines by .05 rad at 50 Hz."""
 
     def motion(time):
@@ -122,7 +122,7 @@ def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path,
 
 
 @pytest.mark.parametrize("alone", [2, 3])
-def test_a_curve_goes_through_every_sample_and_a_short_piece_between_jumps_holds(alone):
+def test_smooth_playback_passes_every_sample_and_holds_short_pieces(alone):
     """Pieces of any length between jumps, after a motion that has slope and curvature where it ends."""
     count, step = 40, 0.02
     time = step * np.arange(2 * count + alone)

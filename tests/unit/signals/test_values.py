@@ -39,7 +39,7 @@ def test_step_has_its_new_value_at_its_time():
     assert parse_signal(step).jumps(0.2, 1.0).size == 0
 
 
-def test_step_at_the_very_start_is_a_jump_and_a_step_to_the_same_value_is_none():
+def test_only_steps_that_change_the_value_are_jumps():
     assert parse_signal({"step": {"to": 1}}).jumps(0.0, 1.0).tolist() == [0.0]
     assert parse_signal({"step": {"from": 1, "to": 1}}).jumps(0.0, 1.0).size == 0
 
@@ -56,7 +56,7 @@ def test_minimum_jerk_halfway_and_at_rest_at_both_ends():
     assert signal.values(np.array([0.01]))[0] < 1e-8
 
 
-def test_sinusoid_by_either_frequency_rests_at_its_phase_before_the_start():
+def test_a_sinusoid_rests_at_its_phase_before_the_start():
     a = parse_signal({"sinusoid": {"amplitude": 0.8, "angular_frequency": 0.8, "offset": 1}})
     b = parse_signal({"sinusoid": {"amplitude": 0.8, "frequency": 0.8 / (2 * math.pi), "offset": 1}})
     time = np.linspace(0, 10, 101)
@@ -115,7 +115,7 @@ def test_pulse_train_counts_its_pulses():
 
 
 @pytest.mark.parametrize("by", [0.0, 0.05, 0.3])
-def test_a_delayed_jump_at_the_edge_of_a_window_is_in_it(by):
+def test_a_delayed_jump_at_the_edge_is_in_the_window(by):
     late = Delay(by=by, of=Step(at=1.0, after=0.5))
     (place,) = late.jumps(0.0, 9.0).tolist()
     assert place == pytest.approx(1.0 + by)
@@ -232,7 +232,7 @@ def test_users_add_their_own_kind():
         SIGNALS._entries.pop(Triangle.kind)
 
 
-def test_a_held_sample_is_not_late_by_the_rounding_of_a_clock():
+def test_rounding_of_a_clock_does_not_delay_held_samples():
     times = np.array([0.0, 100.2 - 100.0, 0.4])
     assert times[1] > 0.2
     assert interpolate(np.array([0.2, 0.1999]), times, np.array([1.0, 2.0, 3.0]), "hold").tolist() == [2.0, 1.0]

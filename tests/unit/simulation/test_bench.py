@@ -23,7 +23,7 @@ def on_bench(**keys: Any) -> asrsim.Scenario:
     return asrsim.make_scenario(EXAMPLES / "urdf" / "dof1_sea.urdf", engine="bench", modes=5, **keys)
 
 
-def test_a_motor_that_starts_from_rest_is_right_to_second_order() -> None:
+def test_a_motor_starts_from_rest_at_second_order() -> None:
     duration, lag = 0.01, INERTIA / DAMPING
     position = TORQUE / DAMPING * (duration - lag * (1 - math.exp(-duration / lag)))
     errors = []

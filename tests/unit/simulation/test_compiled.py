@@ -125,7 +125,7 @@ def test_a_law_that_only_python_can_run_stays_plain(monkeypatch: pytest.MonkeyPa
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
 
 
-def test_one_second_of_twenty_joints_is_compiled_a_tenth_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_runs_are_compiled_and_short_runs_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twenty joints take half a second in Python for each 0.25 s of simulated time, as long as loading Numba and the kernel."""
     # The time to load counts as in a fresh process.
     monkeypatch.setattr("asrsim.simulation.core.SECONDS_WHEN_LOADED", SECONDS_TO_LOAD)

@@ -65,7 +65,7 @@ def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator: str, mode: 
     assert found[3] <= found[0] * (1 + 1e-9)
 
 
-def test_a_spring_stiffer_than_expected_gives_a_warning_with_enough_substeps() -> None:
+def test_springs_stiffer_than_expected_give_a_warning_with_enough_substeps() -> None:
     """A fast start bends a sinh spring far beyond its load: omega h grows with the root of the stiffness."""
     robot = chain(replace(BODY, actuator="qbmove"))
     keys = {"mode": 3, "duration": 0.3, "step": 0.012, "references": UNLOADED, "gravity": 0.0, "compiled": False}

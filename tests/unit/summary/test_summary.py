@@ -279,7 +279,7 @@ JUDGED = [
 
 
 @pytest.mark.parametrize(("usual", "otherwise", "said"), JUDGED)
-def test_a_joint_that_ends_on_a_stop_or_stuck_is_warned_of(tiny, usual, otherwise, said):
+def test_joints_that_end_stuck_or_on_stops_get_warnings(tiny, usual, otherwise, said):
     now = SimpleNamespace(**{"balanced": False, **usual, **otherwise})
     run = simulate(load_scenario(tiny.scenario)[0], duration=0.001)
     joints = [

@@ -79,7 +79,7 @@ def test_draws_follow_their_seed():
     assert not np.array_equal(tables[0], tables[2])
 
 
-def test_a_logarithmic_fit_is_drawn_above_0_and_warns_of_gaps():
+def test_a_logarithmic_fit_draws_positive_values_and_warns_of_gaps():
     told = [{"key": "a.x", "verdict": "weak"}, {"key": "a.z", "verdict": "only as ratio"}]
     fit = {"keys": ["a.x", "a.y"], "mean": [np.log(2.0), 3.0], "covariance": [[0.25, 0.1], [0.1, 0.09]], "estimates": told}
     study = study_of({}, samples=20_000, fit={**fit, "logarithmic": [True, False]})
@@ -353,6 +353,7 @@ def test_all_runs_take_the_substeps_of_the_most_demanding():
     assert make_payload(study).cases["soft"].substeps["motor_substeps"] == max(alone)
     told = study_of({"parameters.*.motor_1_inertia": list(inertias)}, overrides=[*SHORT, "motor_substeps=20"])
     assert "motor_substeps" not in make_payload(told).cases["soft"].substeps
+    assert make_payload(study_of({"substeps": [1, 3]})).cases["soft"].substeps == {}
 
 
 def test_sobol_indices_of_a_function_with_interactions(tmp_path):
@@ -363,7 +364,7 @@ def test_sobol_indices_of_a_function_with_interactions(tmp_path):
         assert found[key] == pytest.approx(both, abs=0.02)
 
 
-def test_an_influence_compares_the_lowest_fifth_of_a_key_with_the_highest(tmp_path):
+def test_an_influence_compares_the_lowest_and_highest_fifth(tmp_path):
     first = influences(designed(tmp_path, 256, lambda x, y, z: {"it": x}), "it")[0]
     assert first.key == "a.x"
     assert (first.low, first.high) == pytest.approx((-0.8 * np.pi, 0.8 * np.pi), abs=0.02)

@@ -33,7 +33,7 @@ def test_results_come_in_order_each_once(workers):
     assert seen == list(range(50))
 
 
-def test_an_exception_of_a_task_is_raised_and_workers_go_on(workers):
+def test_an_exception_of_a_task_is_raised_and_workers_continue(workers):
     with pytest.raises(ValueError, match="math domain"):
         in_order(workers, math.sqrt, [4.0, -1.0, 9.0])
     assert in_order(workers, abs, [-1, 2]) == [1, 2]

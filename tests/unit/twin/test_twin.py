@@ -109,7 +109,7 @@ def five():
     return asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="mujoco", duration=1.0)
 
 
-def test_a_torque_on_one_joint_is_seen_at_that_joint_alone(five):
+def test_an_external_torque_is_observed_only_at_its_joint(five):
     with asrsim.Simulation(five) as robot, asrsim.Twin(five) as twin:
         robot.set_reference("joint_3", "external_torque", 2.0)
         for _ in range(1500):
@@ -142,6 +142,21 @@ def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
     assert not before.notes
     assert "+0.6 from its twin" in jump.notes[0]
     assert abs(after.residual[0]) < 0.02
+
+
+def test_a_robot_on_its_stop_raises_no_alarm():
+    """Its encoder reads 5 mrad beyond the stop; nothing but the stop acts on the link."""
+    beyond = {"joint_1": {"equilibrium_position": 2.5}}
+    arm = asrsim.make_scenario(EXAMPLES / "urdf" / "two_elastic_joints.urdf", engine="mujoco", duration=2.0, references=beyond)
+    with asrsim.Simulation(arm) as robot, asrsim.Twin(arm) as twin:
+        steps = []
+        for _ in range(2000):
+            positions = robot.observe().link_position
+            steps.append(twin.step(positions + np.array([0.005, 0.0]), {}))
+            robot.advance()
+    assert positions[0] == 1.57
+    assert not any(step.alarm.any() for step in steps[1200:])
+    assert abs(steps[-1].external_torque[0]) < 0.1
 
 
 def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
