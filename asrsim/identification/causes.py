@@ -24,7 +24,6 @@ from asrsim.identification.problem import (
     with_own_substeps,
 )
 from asrsim.identification.task import Tie
-from asrsim.identification.uncertainty import Uncertainty, noise_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 
@@ -191,8 +190,8 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 def stairs(problem: Problem) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     for key in _commands(problem, hold=False):
-        if key not in problem.held:
-            yield Extension(problem=problem.played(problem.held | {key}), begins=((),), share=STAIRS)
+        if key not in problem.playing.held:
+            yield Extension(problem=problem.played(problem.playing.held | {key}), begins=((),), share=STAIRS)
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
@@ -221,7 +220,9 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     recorded noise.
     """
     base = mean_square(problem, x)
-    target = base - EXPLAINED * max(base - 1.0, 0.0)
+    # Residuals below the estimated noise may be correlated nevertheless.
+    excess = max(base - 1.0, (1.0 - FURTHER) * base)
+    target = base - EXPLAINED * excess
     found = extended(
         problem, x, _causes, most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
@@ -230,7 +231,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
     found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
     rest = mean_square(found.problem, found.x)
-    if found.chosen and rest - 1.0 <= PARTLY * (base - 1.0):
+    if found.chosen and rest <= base - PARTLY * excess:
         yield _suspected(problem, found, base, rest, complete=rest <= target)
     yield from _amplitude(problem, x)
 
@@ -243,8 +244,9 @@ def _suspected(problem: Problem, found: Extended, base: float, rest: float, *, c
         layout = cause.problem.layout
         new = list(zip(layout.entries, values, strict=False))[len(before) :]
         entry, value = new[-1]
-        # Delays and offsets are small, so they are shown in ms and mrad.
-        small, unit = entry.parameter.key.endswith((".delay", ".offset")), entry.parameter.unit.removeprefix("1")
+        # Small delays and offsets are shown in ms and mrad.
+        unit, small = entry.parameter.unit.removeprefix("1"), abs(value) < 0.1
+        small &= entry.parameter.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if entry.track is not None else f"{cause.text} ({size})")
         options += [
@@ -277,7 +279,8 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     own = {entry.parameter.key for entry in problem.layout.entries if entry.track is not None}
     channels = problem.tracks[problem.fitted[0]].channels
     for channel, part, off in zip(channels, problem.parts, differences(problem, x), strict=False):
-        key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
+        # A compared torque is the recorded command.
+        key, zeroed = channel.guide.command if channel.guide else channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
         offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
@@ -311,7 +314,7 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 begins = (1.0,) if parameter.start == 0.0 else ()
                 yield _cause(f"{text} of {joint}", problem, parameter, begins=begins)
         for what, unit in (("torque", "N m"), ("velocity", "rad/s")) if drive.dynamic_motors else ():
-            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing[0], [(j, f"motor_1_{what}")])
+            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing, [(j, f"motor_1_{what}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
             if key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
@@ -354,22 +357,17 @@ def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
             yield tie, freed(problem.under(without), [parameter])
 
 
-def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[str]:
+def ties_that_are_none(problem: Problem, x: Array) -> Iterator[str]:
     """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
-    faults = []
+    if not problem.layout.ties:
+        return
+    place = _Place(problem, x)
     for tie, wider in _without_ties(problem, x):
-        base, there = residuals(problem, x), np.append(x, 0.0)
-        slope = jacobian(wider, there, 1e-3, base=base, columns=[len(x)])
-        both = np.column_stack([found.jacobian, slope])
-        inverse, entry = np.linalg.pinv(both.T @ both), wider.layout.entries[-1]
-        move = float(-(inverse @ (both.T @ base))[-1])
-        share = abs(entry.value(move) / entry.value(0.0) - 1.0) if entry.value(0.0) else 0.0
-        if share <= DIFFERENT:
-            continue
-        noise, _ = noise_of(problem, base, both)
-        if move**2 > ASKED * float((inverse @ noise @ inverse)[-1, -1]):
-            faults.append(f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(share)}")
-    return faults
+        ((share, _, start),) = place.promises(Extension(problem=wider))
+        tied, free = (wider.layout.entries[-1].value(move) for move in (0.0, float(start[-1])))
+        significant = -np.log(1.0 - share) * independent_samples(place.there) > ASKED
+        if significant and abs(free - tied) > DIFFERENT * abs(tied):
+            yield f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(abs(free / tied - 1.0))}"
 
 
 def _amplitude(problem: Problem, x: Array) -> Iterator[str]:

@@ -14,13 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.identification.data import Channel, Data, Guide, PlayedCommand
-from asrsim.identification.noise import fine_noise, smoothed
+from asrsim.identification.noise import bandwidth, fine_noise, smoothed
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
 from asrsim.signals.curve import curve_through
 
-HIGHEST, LOUD = 20.0, 30.0
-"""Highest bandwidth of the controller, Hz; ratio of the motion's spectrum to the noise's spectrum within its bandwidth."""
+HIGHEST = 20.0
+"""Highest bandwidth of the controller, Hz."""
 EDGE = 2.0
 """Duration that is not compared at both ends of a recording, in periods of the controller's bandwidth."""
 POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
@@ -53,7 +52,7 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     name, step = place.joint, float(np.median(np.diff(place.time)))
     time = np.arange(place.time[0], place.time[-1], step)
     raw = np.interp(time, place.time, place.values)
-    band = min(_bandwidth(step, raw, place.floor), HIGHEST, 0.15 / step)
+    band = min(1.5 * bandwidth(step, raw, place.floor) or 1.0, HIGHEST, 0.15 / step)
     cutoff = 4.0 * band * step
     recorded = smoothed(np.interp(time, command.time, command.values), min(4.0 * cutoff, 0.9))
     position, torque = smoothed(raw, cutoff), smoothed(recorded, 2.0 * band * step)
@@ -89,13 +88,3 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
         channels=tuple(channel if one is place else one for one in data.channels), guides=(*data.guides, place),
         remarks=(*data.remarks, remark),
     )  # fmt: skip
-
-
-def _bandwidth(step: float, positions: Array, noise: float) -> float:
-    """Highest frequency at which a recorded position exceeds its white noise, Hz."""
-    speed = np.diff(positions)
-    power, frequency = np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2, np.fft.rfftfreq(len(speed), step)
-    # Spectrum of the differences of white noise, multiplied by the window.
-    level = noise**2 * len(speed) * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
-    loud = np.flatnonzero(power > LOUD * level + 1e-300)
-    return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0

@@ -121,7 +121,7 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
     """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start."""
     whole, found = problem.everything, []
     after = differences(whole, x)
-    shaken = differences(replace(whole, playing=tuple(replace(one, draw=0) for one in whole.playing)), x)
+    shaken = differences(replace(whole, playing=replace(whole.playing, draw=0)), x)
     for part, was, left, moved in zip(whole.parts, before, after, shaken, strict=True):
         channel, end, change = part.channel, problem.ends[part.track], np.nan_to_num(moved - left)
         count = channel.until(end) if end else 0

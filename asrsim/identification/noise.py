@@ -31,8 +31,8 @@ LEVELS = 20_000
 """Largest number of different values of a recording that counts as quantised."""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
-POWER = 0.95
-"""Fraction of the power of a velocity that lies below its bandwidth."""
+LOUD = 30.0
+"""Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth."""
 FIRST, LONG = 15, 10
 """Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
 
@@ -178,21 +178,30 @@ def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, f
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
+def onset(channel: Channel, deviations: float) -> int:
+    """Number of samples before a channel moves by this many standard deviations of its noise."""
+    away = np.abs(channel.values - np.median(channel.values[:5])) > deviations * max(channel.noise, channel.quantum)
+    return int(np.argmax(away)) if away.any() else len(away)
+
+
 def at_rest(channel: Channel) -> tuple[float, float]:
     """Value of a channel at time 0 and its error, from the mean of the samples before the channel moves, or from the first
     sample.
     """
-    moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
-    still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
+    moved = onset(channel, 4.0)
+    still = moved // 2 if moved < len(channel.time) else moved
     count = still if still >= LONG else 1
     return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))
 
 
-def bandwidth(time: Array, values: Array) -> float:
-    """Frequency below which 95 % of the power of a series' velocity lies, Hz."""
-    speed = np.gradient(values, time)
-    power = np.cumsum(np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2)
-    return float(np.searchsorted(power, POWER * power[-1])) / float(time[-1] - time[0])
+def bandwidth(step: float, positions: Array, noise: float) -> float:
+    """Highest frequency at which a recorded position exceeds its white noise, Hz."""
+    speed = np.diff(positions)
+    power, frequency = np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2, np.fft.rfftfreq(len(speed), step)
+    # Spectrum of the differences of white noise, multiplied by the window.
+    level = noise**2 * len(speed) * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
+    loud = np.flatnonzero(power > LOUD * level + 1e-300)
+    return float(frequency[loud[-1]]) if len(loud) else 0.0
 
 
 def smoothed(values: Array, cutoff: float) -> Array:

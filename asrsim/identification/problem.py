@@ -5,6 +5,7 @@ of the problem; `dataclasses.replace` makes a changed problem.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -83,12 +84,12 @@ class Meter:
 class Problem:
     """The least-squares problem of a fit. Residuals cover the training part of the fitted recordings.
 
-    tracks, playing, weights and ends have an element for each recording; fitted recordings come first.
+    tracks, weights and ends have an element for each recording; fitted recordings come first.
     """
 
     tracks: tuple[Track, ...]
     layout: Layout
-    playing: tuple[Playing, ...]
+    playing: Playing
     weights: tuple[tuple[float, ...], ...]
     """Standard deviation of the noise of each channel, by recording."""
     ends: tuple[float, ...]
@@ -112,14 +113,9 @@ class Problem:
         """Problem that covers all recordings to their ends, fitted or not."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
-    @property
-    def held(self) -> frozenset[str]:
-        """Keys of the commands that are played as staircases."""
-        return self.playing[0].held
-
     def played(self, held: frozenset[str]) -> Problem:
-        """Problem in which the commands with given keys are played as staircases, in all recordings."""
-        return replace(self, playing=tuple(replace(one, held=held) for one in self.playing))
+        """Problem in which the commands with given keys are played as staircases."""
+        return replace(self, playing=replace(self.playing, held=held))
 
     def under(self, layout: Layout) -> Problem:
         """Problem with another layout of free parameters."""
@@ -161,7 +157,7 @@ def differences(problem: Problem, x: Array) -> list[Array]:
     predicted: list[Array] = []
     for track in problem.fitted:
         table = problem.layout.table(x, track)
-        predicted += problem.tracks[track].predict(table, problem.playing[track], problem.until(track))
+        predicted += problem.tracks[track].predict(table, problem.playing, problem.until(track))
         problem.meter.count()
     return [values - part.recorded for values, part in zip(predicted, problem.parts, strict=True)]
 
@@ -198,7 +194,7 @@ def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
 
 def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array]:
     tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
-    for predicted in problem.tracks[track].predictions(tables, problem.playing[track], problem.until(track)):
+    for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.until(track)):
         problem.meter.count()
         pairs = zip(predicted, parts, strict=True)
         yield np.concatenate([part.weighted(values - part.recorded) for values, part in pairs])
@@ -219,14 +215,16 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
     """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right
     already.
     """
-    playing = []
-    for number, (track, one) in enumerate(zip(problem.tracks, problem.playing, strict=True)):
-        try:
-            playing.append(replace(one, substeps=track.door.substeps_of(numbers_of(problem.layout.table(x, number)))))
-        except (RobotError, UnresolvedSpringError):
-            playing.append(one)
-    changed = any(a.substeps != b.substeps for a, b in zip(playing, problem.playing, strict=True))
-    return replace(problem, playing=tuple(playing)) if changed else problem
+    needed = []
+    for number, track in enumerate(problem.tracks):
+        with suppress(RobotError, UnresolvedSpringError):
+            needed.append(track.door.substeps_of(numbers_of(problem.layout.table(x, number))))
+    substeps = max(needed, default=problem.playing.substeps)
+    return (
+        problem
+        if substeps == problem.playing.substeps
+        else replace(problem, playing=replace(problem.playing, substeps=substeps))
+    )
 
 
 def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:

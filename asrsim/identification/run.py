@@ -188,7 +188,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
-    misfit += ties_that_are_none(final, x, found) if complete else []
+    misfit += ties_that_are_none(final, x) if complete else ()
     accepted = accept and bool(misfit) and min(one.explained for one in fits) >= ACCEPTABLE
     found = found.of_a_block if accepted else found
     known, combined = estimates(final, x, found, met)
@@ -203,7 +203,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={
-            c.source: "hold" if c.hold or c.key in problem.held else "smooth"
+            c.source: "hold" if c.hold or c.key in problem.playing.held else "smooth"
             for track in problem.tracks for c in track.data.commands
         },
     )  # fmt: skip
@@ -255,7 +255,7 @@ def _remarks(setup: Setup, best: Best) -> Iterator[str]:
     for key in sorted(keys - setup.asked):
         if key.endswith("friction_stiffness"):
             yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
-    if held := best.problem.held:
+    if held := best.problem.playing.held:
         yield (
             f"{', '.join(sorted(held))}: played as a staircase, since the recording shows that each sample was held until the "
             "next (`interpolation: hold` of the scenario's playback)"

@@ -11,7 +11,8 @@ from itertools import islice
 import numpy as np
 
 from asrsim.identification.causes import Extended, extended, presliding, stairs
-from asrsim.identification.judge import fits_noise, is_explained, rms
+from asrsim.identification.judge import fits_noise, is_explained
+from asrsim.identification.noise import size_of
 from asrsim.identification.problem import (
     ROUNDS,
     Problem,
@@ -29,8 +30,6 @@ half a period.
 """
 AGREED = 2
 """Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
-OUTLIER = 6.0
-"""Robust standard deviations above which a residual is an outlier."""
 SPREAD = 3.0
 """Factor by which start values are scattered."""
 
@@ -149,12 +148,6 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     for track in problem.fitted:
         left = [one for part, one in parts if part.track == track]
         if all(np.isfinite(one).all() for one in left):
-            found[track] = tuple(map(noise_of_residuals, left))
+            found[track] = tuple(max(size_of(one), 1e-12) for one in left)
     weighted = replace(problem, weights=tuple(found))
     return weighted, refined(weighted, x, 15)
-
-
-def noise_of_residuals(left: Array) -> float:
-    """Root mean square of residuals (n,) without outliers; a common offset is included."""
-    away = np.abs(left - np.median(left))
-    return max(rms(left[away <= OUTLIER * float(np.median(away)) / 0.6745 + 1e-300]), 1e-12)

@@ -64,7 +64,9 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
-    problem = Problem(tuple(tracks), layout, tuple(track.playing for track in tracks), weights, ends, Meter())
+    problem = Problem(
+        tuple(tracks), layout, max((track.playing for track in tracks), key=lambda one: one.substeps), weights, ends, Meter()
+    )
     count = problem.parts[-1].rows.stop
     if count <= len(layout):
         message = f"{count} samples are fewer than the {len(layout)} parameters need"

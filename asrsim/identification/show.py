@@ -150,8 +150,9 @@ def _moved(result: Result) -> dict[str, _Motion]:
     for one in (one for one in result.channels if one.key.endswith("position")):
         joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])
         was, speed = found.get(joint, _Motion(one.unit)), float(np.abs(np.gradient(values, time)).max())
+        band = bandwidth(float(np.median(np.diff(time))), values, one.noise)
         low, high = min(was.low, float(values.min())), max(was.high, float(values.max()))
-        found[joint] = _Motion(one.unit, low, high, max(was.speed, speed), max(was.band, bandwidth(time, values)))
+        found[joint] = _Motion(one.unit, low, high, max(was.speed, speed), max(was.band, band))
     return found
 
 

@@ -178,12 +178,12 @@ def _with(root: Node, given: Mapping[str, Any]) -> Node:
         return root
     merged = dict(root.value)
     for key, value in given.items():
-        node, before = node_from_data(value), merged.get(key)
-        if isinstance(node.value, dict | list) and not node.value:
+        if isinstance(value, Sequence | Mapping) and not value:
             continue
+        node, before = node_from_data(value), merged.get(key)
         if before is not None and isinstance(before.value, dict) and isinstance(node.value, dict):
             node = replace(before, value=before.value | node.value)
-        elif before is not None and isinstance(before.value, list) and isinstance(node.value, list) and key == "validate":
+        elif key == "validate" and before is not None and isinstance(before.value, list) and isinstance(node.value, list):
             node = replace(before, value=before.value + node.value)
         merged[key] = node
     return replace(root, value=merged)

@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK
-from asrsim.identification.noise import at_rest, fine_noise, first_samples
+from asrsim.identification.noise import at_rest, fine_noise, first_samples, onset
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -129,7 +129,7 @@ class Track:
         self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario's."""
         self._begin(trusted)
-        self.onset = min(map(_onset, data.channels))
+        self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in data.channels)
         """Time of the first motion, s."""
 
     @property
@@ -253,11 +253,6 @@ class Track:
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
-
-
-def _onset(channel: Channel) -> float:
-    away = np.abs(channel.values - np.median(channel.values[:5])) > 8.0 * max(channel.noise, channel.quantum)
-    return float(channel.time[int(np.argmax(away))]) if away.any() else float(channel.time[-1])
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:

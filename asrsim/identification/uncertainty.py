@@ -254,8 +254,9 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
     shifts = [-found.inverse @ (found.jacobian.T @ change) for change in _shaken(problem, x)]
     variance = found.deviation**2 + (np.mean(np.square(shifts), axis=0) if shifts else 0.0)
     if problem.tracks[0].door.exact_in_time:
-        playing = [replace(one, substeps=(FINER * one.substeps[0], one.substeps[1])) for one in problem.playing]
-        change = residuals(replace(problem, playing=tuple(playing)), x) - residuals(problem, x)
+        substeps, motors = problem.playing.substeps
+        finer = replace(problem.playing, substeps=(FINER * substeps, motors))
+        change = residuals(replace(problem, playing=finer), x) - residuals(problem, x)
         # Extrapolate the time-step error to infinitely fine substeps; sticking joints cause an error of first order.
         variance += (found.inverse @ (found.jacobian.T @ change) / (1.0 - 1.0 / FINER)) ** 2
     return found.with_deviation(np.sqrt(variance), found.quantile)
@@ -268,5 +269,4 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     tracks, base = [problem.tracks[i] for i in problem.fitted], residuals(problem, x)
     if not any(track.data.guides or not track.has_noisy_inputs for track in tracks):
         for draw in range(PLAYED):
-            playing = tuple(replace(one, draw=draw) for one in problem.playing)
-            yield residuals(replace(problem, playing=playing), x) - base
+            yield residuals(replace(problem, playing=replace(problem.playing, draw=draw)), x) - base

@@ -69,10 +69,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "correlation": np.round(result.correlation, 4).tolist(),
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
         "training_ends": result.ends,
-        "search": {
-            "how": result.how, "attempts": result.attempts, "successes": result.successes, "evaluations": result.evaluations,
-            "seconds": round(result.seconds, 3),
-        },
+        "search": {name: getattr(result, name) for name in ("how", "attempts", "successes", "evaluations", "seconds")},
         "keys": [rows[i].key for i in drawn],
         "mean": np.where(logarithmic, np.log(np.where(logarithmic, means, 1.0)), means).tolist(),
         "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),

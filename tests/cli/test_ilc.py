@@ -52,6 +52,23 @@ def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path
     assert not (tmp_path / "here" / "ilc.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("shares", "code", "words"),
+    [((1.0,), 0, "the best input"), ((0.5,), 0, "give the recording to --next again"), ((0.5, 0.51), 1, "the best input")],
+)
+def test_the_exit_code_of_a_recorded_trial_tells_failed_learning(asrsim_command, lift, tmp_path, shares, code, words):
+    """In each trial, the robot moves by a share of the desired motion. There is one update."""
+    time = np.arange(0.0, 1.001, 0.002)
+    s = np.minimum(time / 0.8, 1.0)
+    motion = 0.3 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+    for share in shares:
+        header = "time [s],joint_1.link_position [rad]"
+        np.savetxt(tmp_path / "a.csv", np.column_stack([time, share * motion]), delimiter=",", header=header, comments="")
+        done = asrsim_command("ilc", lift, "--next", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1")
+    assert done.code == code, done.err
+    assert words in done.out + done.err
+
+
 def test_ilc_fails_if_learning_does_not_converge(asrsim_command, lift):
     result = asrsim_command("ilc", lift, "--out", "o", "--set", "ilc.max_iterations=1", "--json", "--no-plot")
     assert result.code == 1

@@ -107,4 +107,4 @@ def modelled(
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
     layout = make_layout(parameters, (), ["a"], [{}])
     track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum)
-    return Problem((track,), layout, (Playing((1, 1)),), ((weight,),), (1.0,), Meter())
+    return Problem((track,), layout, Playing((1, 1)), ((weight,),), (1.0,), Meter())

@@ -118,7 +118,7 @@ def test_derivatives_on_many_threads_equal_those_on_one(tmp_path: Path, monkeypa
         with ExitStack() as stack:
             problem = setup_of(stack, tmp_path, columns, ["link_1.izz", "joint_1.damping"])
             for draw, matrices in found.items():
-                drawn = replace(problem, playing=(replace(problem.playing[0], draw=draw),))
+                drawn = replace(problem, playing=replace(problem.playing, draw=draw))
                 matrices.append(jacobian(drawn, np.zeros(len(problem.layout))))
     for one, two in found.values():
         np.testing.assert_array_equal(one, two)

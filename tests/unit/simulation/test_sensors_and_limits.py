@@ -31,6 +31,14 @@ def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay:
     np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
 
 
+def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path: Path) -> None:
+    """A sensor of 250 Hz in steps of 1 ms."""
+    given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
+    found = samples(given, tmp_path, effects={"sensors": {"*": {"rate": 250}}}, substeps=1)
+    q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
+    np.testing.assert_allclose(torque, -5.0 * q[np.arange(len(q)) // 4 * 4], atol=1e-12)
+
+
 @pytest.mark.parametrize("start", [0.34, -0.36])
 def test_readings_are_rounded_to_the_nearest_quantum(tmp_path: Path, start: float) -> None:
     given = plan([replace(PROPORTIONAL, start=start)], 0.01)
