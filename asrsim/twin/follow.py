@@ -183,19 +183,20 @@ def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
     """Write twin.csv and twin.png, and return their paths. Raises OutputError."""
-    headings, columns = ["time [s]"], [found.time]
-    for j, name in enumerate(found.joints):
-        headings += [f"{name}.external_torque [N m]", f"{name}.stiffness [N m/rad]", f"{name}.residual [rad]", f"{name}.alarm"]
-        columns += [found.external_torque[:, j], found.stiffness[:, j], found.residual[:, j], found.alarm[:, j].astype(float)]
+    fields = {
+        "external_torque [N m]": found.external_torque, "stiffness [N m/rad]": found.stiffness,
+        "residual [rad]": found.residual, "alarm": found.alarm,
+    }  # fmt: skip
+    headings = ["time [s]", *(f"{joint}.{field}" for joint in found.joints for field in fields)]
+    columns = np.stack([*fields.values()], axis=2).reshape(len(found.time), -1)
     path = make_folder(folder) / "twin.csv"
-    write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack(columns))}", "twin")
+    write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack([found.time, columns]))}", "twin")
 
     def draw(j: int, left: Any, right: Any) -> None:
-        torque, limit = found.external_torque[:, j], found.threshold[:, j]
+        torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
         left.fill_between(found.time, -limit, limit, color="0.92", linewidth=0.0, label="no alarm")
+        left.fill_between(found.time, -limit, limit, where=alarm, color="#d55e00", alpha=0.3, linewidth=0.0, label="alarm")
         left.plot(found.time, torque, linewidth=0.9)
-        for number, (start, end) in enumerate(found.alarms(j)):
-            left.axvspan(start, end, color="#d55e00", alpha=0.3, linewidth=0.0, label="" if number else "alarm")
         most = 1.1 * np.nanmax([*np.abs(torque), np.median(limit)])
         left.set_ylim(-most, most)
         left.set_ylabel(f"{found.joints[j]}\nexternal torque [N m]", fontsize="small")
@@ -203,7 +204,5 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
         right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
         right.set_ylabel("stiffness [N m/rad]", fontsize="small")
         right.set_ylim(bottom=0.0)
-        if not np.isfinite(found.stiffness[:, j]).any():
-            right.set_title("the motion does not show the stiffness", fontsize="small")
 
     return [path, *(save_pairs(folder / "twin.png", len(found.joints), draw) if plot else [])]

@@ -44,9 +44,10 @@ def test_too_large_a_load_names_what_can_be_held():
             equilibrium_for_load(drive, 0.0, side, 0.0)
 
 
-def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
-    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,))
-    assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
+@pytest.mark.parametrize(("integral", "droop"), [(0.0, 10 / 125), (1.0, 0.0)])
+def test_droop_is_load_over_gain_without_integral_action(integral, droop):
+    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(integral,), max_torque=(20.0,))
+    assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + droop, abs=1e-12)
 
 
 def test_a_motion_beyond_a_spring_names_the_time():
@@ -54,11 +55,6 @@ def test_a_motion_beyond_a_spring_names_the_time():
     time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
     with pytest.raises(ScenarioError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
         equilibria_for_loads(drive, nothing, 10.0 * time, nothing, droop=False, time=time)
-
-
-def test_an_integral_term_leaves_no_droop():
-    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,))
-    assert rest(drive, 0.0, drive.actuator.motor_references(0.4, 0.0))[0] == 0.4
 
 
 def test_a_motor_too_weak_for_the_pretension_is_named():

@@ -158,19 +158,6 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     assert np.abs(shifts).max() > 0.1
 
 
-def test_a_load_beyond_the_spring_is_named_with_its_limit():
-    model = Planar2R(weight=(900.0, 100.0))
-    with pytest.raises(ScenarioError, match=r"at 0 s.*cannot hold .* N m.*the most it can hold") as error:
-        plan(
-            task((0.0, 0.35, 0.1), gravity_compensation=True),
-            model,
-            [qbmove("one"), qbmove("two")],
-            initial(elbow(0.35, 0.1)),
-            1.0,
-        )
-    assert error.value.problems[0].key == "task.one"
-
-
 def test_plans_of_motor_reference_modes_give_motor_positions():
     planned = plan(
         task((0.0, 0.35, 0.1), preset={"*": 0.3}),

@@ -98,12 +98,11 @@ def test_a_falling_arm_gets_a_warning_and_a_sufficient_proposal(tmp_path):
         assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_weak_motors_are_distinguished_from_soft_springs(tmp_path, side):
+def test_weak_motors_are_distinguished_from_soft_springs(tmp_path):
     robot = write_plain_arm(tmp_path)
     keys = {
         "actuators": {"*": {"type": "sea", "parameters": {"spring_k": 300.0, "motor_1_max_torque": 0.5}}},
-        "references": {"*": {"equilibrium_position": 1.2 * side}},
+        "references": {"*": {"equilibrium_position": -1.2}},
     }
     scenario = scenario_of(robot, **keys)
     applied = apply_to_robot(scenario, checked_robot(scenario)[0])
@@ -167,7 +166,7 @@ def test_a_slider_on_its_stop_is_lifted(tmp_path, travel):
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
 
 
-@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+@pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
     preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
