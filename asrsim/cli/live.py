@@ -33,7 +33,6 @@ def live(
         Texts,
         option("Web pages that may use the WebSocket; may be repeated.", "--allow-origin", metavar="URL"),
     ] = None,
-    paused: Annotated[bool, option("Start paused; the topic 'pause' resumes the run.", "--paused")] = False,
     twin: Annotated[bool, option("Follow a robot: read its topics, publish external torques and alarms.", "--twin")] = False,
     overrides: Overrides = None,
     out: Annotated[
@@ -70,16 +69,19 @@ def live(
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
         return _follow(one, names, access, namespace, duration, quiet=quiet)
-    settings = Settings(
-        speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused, access=access
-    )
+    settings = Settings(speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, access=access)
     with StatusLine(show=not quiet) as line:
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
         folder = out or Path("out") / one.name / f"{one.variant}_live"
         session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
         with Interruption("") as interruption:
-            summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
+
+            def stop() -> bool:
+                line.show(session)
+                return interruption.stop()
+
+            summary = session.run(stop=stop)
     return Done(
         data={"ok": summary.ok, "runs": [summary.as_dict()]},
         always=lambda: print_live(session, summary, plugin, quiet=quiet),

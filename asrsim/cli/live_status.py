@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from asrsim.summary import RunSummary
 
 
+INTERVAL = 0.25
+"""Time between two updates of the status line, s."""
+
+
 class StatusLine:
     """Status line on stderr, rewritten in place on a terminal; messages are printed above the status line."""
 
@@ -39,14 +43,15 @@ class StatusLine:
             complain(text)
 
     def show(self, session: Session) -> None:
-        """Rewrite the status line with the current numbers of the session."""
-        if not self._shows:
+        """Rewrite the status line with the current numbers of the session, a few times per second."""
+        now, simulated = clock.perf_counter(), session.simulation.time
+        if not self._shows or now - self._before[0] < INTERVAL:
             return
-        now, simulated, figures = clock.perf_counter(), session.simulation.time, session.figures()
+        figures = session.figures()
         speed = (simulated - self._before[1]) / (now - self._before[0])
         self._before = (now, simulated)
-        state = "paused" if session.paused else f"{speed:.2f} x real time"
-        text = f"{simulated:9.2f} s  {state}  late {1e3 * figures['late_p99']:.2f} ms (p99)  {commands(figures)}"
+        late = f"late {1e3 * figures['late_p99']:.2f} ms (p99)"
+        text = f"{simulated:9.2f} s  {speed:.2f} x real time  {late}  {commands(figures)}"
         sys.stderr.write(f"\r\x1b[K{text}")
         sys.stderr.flush()
 

@@ -85,9 +85,11 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         going, fresh = ~self._over, self._over.copy()
         if fresh.any():
             self._begin(fresh)
-        for place, (joint, reference) in enumerate(task.actions):
-            worlds.set_reference(joint, reference, values[going, place], worlds=going)
-        worlds.advance(task.steps, worlds=going)
+        # A single number, and all worlds (None), are handled faster than arrays and masks.
+        which = None if going.all() else going
+        for (joint, reference), column in zip(task.actions, values[going].T, strict=True):
+            worlds.set_reference(joint, reference, column.item() if len(column) == 1 else column, worlds=which)
+        worlds.advance(task.steps, worlds=which)
         self._counts[going] += 1
         found = self._readings.read()
         rewards, ended = np.zeros(self.num_envs), ~worlds.healthy

@@ -46,13 +46,8 @@ class Motion:
         return lambda time: float(spline(min(time, times[-1])))
 
 
-@dataclass(frozen=True)
-class _Input:
-    """Input topic and the references that its values set."""
-
-    topic: LiveTopic
-    targets: Mapping[str, Target | None]
-    """Reference by the name in the message, or, if the message has no names, in the order of the values."""
+_Input = tuple[LiveTopic, Mapping[str, Target | None]]
+"""Input topic, and the references that its values set: by name, or in the order of the values if the message has no names."""
 
 
 class CommandInput:
@@ -64,7 +59,7 @@ class CommandInput:
         """tell: receives one sentence for each kind of refusal."""
         self._ranges, self._tell = ranges, tell
         self._inputs = tuple(_inputs(joints, ranges, prefix))
-        self.inlets = tuple(one.topic for one in self._inputs)
+        self.inlets = tuple(topic for topic, _ in self._inputs)
         self.taken = 0
         """Number of accepted values."""
         self.refused: Counter[str] = Counter()
@@ -95,10 +90,10 @@ class CommandInput:
 
     def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
         """Accepted values of a message, clamped to their ranges, or the motions of a trajectory."""
-        one, names = self._inputs[received.inlet], received.names
+        (topic, known), names = self._inputs[received.inlet], received.names
         points = received.points or [(0.0, received.values, ())]
         times = [time for time, _, _ in points]
-        targets = [*one.targets.values()] if names is None else [one.targets.get(name) for name in names]
+        targets = [*known.values()] if names is None else [known.get(name) for name in names]
         counts = {len(row) for _, row, _ in points}
         fault = received.fault
         if not fault and counts != {len(targets)}:
@@ -106,7 +101,7 @@ class CommandInput:
         elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] < math.inf):
             fault = "points that are not in the order of time"
         if fault:
-            self._refuse(one, fault)
+            self._refuse(topic, fault)
             return []
         found: list[tuple[Target, float | Motion]] = []
         for j, target in enumerate(targets):
@@ -114,12 +109,12 @@ class CommandInput:
             velocities = [row[j] for *_, row in points if len(row) == len(targets)]
             if target is None:
                 if names is not None:
-                    self._refuse(one, "a joint that does not take commands there")
+                    self._refuse(topic, "a joint that does not take commands there")
             elif names is not None and not received.points and math.isnan(values[0]):
                 # Controllers send NaN for joints that they do not command.
                 continue
             elif not all(map(math.isfinite, (*values, *velocities))):
-                self._refuse(one, "a value that is not finite")
+                self._refuse(topic, "a value that is not finite")
             else:
                 self.taken += 1
                 moving = velocities if len(velocities) == len(times) else ()
@@ -136,8 +131,8 @@ class CommandInput:
                 self._tell(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later ones are only counted")
         return min(max(value, low), high)
 
-    def _refuse(self, one: _Input, why: str) -> None:
-        text = f"{one.topic.name}: {why}"
+    def _refuse(self, topic: LiveTopic, why: str) -> None:
+        text = f"{topic.name}: {why}"
         # Limit the memory that messages from other programs may take.
         if text not in self.refused and len(self.refused) >= MOST_NOTICES:
             text = "others"
@@ -167,7 +162,7 @@ def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterato
         if EXTERNAL_TORQUE in own:
             topics[EXTERNAL_TORQUE] = joint.name, EXTERNAL_TORQUE
         for name, target in topics.items():
-            yield _Input(LiveTopic(f"{prefix}{path}/{name}", "std_msgs/Float64"), {joint.name: target})
+            yield LiveTopic(f"{prefix}{path}/{name}", "std_msgs/Float64"), {joint.name: target}
         if targets:
             named[joint.name] = targets[0]
             if targets[-1][1] == "stiffness_preset":
@@ -177,7 +172,7 @@ def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterato
             arrays.setdefault(name, {})[joint.name] = targets[number] if number < len(targets) else None
     for name, members in arrays.items():
         if any(members.values()):
-            yield _Input(LiveTopic(name, "std_msgs/Float64MultiArray"), members)
+            yield LiveTopic(name, "std_msgs/Float64MultiArray"), members
     if named:
-        yield _Input(LiveTopic(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), named)
-        yield _Input(LiveTopic(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), named)
+        yield LiveTopic(f"{prefix}{CONTROL}/joint_commands", "sensor_msgs/JointState"), named
+        yield LiveTopic(f"{prefix}/joint_trajectory", "trajectory_msgs/JointTrajectory"), named

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ WAITING = 5000
 """Largest number of received messages that wait for the simulation; when more messages wait, the oldest messages are dropped.
 """
 MOST = 1000
-"""Largest number of messages processed in one call, and largest number of channels that clients may advertise."""
+"""Largest number of channels that clients may advertise, and of latched topics that wait for being sent again."""
 
 
 class FoxgloveTransport:
@@ -56,12 +57,10 @@ class FoxgloveTransport:
             "capabilities": [Capability.ClientPublish, Capability.Time], "supported_encodings": ["json"],
         }  # fmt: skip
         # The server listens at a random local address, so that web pages cannot find it directly.
-        behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        try:
-            self._server = foxglove.start_server(host=behind, **options)
-        except Exception:  # foxglove raises errors of many types; some systems have no local address but 127.0.0.1
-            behind = "127.0.0.1"
-            self._server = foxglove.start_server(host=behind, **options)
+        behind = "127.0.0.1"
+        if sys.platform == "linux":
+            behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
+        self._server = foxglove.start_server(host=behind, **options)
         self._proxy.start(behind, self._server.port)
         self.port = self._proxy.port
         tell(f"foxglove: ws://{host}:{self.port}")
@@ -104,7 +103,7 @@ class FoxgloveTransport:
         while self._subscribed:
             channel, message = self._latched[self._subscribed.popleft()]
             channel.log(message)
-        for _ in range(min(MOST, len(self._messages))):
+        for _ in range(len(self._messages)):
             number, data = self._messages.popleft()
             yield decoded(number, data)
 

@@ -97,7 +97,7 @@ class OriginProxy:
         for origin in foreign:
             if origin not in self._refused and len(self._refused) < MOST_NOTICES:
                 self._refused.add(origin)
-                name = "".join(each if each.isprintable() else "?" for each in origin[:80])
+                name = ascii(origin[:80]).strip("'")
                 self._tell(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
 
 

@@ -15,8 +15,8 @@ NAP = 0.1
 """Longest sleep, s, so that commands are received and a run can be stopped."""
 RECENT = 10_000
 """Number of ticks whose lateness is kept."""
-WINDOW = 1.0
-"""Length of the time window in which late ticks are counted, s."""
+MOST_LATE, MEMORY = 0.6, 2.0
+"""Fraction of late ticks above which a run is behind, and time constant of this fraction, s."""
 
 
 class Pace:
@@ -34,12 +34,9 @@ class Pace:
         self.busy = 0.0
         """Time spent working (not sleeping), s."""
         self.speed = speed
-        self._window = [0, 0]
-        """Number of ticks since the last judgement of the pace, and number of these ticks that were late by more than a tick.
-        """
-        self._was_behind = False
+        self._late_share = 0.0
+        """Recent fraction of the ticks that were late by more than a tick."""
         self.start()
-        self._judge_at = self._awake + WINDOW
 
     def start(self) -> None:
         """Restart the clock at the beginning of the run and after a pause."""
@@ -51,17 +48,10 @@ class Pace:
         return median, high
 
     def is_behind(self) -> bool:
-        """Whether more than half of the ticks were late by more than a tick in each of the last two seconds. Returns True only
-        once for these two seconds, so that a single pause of the machine is ignored.
-        """
-        if self._awake < self._judge_at:
-            return False
-        ticks, late = self._window
-        behind = 2 * late > ticks
-        twice = behind and self._was_behind
-        self._was_behind = behind and not twice
-        self._window, self._judge_at = [0, 0], self._awake + WINDOW
-        return twice
+        """Whether most ticks of the last two seconds were late by more than a tick. After True these seconds count no more."""
+        if behind := self._late_share > MOST_LATE:
+            self._late_share = 0.0
+        return behind
 
     def wait(self, simulated: float) -> float | None:
         """Sleep until the tick is due, `simulated` s after the previous tick, and return the lateness in s.
@@ -73,7 +63,8 @@ class Pace:
         if math.isinf(self.speed):
             self._awake = now
             return 0.0
-        due = self._due + simulated / self.speed
+        tick = simulated / self.speed
+        due = self._due + tick
         if now < due:
             self._sleep(min(due - now, NAP))
         self._awake = self._now()
@@ -83,8 +74,7 @@ class Pace:
         late = self._awake - due
         self._late.append(late)
         self.ticks, self.worst = self.ticks + 1, max(self.worst, late)
-        self._window[0] += 1
-        self._window[1] += late > simulated / self.speed
+        self._late_share += min(1.0, tick / MEMORY) * ((late > tick) - self._late_share)
         if late > SLIP:
             self.slips += 1
             self.slipped += late

@@ -100,7 +100,6 @@ class RosTransport:
             if (kind := message_type(inlet.message))
         ]
         self._unsent = 0
-        self.wanted: Sequence[bool] = ()
         self._look()
         reach = "the network" if access.network else "this machine"
         left = f" (without topics of {', '.join(sorted(missing))}, which are not installed here)" if missing else ""
@@ -132,7 +131,7 @@ class RosTransport:
     def _look(self) -> None:
         """Find the topics with subscribers, and the topics with publishers."""
         self._looked = clock.monotonic()
-        self.wanted = [each is not None and each.get_subscription_count() > 0 for each in self._publishers]
+        self.wanted: Sequence[bool] = [each is not None and each.get_subscription_count() > 0 for each in self._publishers]
         self._spoken_to = [one for one in reversed(self._subscriptions) if one[2].get_publisher_count()]
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Target
 from asrsim.live.pace import Pace
 from asrsim.live.publisher import Publisher
-from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, Transport, opened
+from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import command_topic, encoded
 from asrsim.runs.described import LIVE, as_run
@@ -39,8 +39,6 @@ LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 FOREVER = 1e7
 """Simulated time after which a run without a given duration ends, s."""
-LOOK = 0.25
-"""Time between updates of the status, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +54,6 @@ class Settings:
     namespace: str = ""
     transports: Sequence[str] = ()
     access: Access = field(default_factory=Access)
-    paused: bool = False
-    """Whether the run starts paused."""
 
 
 class Session:
@@ -70,17 +66,17 @@ class Session:
         prepared = with_ranges(scenario)
         self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite, self._step = folder, overwrite, scenario.step
+        self._duration = settings.duration or FOREVER
         fast = 1.0 if math.isinf(settings.speed) else settings.speed
         self._tick_steps = max(1, round(TICK * fast / self._step))
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
-            prepared, sinks=[self], duration=settings.duration or FOREVER,
+            prepared, sinks=[self], duration=self._duration,
             chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
         self.publisher = Publisher(self.simulation, prepared.info, namespace=settings.namespace)
         self.commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=self.publisher.prefix, tell=tell)
         self.pace = Pace(settings.speed)
-        self.paused = settings.paused
         self.transports: list[Transport] = []
         self._writer: LogWriter | None = None
         self._unwritten: list[tuple[Command, float]] = []
@@ -93,24 +89,18 @@ class Session:
         """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
         self._said_slow = False
 
-    @property
-    def interface(self) -> Interface:
-        """Topics of the run."""
-        node = f"{self.publisher.prefix}/asrsim"
-        pause = LiveTopic(f"{node}/pause", "std_msgs/Bool")
-        return Interface(node, self.publisher.outlets, (*self.commands.inlets, pause))
-
-    def run(self, *, stop: Callable[[], bool], status: Callable[[], None] = lambda: None) -> RunSummary:
+    def run(self, *, stop: Callable[[], bool]) -> RunSummary:
         """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
 
-        status: called a few times per second. Raises AsrsimError; files written so far stay readable.
+        stop: called in each tick. Raises AsrsimError; files written so far stay readable.
         """
         began, error = clock.perf_counter(), None
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
             # Open the transports first: if one fails, the log of an earlier run is not replaced.
             settings = self.settings
-            self.transports = stack.enter_context(opened(settings.transports, self.interface, settings.access, self._tell))
+            interface = Interface(f"{self.publisher.prefix}/asrsim", self.publisher.outlets, self.commands.inlets)
+            self.transports = stack.enter_context(opened(settings.transports, interface, settings.access, self._tell))
             stack.enter_context(owned(self._folder))
             earlier = open_folder(self._folder, self._scenario, overwrite=self._overwrite)
             log_file = stack.enter_context(ExitStack())
@@ -125,11 +115,8 @@ class Session:
             try:
                 self._advance(0)
                 self.pace.start()
-                looked = clock.perf_counter()
                 while self._turn() and not stop():
-                    if clock.perf_counter() - looked > LOOK:
-                        looked = clock.perf_counter()
-                        status()
+                    pass
                 self.simulation.flush()
             except DivergenceError as caught:
                 error = caught
@@ -147,12 +134,7 @@ class Session:
 
     def _turn(self) -> bool:
         """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
-        if self.paused:
-            self._listen()
-            clock.sleep(2 * TICK)
-            self.pace.start()
-            return True
-        left = round((self.settings.duration or FOREVER) / self._step) - self._steps_done
+        left = round(self._duration / self._step) - self._steps_done
         steps = min(self._tick_steps, left)
         late = self.pace.wait(steps * self._step)
         if self.pace.is_behind():
@@ -193,7 +175,7 @@ class Session:
 
     def _listen(self) -> None:
         """Set the references that commands change, to their values at the end of the coming tick."""
-        received = self._commands_of(message for transport in self.transports for message in transport.poll())
+        received = (message for transport in self.transports for message in transport.poll())
         values = self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
         for target, value in values.items():
             if self._overrides.get(target) != value:
@@ -201,15 +183,6 @@ class Session:
                 self._overrides[target] = value
                 self._applied += 1
                 self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
-
-    def _commands_of(self, messages: Iterable[Received]) -> Iterator[Received]:
-        """Messages with commands; the other messages pause or resume the run."""
-        for message in messages:
-            if message.inlet < len(self.commands.inlets):
-                yield message
-            elif message.values:
-                self.paused = bool(message.values[0])
-                self.pace.start()
 
     # -- log and summary ---------------------------------------------------------------------------------------------
 

@@ -58,7 +58,7 @@ def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
             values = message.position if len(message.position) else message.effort
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             seconds = getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0)
-            return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=float(seconds), sent=sent)
+            return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=seconds, sent=sent)
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
     except (AttributeError, TypeError, ValueError) as error:
         return unreadable(inlet, error)

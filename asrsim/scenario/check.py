@@ -23,7 +23,7 @@ from asrsim.robot.mounting import block_faults, mounted, overridden, reference_n
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
-from asrsim.scenario.load import whole
+from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
@@ -139,12 +139,8 @@ def _fields(scenario: Scenario) -> Iterator[Problem]:
         for name, value in own.items():
             if not isinstance(value, int | float | np.number):
                 yield Problem("must be a number", key=f"parameters.{joint}.{name}", value=value, code="type")
-    if scenario.motion and not prescribes_motion(scenario.engine):
-        message = f"prescribed motion needs 'engine: bench', but the engine is {scenario.engine}"
-        yield Problem(message, key="motion", code="motion")
-    if not reading.problems and whole(scenario.duration / scenario.step) is None:
-        message = f"must be a whole number of steps of {scenario.step:g} s"
-        yield Problem(message, key="duration", value=scenario.duration, code="duration")
+    if not reading.problems:
+        yield from contradictions({**vars(scenario), "log_every": None})
 
 
 def nothing_moves(robot: Robot) -> Problem:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -180,10 +180,7 @@ def build_scenario(
     """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
     keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
     keys["engine"] = keys["engine"] or default_engine()
-    unread = {key for key, *_ in reading.unread}
-    for needed, check in CROSS_CHECKS:
-        if not unread.intersection(needed):
-            check(root, keys, reading)
+    wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
     name, variant = keys["name"] or name, keys["variant"] or variant
     lines = dict(_lines(root, path))
@@ -197,10 +194,12 @@ def build_scenario(
         ),
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
-    return Scenario(
+    scenario = Scenario(
         **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
         lines=lines,
     )  # fmt: skip
+    reading.problems += map(scenario.placed, wrong)
+    return scenario
 
 
 def _plain(data: Any) -> Any:
@@ -219,45 +218,44 @@ def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, 
         yield from _lines(item, path, f"{key}{name}.")
 
 
-def _fault(root: Node, reading: DocumentReading, key: str, message: str, *, code: str, show: bool = False) -> None:
-    """Add an error about a key of the scenario."""
-    node = root.value.get(key, root) if isinstance(root.value, dict) else root
-    reading.fault(node, (key,), message, code=code, show=show)
+def contradictions(keys: Mapping[str, Any], unread: Collection[str] = ()) -> Iterator[Problem]:
+    """Errors about conditions between several keys. unread: invalid keys, on which no check may depend."""
+    for needed, check in CROSS_CHECKS:
+        if not set(needed).intersection(unread):
+            yield from check(keys)
 
 
-def _check_times(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
+def _check_times(keys: Mapping[str, Any]) -> Iterator[Problem]:
     step, duration, rate = keys["step"], keys["duration"], keys["log_every"]
     count = whole(duration / step)
     if count is None:
         message = f"must be a whole number of steps, but {duration:g} s / {step:g} s = {duration / step:.9g}"
-        _fault(root, reading, "duration", message, code="duration")
+        yield Problem(message, key="duration", code="duration")
     else:
         substeps = count * (keys["substeps"] or 1) * (keys["motor_substeps"] or 1)
         if substeps > MAX_STEPS:
             message = f"makes {float(substeps):.6g} steps, counting substeps; at most {MAX_STEPS:g} are possible"
-            _fault(root, reading, "duration", message, code="range", show=True)
+            yield Problem(message, key="duration", value=duration, code="range")
     if rate is not None and whole(1.0 / (step * rate)) is None:
         message = f"must divide the step rate, but {1.0 / step:.9g} Hz / {rate:.9g} Hz = {1.0 / (step * rate):.9g}"
-        _fault(root, reading, "log_rate", message, code="log-rate")
+        yield Problem(message, key="log_rate", code="log-rate")
 
 
-def _check_motion(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
+def _check_motion(keys: Mapping[str, Any]) -> Iterator[Problem]:
     if keys["motion"] and not prescribes_motion(keys["engine"]):
         message = f"prescribed motion needs 'engine: bench', but the engine is {keys['engine']}"
-        _fault(root, reading, "motion", message, code="motion")
+        yield Problem(message, key="motion", code="motion")
 
 
-def _check_objects(root: Node, keys: Mapping[str, Any], reading: DocumentReading) -> None:
+def _check_objects(keys: Mapping[str, Any]) -> Iterator[Problem]:
     names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
-            expect = root.value.get("expect", root) if isinstance(root.value, dict) else root
-            node = expect.value[index] if isinstance(expect.value, list) else expect
             message = f"the world has no object '{claim.body}'"
-            reading.fault(node, ("expect", str(index), "body"), message, choices=names, code="unknown-object", show=False)
+            yield Problem(message, key=f"expect.{index}.body", choices=names, code="unknown-object")
 
 
-CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], DocumentReading], None]], ...] = (
+CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Mapping[str, Any]], Iterator[Problem]]], ...] = (
     (("step", "duration", "log_rate"), _check_times),
     (("engine", "motion"), _check_motion),
     (("world", "task", "expect"), _check_objects),

@@ -48,7 +48,7 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the first sample; default: the times of the recording; clock stamps start at 0",
+        doc="simulated time of the first sample; default: the times of the recording; stamps count from the file's earliest",
         unit="s",
         default=None,
     )

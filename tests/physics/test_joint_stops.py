@@ -10,8 +10,8 @@ import pytest
 from asrsim.robot import Robot
 from asrsim.scenario.data import World, Wrench
 from asrsim.signals import Constant, Sinusoid, Step
+from support.event_driven import EventDriven
 from support.pinocchio_model import PinocchioModel
-from support.stopped_arm import StoppedArm
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEPS = (1e-3, 2.5e-4)
@@ -22,12 +22,12 @@ def limit(lower: float, upper: float) -> str:
     return f'<limit lower="{lower!r}" upper="{upper!r}" effort="1000" velocity="1000"/>'
 
 
-def stopped(link: Body, friction: Pair, lower: Pair, upper: Pair, *, gravity: float) -> tuple[Robot, StoppedArm]:
+def stopped(link: Body, friction: Pair, lower: Pair, upper: Pair, *, gravity: float) -> tuple[Robot, EventDriven]:
     """Arm with two equal links, and its independent solution."""
     levels, lower, upper = (tuple(map(float, pair)) for pair in (friction, lower, upper))
     robot = chain(*(replace(link, friction=levels[j], limits=limit(lower[j], upper[j])) for j in (0, 1)))
     model = PinocchioModel(robot.text, ("joint_1", "joint_2"), (0.0, 0.0, -gravity))
-    return robot, StoppedArm(model, levels, lower, upper)
+    return robot, EventDriven(model, lambda _: np.array(levels), lower, upper)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -100,10 +100,11 @@ def test_joints_with_friction_move_at_second_order_after_a_jump(
     link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
     robot, truth = stopped(link, friction, (-2.0, lower), (2.0, 2.0), gravity=0.0)
     jump, end = 0.05037, 0.2
-    there, speeds, _ = truth.move(np.zeros(2), np.array(speed), lambda _: np.array(before), jump)
-    there, speeds, events = truth.move(there, speeds, lambda _: np.array(after), end - jump)
+    middle = truth.move(np.zeros(2), np.array(speed), lambda t, q: np.array(before), np.array([0.0, jump]))[0][-1]
+    rows, events = truth.move(middle[:2], middle[2:], lambda t, q: np.array(after), np.array([jump, end]))
+    there = rows[-1, :2]
     assert events == reversals
-    assert abs(speeds).min() > 1.0
+    assert abs(rows[-1, 2:]).min() > 1.0
     errors = []
     for step in STEPS:
         loads = {f"joint_{j + 1}": Step(at=jump, before=before[j], after=after[j]) for j in (0, 1)}
@@ -135,10 +136,11 @@ def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed:
     ]
     end = 0.6
 
-    def push(t: float) -> np.ndarray:
+    def push(t: float, q: np.ndarray) -> np.ndarray:
         return np.array([float(signal.values(np.array([t]))[0]) for signal in pushes])
 
-    there, _, events = truth.move(start, speed, push, end)
+    rows, events = truth.move(start, speed, push, np.array([0.0, end]))
+    there = rows[-1, :2]
     assert events >= 3
     errors = []
     for step in STEPS:

@@ -4,7 +4,7 @@ load, hysteresis of springs."""
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, tanh
+from math import tanh
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.signals import Ramp, Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.simulation import Simulation
-from support.stick_slip import stick_slip
+from support.event_driven import EventDriven, Mass
 from validation.models import Body, chain, column, read, run
 
 ENGINES_HERE = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
@@ -113,9 +113,8 @@ COULOMB, EXCESS, FADE = 0.2, 0.15, 0.05
 def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
     """Time and position of a mass that a spring pulls at constant speed: stick-slip motion."""
     time = np.arange(0.0, 3.0005, 1e-3)
-    place, speed = stick_slip(
-        time, lambda t, x: SPRING * (SPEED * t - x), lambda v, _: COULOMB + EXCESS * exp(-((v / FADE) ** 2)), mass=INERTIA
-    )
+    joint = EventDriven(Mass(INERTIA), lambda v: COULOMB + EXCESS * np.exp(-((v / FADE) ** 2)))
+    place, speed = joint.move(np.zeros(1), np.zeros(1), lambda t, x: SPRING * (SPEED * t - x), time)[0].T
     assert np.sum(np.diff((speed > 0.0).astype(int)) == 1) >= 2
     return time, place
 

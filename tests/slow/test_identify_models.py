@@ -4,7 +4,7 @@ true parameters."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import copysign, exp, pi, sin
+from math import copysign, pi, sin
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from asrsim.identification import Result, identify
+from support.event_driven import EventDriven, Mass
 from support.identify_files import SEA, write
-from support.stick_slip import stick_slip
 
 pytestmark = pytest.mark.slow
 SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02
@@ -60,10 +60,8 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
     time = np.arange(0.0, 4.0005, 1e-3)
     truth = {"joint_1.friction": 0.15, "joint_1.stribeck_friction": 0.1, "joint_1.stribeck_velocity": 0.15,
              "joint_1.damping": DAMPING, "link_1.izz": INERTIA}  # fmt: skip
-    q, _ = stick_slip(
-        time, lambda t, x: SPRING * (waves(t) - x), lambda v, _: 0.15 + 0.1 * exp(-((v / 0.15) ** 2)), mass=INERTIA,
-        damping=DAMPING,
-    )  # fmt: skip
+    joint = EventDriven(Mass(INERTIA, DAMPING), lambda v: 0.15 + 0.1 * np.exp(-((v / 0.15) ** 2)))
+    q = joint.move(np.zeros(1), np.zeros(1), lambda t, x: SPRING * (waves(t) - x), time)[0][:, 0]
     columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
     free = ["joint_1.friction", "joint_1.stribeck_friction=0.05", "joint_1.stribeck_velocity", "joint_1.damping", "link_1.izz"]
     # The step must be so small that its error in stiction is well below the noise.

@@ -1,5 +1,5 @@
-"""ROS node of a user, run by a Python with rclpy but without asrsim. It reads every topic, sends commands, pauses the
-run, and prints what it observed as JSON.
+"""ROS node of a user, run by a Python with rclpy but without asrsim. It reads every topic, sends commands,
+and prints what it observed as JSON.
 
 Arguments: duration in s, ROS domain, rate of the commands in Hz.
 """
@@ -17,7 +17,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Bool, Float64, Float64MultiArray
+from std_msgs.msg import Float64, Float64MultiArray
 
 SECONDS, DOMAIN, RATE = float(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
 
@@ -95,18 +95,10 @@ def main():
                 publishers[name].publish(Float64MultiArray(data=[0.25] * len(equilibria)))
         if not read():
             time.sleep(1e-4)
-    publishers["/asrsim/pause"].publish(Bool(data=True))
-    time.sleep(0.5)
-    read()
-    before = counts["/clock"]
-    time.sleep(0.5)
-    read()
-    publishers["/asrsim/pause"].publish(Bool(data=False))
-    publishers["/asrsim/pause"].wait_for_all_acked()
     state, applied = last.get("/joint_states"), last.get("/applied_commands")
     print(json.dumps({
         "topics": topics, "outlets": outlets, "inlets": inlets, "counts": counts, "gaps": gaps,
-        "description": latched, "while_paused": counts["/clock"] - before,
+        "description": latched,
         "positions": dict(zip(state.name, state.position, strict=True)) if state is not None else {},
         "applied": dict(zip(applied.name, applied.position, strict=True)) if applied is not None else {},
     }))  # fmt: skip

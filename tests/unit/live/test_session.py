@@ -238,15 +238,6 @@ def test_a_wrong_trajectory_is_refused(tmp_path, names, points, why):
     assert summary.live["applied"] == 0
 
 
-def test_a_paused_run_listens_and_resumes(tmp_path):
-    pause = [("/asrsim/pause", [1.0])] * 5 + [("/asrsim/pause", [0.0])]
-    script = Script([("/joint_1/equilibrium_position", [0.4]), *pause])
-    _, summary = run_live(tmp_path / "run", script, duration=0.1)
-    assert summary.simulated_time == pytest.approx(0.1)
-    assert script.polls == 100 + len(pause) - 1
-    assert repeat(tmp_path / "run" / "log.mcap").identical
-
-
 def test_a_killed_run_is_repeated_up_to_its_end(tmp_path, tiny):
     commands = [("/elbow/equilibrium_position", [0.5 * math.sin(0.1 * k)]) for k in range(400)]
     (one,) = asrsim.load_scenario(tiny.scenario, overrides={"compiled": False})

@@ -66,7 +66,7 @@ def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
         ({"log_every": 0}, "log_rate: must be a whole number >= 1"),
         ({"seed": -1}, "seed: must be a whole number >= 0"),
         ({"gravity": (1, 2)}, r"gravity: must be a list \[x, y, z\]"),
-        ({"duration": 0.10005}, "duration: must be a whole number of steps of 0.001 s"),
+        ({"duration": 0.10005}, "duration: must be a whole number of steps, but 0.10005 s"),
         ({"motion": {"elbow": Constant(value=1.0)}}, "motion: prescribed motion needs 'engine: bench'"),
         ({"initial_positions": {"elbw": 1.0}}, "initial.elbw: .* Did you mean 'elbow'"),
         ({"parameters": {"elbow": {"spring_k": "x"}}}, "parameters.elbow.spring_k: must be a number"),
