@@ -48,7 +48,7 @@ class Pace:
         return median, high
 
     def is_behind(self) -> bool:
-        """Whether most ticks of the last two seconds were late by more than a tick. Returns True only once for each two seconds."""
+        """Whether most ticks of the last two seconds were late by more than a tick; True only once for these seconds."""
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0
         return behind
