@@ -72,7 +72,7 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
 def searcher(scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS) -> Search:
     """Design search for motions of the robot within its limits."""
     read = read_limits(limits)
-    ready, given, layout, _ = _read(_task(scenario, (), options), read)
+    ready, given, layout, _ = _read(_task(scenario, (), options))
     plant = DesignPlant(ready, given, layout, read, seconds, [np.zeros(len(layout))])
     stack.callback(plant.close)
     return Search(plant.under({}), 1, np.zeros((len(layout), len(layout))), np.random.default_rng(99))

@@ -8,10 +8,11 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.base import MOST_MOTORS
@@ -87,33 +88,38 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that does not follow the interface of `Actuator`."""
-    return tuple(_attributes(actuator)) + tuple(_laws(actuator)) + tuple(_parameters(actuator))
+    """Problems of a class that does not follow the interface of `Actuator`. Laws and parameters are checked if the attributes
+    are valid."""
+    wrong = [
+        _problem(actuator, f"must be {text}", "bad-declaration", key=key, value=getattr(actuator, key, None))
+        for key, (text, is_valid) in ATTRIBUTES.items()
+        if not is_valid(getattr(actuator, key, None))
+    ]
+    return tuple(wrong or (*_laws(actuator), *_parameters(actuator)))
 
 
-def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
-    name = getattr(actuator, "name", None)
-    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        yield _problem(
-            actuator, "must be lower-case letters, digits and underscores, as in lib<name>_plugin.so", "bad-declaration",
-            key="name", value=name,
-        )  # fmt: skip
-    for key in ("title", "source"):
-        if not isinstance(getattr(actuator, key, None), str):
-            yield _problem(actuator, "must be a text", "bad-declaration", key=key)
-    if actuator.motors not in range(1, MOST_MOTORS + 1):
-        yield _problem(actuator, f"must be 1 to {MOST_MOTORS}", "bad-declaration", key="motors", value=actuator.motors)
-    preset = actuator.typical_preset
-    if not isinstance(preset, (int, float)) or not math.isfinite(preset):
-        yield _problem(actuator, "must be a finite number", "bad-declaration", key="typical_preset", value=preset)
+ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "name": (
+        "lower-case letters, digits and underscores, as in lib<name>_plugin.so",
+        lambda value: isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9_]*", value) is not None,
+    ),
+    "title": ("a text", lambda value: isinstance(value, str)),
+    "source": ("a text", lambda value: isinstance(value, str)),
+    "motors": (f"1 to {MOST_MOTORS}", range(1, MOST_MOTORS + 1).__contains__),
+    "typical_preset": ("a finite number", lambda value: isinstance(value, int | float) and math.isfinite(value)),
+    "parameters": (
+        "a tuple of Parameter(...)",
+        lambda value: isinstance(value, tuple) and all(isinstance(parameter, Parameter) for parameter in value),
+    ),
+}
+"""Attributes of an actuator's class: description of valid values, and function that validates a value."""
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    motors = actuator.motors if actuator.motors in range(1, MOST_MOTORS + 1) else 2
-    thetas = [f"theta_{i + 1}" for i in range(max(2, motors + bool(actuator.adjuster)))]
+    thetas = [f"theta_{i + 1}" for i in range(actuator.positions())]
     spring = ["q", *thetas, "parameters"]
     why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
-    why |= {"elastic_energy": "three motors need it"} if motors > 2 else {}
+    why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
     taken = {**dict.fromkeys(("elastic_torques", "stiffness", "elastic_energy"), spring),
              "motor_references": ["equilibrium", "preset"], "equilibrium_position": thetas}  # fmt: skip
     for law, names in taken.items():
@@ -164,13 +170,8 @@ def law_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
-    declared = actuator.parameters
-    if not isinstance(declared, tuple) or not all(isinstance(parameter, Parameter) for parameter in declared):
-        yield _problem(actuator, "must be a tuple of Parameter(...)", "bad-declaration", key="parameters")
-        return
-    motion = () if actuator.motors not in range(1, MOST_MOTORS + 1) else actuator.all_parameters()[len(declared) :]
-    used = {parameter.name for parameter in motion}
-    for parameter in declared:
+    used = {parameter.name for parameter in actuator.all_parameters()[len(actuator.parameters) :]}
+    for parameter in actuator.parameters:
         key = f"parameters.{parameter.name}"
         if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
             yield _problem(actuator, "is not a valid parameter name", "bad-parameter", key=key)

@@ -11,8 +11,9 @@ import numpy as np
 
 from asrsim.design.limits import Limits, interval
 from asrsim.design.motion import Piece, joined
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
+from asrsim.identification.keys import parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.track import numbers_of
 from asrsim.robot.model import Robot
@@ -96,6 +97,10 @@ class DesignPlant:
         self.bounds = tuple(bound for bound in bounds if bound.quantity in COMPARABLE)
         self.references = tuple(one for drive in self.door.drives for one in self._references(drive, bounds))
         self.channels = tuple(self._channels(limits))
+        parameters = tuple(parameters_of(self.door.robot, (), {}))
+        for key in limits.gains:
+            if key not in parameters:
+                self._fault(f"choose.{key}", "is no parameter of the robot", hint=did_you_mean(key, parameters))
         self.presets = np.array([one.slot == 1 for one in self.references])
         if self.presets.all() and not self._problems:
             self._fault("limits", "no joint that a reference moves has limits")
@@ -127,19 +132,16 @@ class DesignPlant:
         self._problems.append(Problem(message, key=key, code="limits", **details))
 
     def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
-        names = [name for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())]
-        known = tuple(dict.fromkeys((*names, *COMPARABLE)))
+        references = {name: [name] for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())}
         for joint, ranges in limits.limits.items():
             if joint not in self.door.joints:
                 self._fault(f"limits.{joint}", "the robot has no such joint", meant=joint, choices=self.door.joints)
                 continue
             for name, given in ranges.items():
-                motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
-                quantities = motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]
-                if quantities[0] not in known:
-                    message = "no quantity or reference has this name"
-                    self._fault(f"limits.{joint}.{name}", message, meant=name, choices=known)
-                    continue
+                quantities = references.get(name) or _quantities(name)
+                if not quantities:
+                    message, choices = "no quantity or reference has this name", (*references, *COMPARABLE)
+                    self._fault(f"limits.{joint}.{name}", message, meant=name, choices=choices)
                 yield from (LimitBound(joint, quantity, *interval(given)) for quantity in quantities)
 
     def _references(self, drive: Drive, bounds: Sequence[LimitBound]) -> Iterator[Reference]:
@@ -171,10 +173,9 @@ class DesignPlant:
         noise = limits.noise or dict.fromkeys(("link_position", "motor_1_position", "motor_2_position"), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
-            quantities = [f"{quantity}_1", f"{quantity}_2"] if f"{quantity}_1" in COMPARABLE else [quantity]
-            if quantities[0] not in COMPARABLE or owner not in ("", *self.door.joints):
+            quantities = _quantities(quantity)
+            if not quantities or owner not in ("", *self.door.joints):
                 self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=COMPARABLE)
-                continue
             sensor = name if name in limits.sensors else ""
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
@@ -247,3 +248,11 @@ class DesignPlant:
         used = measured & [one.sensor == sensor for one in self.channels]
         scaled = (slopes / noise[:, None])[:, used, :: self.every].reshape(len(slopes), -1)
         return np.asarray(scaled @ scaled.T)
+
+
+def _quantities(name: str) -> list[str]:
+    """Quantities of a joint for a name in a limits file; empty if the name is unknown. `motor_torque` stands for the torques of
+    both motors, `elastic_torque` for those of both springs.
+    """
+    both = ([name.replace("motor_", f"motor_{i}_") for i in (1, 2)], [f"{name}_{i}" for i in (1, 2)])
+    return next((several for several in ([name], *both) if several[0] in COMPARABLE), [])

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.design.limits import Limits, located, read_limits
+from asrsim.design.limits import located, read_limits
 from asrsim.design.plant import DesignPlant, Reference
-from asrsim.design.search import DESIGN, SMALL, Found, Search
+from asrsim.design.search import DESIGN, PRIOR, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
@@ -102,7 +102,7 @@ def design(
         raise InputError(message, key="seconds", value=seconds, code="seconds")
     task = _task(Path(scenario), after, options)
     with one_thread(), ExitStack() as stack:
-        ready, robot, layout, remarks = _read(task, read)
+        ready, robot, layout, remarks = _read(task)
         known = np.zeros((len(layout), len(layout)))
         if task.experiments:
             known = _of_recordings(set_up(task, stack).problem, layout)
@@ -113,23 +113,14 @@ def design(
             robots += [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
             plant = DesignPlant(ready, robot, layout, read, seconds, robots)
             stack.callback(plant.close)
-            searches = [
-                Search(
-                    plant.under(dict(zip(read.gains, values, strict=True))),
-                    1 + robust,
-                    known,
-                    np.random.default_rng(seed),
-                    stop,
-                )
-                for values in product(*read.gains.values())
-            ]
+            choices = [plant.under(dict(zip(read.gains, gains, strict=True))) for gains in product(*read.gains.values())]
+            searches = [Search(one, 1 + robust, known, np.random.default_rng(seed), stop) for one in choices]
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
         # An interval is relative to the value; if the value is zero, to its typical size.
         sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.parameter.size) for one in layout.entries])
-        known_by = {DESIGN: best.information} | {
-            name: one.information for name, one in search.motions.items() if name != DESIGN
-        }
+        known_by = {DESIGN: best.information}
+        known_by |= {name: one.information for name, one in search.motions.items() if name != DESIGN}
         for sensor in read.sensors:
             more = search.plant.play(best.motion, search.robots, changes=SMALL, sensor=sensor)
             if more is not None and more.information is not None:
@@ -155,7 +146,7 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
-def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
+def _read(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
@@ -168,9 +159,6 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
     free = [one for one in free if one.key not in own]
     if not free:
         raise InputError("nothing of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free")
-    wrong = [key for key in limits.gains if key not in known]
-    if wrong:
-        raise InputError([Problem("is no parameter of the robot", key=f"choose.{key}", code="choose") for key in wrong])
     remarks = [f"{key} belongs to a recording: the design ignores it" for key in own]
     return scenario, given, make_layout(free, ties, ["design"], [{}]), remarks
 
@@ -179,12 +167,10 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
     """Fisher matrix (n, n) of recordings, reduced because parameters of the recordings, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
-    matrix = slopes.T @ slopes
+    covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
     shared = [entry.parameter.key if entry.track is None else "" for entry in whole.layout.entries]
     mine = [shared.index(entry.parameter.key) for entry in layout.entries]
-    others = [i for i in range(len(shared)) if i not in mine]
-    cross = matrix[np.ix_(mine, others)]
-    return np.asarray(matrix[np.ix_(mine, mine)] - cross @ np.linalg.pinv(matrix[np.ix_(others, others)]) @ cross.T)
+    return np.asarray(np.linalg.inv(covariance[np.ix_(mine, mine)]) - PRIOR * np.eye(len(mine)))
 
 
 def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:

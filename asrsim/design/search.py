@@ -26,7 +26,8 @@ shrinks.
 """
 FEW = 4
 """Number of further robots on which each piece keeps the limits; the whole motion keeps them on all further robots."""
-ONE_STEP, CHIRP, DESIGN = "one step", "chirp", "design"
+ONE_STEP, CHIRP, DESIGN, PIECE = "one step", "chirp", "design", "piece"
+"""Names of motions."""
 SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
 """Relative changes of the parameters for sensitivities; larger changes with which predicted deviations are checked, as
 fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of deviations.
@@ -36,8 +37,8 @@ deviations from small and larger changes differed by a factor of 1.8, fits scatt
 of 9.5, they scattered 9.4 times as far.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
-"""Probability that a piece of the library is varied instead of a picked piece; probability that it is the best of them, else
-the second, and so on.
+"""Probability that a piece of the library is varied instead of a picked piece; parameter of the geometric distribution of its
+rank in the library.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
 """Information about the logarithm of each parameter before any experiment, whose order of magnitude is assumed to be known."""
@@ -127,8 +128,13 @@ class Search:
             pieces = [one.scaled(part) for one, part in zip(pieces, parts, strict=True)]
         return best
 
-    def judged(self, name: str, pieces: Sequence[Piece], rows: int, robots: int) -> Found | None:
-        """Motion scaled into the limits, with its information; None if no size keeps them, or if a robot is near chaos."""
+    def judged(self, name: str, pieces: Sequence[Piece]) -> Found | None:
+        """Piece, or whole motion of another name, scaled into the limits, with its information; None if no size keeps the
+        limits, or if a robot is near chaos.
+        """
+        rows, robots = self.plant.rows, len(self.plant.robots)
+        if name == PIECE:
+            rows, robots = (rows - 1) // self.count + 1, self.robots + FEW
         fitting = self.fitted(pieces, rows, robots)
         if fitting is None:
             return None
@@ -156,10 +162,6 @@ class Search:
             least = max(least, outcome.information, key=lambda one: float(self.score(one + others)))
         return replace(found, information=least)
 
-    def whole(self, name: str, pieces: Sequence[Piece]) -> Found | None:
-        """Whole motion within the limits on all robots."""
-        return self.judged(name, pieces, self.plant.rows, len(self.plant.robots))
-
     def start(self) -> None:
         """Try usual test motions: one step, and chirps with stiffness presets at rest or at an end of their range.
 
@@ -174,8 +176,8 @@ class Search:
         for one in chirps:
             if self.stop() and self.best is not None:
                 return
-            self.keep(self.confirmed(self.whole(CHIRP, one.pieces)))
-        one_step = self.whole(ONE_STEP, [replace(stepped, scales=stepped.scales[:, :1])])
+            self.keep(self.confirmed(self.judged(CHIRP, one.pieces)))
+        one_step = self.judged(ONE_STEP, [replace(stepped, scales=stepped.scales[:, :1])])
         self.keep(self.confirmed(one_step))
         least = self.confirmed(one_step, agree=(0.0, np.inf))
         if least is not None:
@@ -191,7 +193,7 @@ class Search:
         """Scale a piece into the limits and add it to the library; None if it cannot be used, or if the search is stopped."""
         if self.stop() and self.library:
             return None
-        found = self.judged("piece", [piece], (self.plant.rows - 1) // self.count + 1, self.robots + FEW)
+        found = self.judged(PIECE, [piece])
         self.library += [] if found is None else [found]
         return found
 
@@ -201,7 +203,9 @@ class Search:
             self.try_piece(fresh(self.generator, self.plant.presets))
 
     def pick(self) -> None:
-        """Pick pieces one after the other, each the best beside the pieces before; unconfirmed pieces leave the library."""
+        """Pick pieces one after the other. Each gives the best score together with the pieces that are already picked.
+        Unconfirmed pieces leave the library.
+        """
         while len(self.picked) < self.count and self.library:
             others = self._others(len(self.picked))
             totals = others + np.array([one.information for one in self.library])
@@ -219,7 +223,9 @@ class Search:
         return np.asarray(sum(one.information for i, one in enumerate(self.picked) if i != place))
 
     def vary(self) -> None:
-        """Try to replace one of the picked pieces by a variation of it, or of another piece that is good beside the others."""
+        """Try to replace a picked piece by a variation of it, or of a piece of the library that scores well together with the
+        other picked pieces.
+        """
         place = int(self.generator.integers(len(self.picked)))
         old, others = self.picked[place], self._others(place)
         before, base = self.score(old.information + others), old
@@ -238,7 +244,7 @@ class Search:
         """Join the picked pieces to a whole motion. If its information is not confirmed, the search returns to the pieces of
         the last confirmed motion.
         """
-        found = self.confirmed(self.whole(DESIGN, [one.pieces[0] for one in self.picked]))
+        found = self.confirmed(self.judged(DESIGN, [one.pieces[0] for one in self.picked]))
         self.keep(found)
         if found is not None:
             self.joined = list(self.picked)

@@ -52,19 +52,17 @@ def _draw(found: Design, time: Any, path: Path) -> list[Path]:
     with styled(mathematics=False):
         from matplotlib.figure import Figure
 
-        count = len(found.references)
-        figure = Figure(figsize=(9.0, 1.8 * count + 2.8), layout="constrained")
-        axes = figure.subplots(count + 1, 1, squeeze=False)[:, 0]
-        for axis, one, values in zip(axes, found.references, found.found.motion, strict=False):
+        panels = len(found.references) + 1
+        figure = Figure(figsize=(9.0, 1.8 * panels + 1.0), layout="constrained")
+        *axes, last = figure.subplots(panels)
+        for axis, one, values in zip(axes, found.references, found.found.motion, strict=True):
             axis.plot(time, values, linewidth=1.0)
-            for limit in (one.low, one.high):
-                axis.axhline(limit, color="0.6", linestyle="--", linewidth=0.8)
+            axis.hlines((one.low, one.high), 0.0, time[-1], color="0.6", linestyle="--", linewidth=0.8)
             axis.set(xlabel="time [s]", ylabel=f"{one.joint}\n{one.name} [{one.unit}]")
         for name, halves in found.intervals.items():
-            if not name.startswith("with "):
-                axes[-1].semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
-        axes[-1].set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
-        axes[-1].yaxis.set_major_formatter("{x:g}")
-        axes[-1].set(ylabel="95 % interval [± %]", xlim=(-0.5, len(found.keys) - 0.5))
-        axes[-1].legend(fontsize="x-small")
+            last.semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
+        last.set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
+        last.yaxis.set_major_formatter("{x:g}")
+        last.set(ylabel="95 % interval [± %]", xlim=(-0.5, len(found.keys) - 0.5))
+        last.legend(fontsize="x-small")
         return save_figure(figure, path.parent, path.stem, ("png",))

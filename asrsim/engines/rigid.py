@@ -123,7 +123,7 @@ def aim(room: Any, state: Any) -> None:
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
 
-    The piece is cut at the moments at which joints with friction stop: they may stick or reverse, and so does their friction.
+    The piece is cut where a joint with friction stops. From there on the joint sticks, or slides in the other direction.
     """
     count = len(room.joint_v)
     for j in range(count):
@@ -139,7 +139,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[i] += room.change[i]
         if joint == -1:
             break
-        # The impact of another joint may reverse this joint at once.
+        # The velocity is 0 up to rounding, unless another joint strikes its stop in this part.
         if abs(room.velocity[joint]) < ROUNDING * abs(room.change[joint]):
             room.velocity[joint] = 0.0
         length -= part
