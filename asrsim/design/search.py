@@ -37,8 +37,8 @@ deviations from small and larger changes differed by a factor of 1.8, fits scatt
 of 9.5, they scattered 9.4 times as far.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
-"""Probability that a piece of the library is varied instead of a picked piece; probability that it is the best of them, else
-the second, and so on.
+"""Probability that a piece of the library is varied instead of a picked piece; parameter of the geometric distribution of its
+rank in the library.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
 """Information about the logarithm of each parameter before any experiment, whose order of magnitude is assumed to be known."""
@@ -203,7 +203,9 @@ class Search:
             self.try_piece(fresh(self.generator, self.plant.presets))
 
     def pick(self) -> None:
-        """Pick pieces one after the other, each the best beside the pieces before; unconfirmed pieces leave the library."""
+        """Pick pieces one after the other. Each gives the best score together with the pieces that are already picked.
+        Unconfirmed pieces leave the library.
+        """
         while len(self.picked) < self.count and self.library:
             others = self._others(len(self.picked))
             totals = others + np.array([one.information for one in self.library])
@@ -221,7 +223,9 @@ class Search:
         return np.asarray(sum(one.information for i, one in enumerate(self.picked) if i != place))
 
     def vary(self) -> None:
-        """Try to replace one of the picked pieces by a variation of it, or of another piece that is good beside the others."""
+        """Try to replace a picked piece by a variation of it, or of a piece of the library that scores well together with the
+        other picked pieces.
+        """
         place = int(self.generator.integers(len(self.picked)))
         old, others = self.picked[place], self._others(place)
         before, base = self.score(old.information + others), old

@@ -62,6 +62,7 @@ def _draw(found: Design, time: Any, path: Path) -> list[Path]:
         for name, halves in found.intervals.items():
             last.semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
         last.set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
-        last.set_ylabel("95 % interval [± %]")
+        last.yaxis.set_major_formatter("{x:g}")
+        last.set(ylabel="95 % interval [± %]", xlim=(-0.5, len(found.keys) - 0.5))
         last.legend(fontsize="x-small")
         return save_figure(figure, path.parent, path.stem, ("png",))

@@ -277,6 +277,6 @@ def _lacks(
         if used and value and math.isfinite(value):
             yield from (text for end, text in LACKS.items() if name.endswith(end))
     if drive.mode.spring and drive.actuator.adjuster:
-        yield f"its adjuster stays at {positions[-1, 0]:g} {drive.actuator.reference_2_unit}"
+        yield f"its adjuster stays at {positions[drive.actuator.motors, 0]:g} {drive.actuator.reference_2_unit}"
     if any((np.abs(speed) > 0.999 * limit).any() for speed, limit in zip(speeds, drive.max_velocity, strict=False)):
         yield "its motors reach their speed limit in this scenario, which makes the error large"

@@ -6,9 +6,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from asrsim.errors import InputError
-from asrsim.identification.data import read_data
+from asrsim.identification.data import guided, read_data
 from asrsim.identification.door import load_plugin_file
-from asrsim.identification.guided import guided
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.problem import Meter, Problem

@@ -157,7 +157,11 @@ def _moved(result: Result) -> dict[str, _Motion]:
 
 
 def advice(result: Result) -> Iterator[str]:
-    """Sentences that name the motions by which parameters with wide intervals could be identified."""
+    """Sentences that name the motions by which parameters with wide intervals could be identified; none before the causes of a
+    misfit are mended.
+    """
+    if result.causes:
+        return
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
     for one in result.estimates:
@@ -192,12 +196,12 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     """Path of a limits file, and the command that designs the next experiment within the recorded limits; both are empty
-    if every parameter is identified.
+    if every parameter is identified, or if the causes of a misfit are to be mended first.
     """
     import yaml
 
     verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
-    if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved:
+    if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved or result.causes:
         return [], ""
     noise, choose = {one.key: _short(one.noise) for one in result.channels}, dict[str, Any]()
     for block in result.robot.actuators:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
@@ -42,6 +43,9 @@ class Reader:
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
 """Classes in the answer of the child process, by name."""
+LEAST, RATIO = 256 * 2**20, 50
+"""Limits on the unpacked size of an archive: bytes that are always allowed, and the allowed multiple of the file's size.
+Measured signals in text compress by a factor of 3 to 30."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 for _name, _reader in {
     "text": Reader(
@@ -105,6 +109,8 @@ def format_of(path: Path) -> str:
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
     """Content read in a child process, as damaged files may crash a library or make it request all memory."""
+    if path.is_file() and zipfile.is_zipfile(path):
+        _check_unpacked(path)
     # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
@@ -114,6 +120,18 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
         return unpack(run_confined(Path(__file__).with_name("reader_child.py"), request, seconds=SECONDS))
     except ConfinedError as error:
         raise RecordingError(f"cannot be read: its reader {error}", code="damaged") from None
+
+
+def _check_unpacked(path: Path) -> None:
+    """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
+    with zipfile.ZipFile(path) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+    if size > max(LEAST, RATIO * path.stat().st_size):
+        message = (
+            f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"
+        )
+        hint = "If you trust the file, unpack it with its own tools first, or export it as CSV"
+        raise RecordingError(message, code="too-large", hint=hint)
 
 
 def answer_of(request: dict[str, str]) -> bytes:

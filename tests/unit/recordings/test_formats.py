@@ -259,3 +259,12 @@ def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path):
         path.write_bytes(data[:place] + number.to_bytes(8, "little") + data[place + 8 :])
         with pytest.raises(RecordingError, match=r"lab\.mcap"):
             read_recording(path)
+
+
+@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
+def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, name):
+    monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)
+    with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as target:
+        target.writestr("t.npy", bytes(10**7))
+    with pytest.raises(RecordingError, match=rf"{name}: would unpack to 10 MiB"):
+        read_recording(tmp_path / name)
