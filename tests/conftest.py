@@ -23,6 +23,10 @@ settings.load_profile("any_machine")
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# Several threads of BLAS in each of several processes wait for each other; this can take ten times the time of one thread.
+# NumPy reads the number when it is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 SHARED = Path(__file__).parents[2] / "shared"
 LONGEST = ("test_examples.py",)
 

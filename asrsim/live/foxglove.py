@@ -20,7 +20,7 @@ WAITING = 5000
 """Largest number of received messages that wait for the simulation; when more messages wait, the oldest messages are dropped.
 """
 MOST = 1000
-"""Largest number of channels that clients may advertise, and of latched topics that wait for being sent again."""
+"""Largest number of channels that clients may advertise, and of latched topics that wait to be sent again."""
 
 
 class FoxgloveTransport:
@@ -68,7 +68,7 @@ class FoxgloveTransport:
     # -- called by the server's threads -----------------------------------------------------------------------------
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Let the message of a latched topic be sent again."""
+        """Queue the message of a latched topic for the new subscriber."""
         if channel.topic in self._latched:
             self._subscribed.append(channel.topic)
 

@@ -39,7 +39,7 @@ class Pace:
         self.start()
 
     def start(self) -> None:
-        """Restart the clock at the beginning of the run and after a pause."""
+        """Start the clock at the beginning of the run."""
         self._due = self._awake = self._now()
 
     def lateness(self) -> tuple[float, float]:
@@ -48,7 +48,7 @@ class Pace:
         return median, high
 
     def is_behind(self) -> bool:
-        """Whether most ticks of the last two seconds were late by more than a tick. After True these seconds count no more."""
+        """Whether most ticks of the last two seconds were late by more than a tick; True only once for these seconds."""
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0
         return behind

@@ -32,7 +32,7 @@ class Received:
     inlet: int
     """Index in `Interface.inlets`."""
     values: Sequence[float] = ()
-    """Values of a Float64, Bool or array; for a JointState the positions, or the efforts if there are no positions."""
+    """Values of a Float64 or an array; for a JointState the positions, or the efforts if there are no positions."""
     names: Sequence[str] | None = None
     """Names of the joints to which the values or the points belong."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
@@ -82,8 +82,8 @@ class Interface:
     """Name of the node, including its namespace."""
     outlets: tuple[LiveTopic, ...]
     inlets: tuple[LiveTopic, ...]
-    """A transport takes the waiting messages of later topics first. So if a run has a message of a topic, it has all earlier
-    messages of the topics before it, too.
+    """A transport takes the waiting messages of later topics first. So if a run has a message of a topic, it also has
+    the messages of the preceding topics that arrived before this message.
     """
 
 
@@ -113,7 +113,7 @@ class Transport(Protocol):
         """
 
     def poll(self) -> Iterable[Received]:
-        """Messages received since the previous call, at most some hundred."""
+        """Messages received since the previous call, at most some thousand of each topic."""
 
     def close(self) -> None:
         """Close the transport."""

@@ -1,4 +1,4 @@
-"""Influence of keys on a result: swings for any study, Sobol indices for a Saltelli design."""
+"""Influence of keys on a result: changes of its mean for any study, Sobol indices for a Saltelli design."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ FLOAT64 = struct.Struct("<4sd")
 PAUSE = 5.0
 """Time between the stamps of two messages above which the robot was paused or started anew, s."""
 WAIT = 0.02
-"""Time for which a message waits for messages that were published earlier, s."""
+"""Time for which a message waits for delayed messages that were published before it, s."""
 MOST_COMMANDS = 1000
 """Largest number of commands that wait for the next positions."""
 QUIET = 0.5

@@ -58,7 +58,9 @@ class Processes(Pool):
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """Context manager in which processes start that ignore Ctrl-C, even while they import; it takes effect here afterwards."""
+    """Context manager for the start of processes, which ignore Ctrl-C from their first moment. A Ctrl-C during this time takes
+    effect in this process at the end.
+    """
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
         return

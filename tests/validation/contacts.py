@@ -88,7 +88,7 @@ def stopping() -> Iterator[Check]:
     """Stopping distance of a box that slides freely after a push."""
     for speed, reach in ((0.3, 0.05), (2.4, 0.5)):
         force = 0.5 * (MASS + 1.0) * speed**2 / reach + FRICTION * WEIGHT
-        duration = 2.0 * reach / speed + speed / (FRICTION * 9.81) + 0.3
+        duration = round(2.0 * reach / speed + speed / (FRICTION * 9.81) + 0.3, 2)
         for step in (1e-3, 2e-4):
             result = push(Constant(value=force), duration=duration, reach=reach, step=step)
             if result.samples is None:

@@ -1,4 +1,4 @@
-"""Engines side by side do not see each other's robots."""
+"""Engines of one process do not affect each other; a kick that they cannot divide has the mean of its pieces."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asrsim.engines.base import whole_kick
 from asrsim.engines.bullet import BulletEngine
 from asrsim.robot import load_robot
 from asrsim.scenario import Scenario
@@ -58,3 +59,13 @@ def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed: bool, tmp_path: Path,
         engine.model.inverse_dynamics(zero, zero, zero)
         engine.close()
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("lengths", [(1.0,), (0.25, 0.75), (0.2, 0.3)])
+def test_a_whole_kick_has_the_mean_of_its_pieces(lengths: tuple[float, ...]) -> None:
+    source, shares = np.random.default_rng(0), np.array(lengths) / sum(lengths)
+    exchange, wrenches = source.normal(size=(len(lengths), 3, 5)), source.normal(size=(len(lengths), 2, 6))
+    mean, wrench, whole = whole_kick(exchange, wrenches, np.array(lengths))
+    np.testing.assert_allclose(mean, np.einsum("p,pnc->nc", shares, exchange))
+    np.testing.assert_allclose(wrench[0], np.einsum("p,pwc->wc", shares, wrenches))
+    assert whole == pytest.approx(sum(lengths))

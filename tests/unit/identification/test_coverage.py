@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter, lsim
 
 from asrsim import identify
 from asrsim.identification.result import doubted
+from support.identify_files import SEA as ROTARY
+from support.identify_files import write
 from support.soft_arm import FINE, QBMOVE, SEA, SoftArm, command, record
 
 RECORDINGS = {
@@ -84,3 +87,29 @@ def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path: Path) -> Non
     (told,) = doubted([sure], 0.38, "joint_1.link_position")
     assert (told.verdict, told.reason) == ("weak", "the model misses 38 % of joint_1.link_position")
     assert doubted([sure], 0.04, "joint_1.link_position") == [sure]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("memory", [0.0, 0.02])
+def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path: Path, memory: float) -> None:
+    """A linear joint that is at 0.25 rad and moves at 5 rad/s where the scenario says 0: its exact motion, with white noise or
+    noise that correlates over 20 ms.
+    """
+    truth = {"spring_stiffness": 4.0, "damping": 0.02, "initial_position": 0.25, "initial_velocity": 5.0}
+    stiffness, damping, inertia, fine = 4.0, 0.02, 0.009, np.arange(0.0, 2.00005, 1e-4)
+    goal = 0.3 * np.sin(2.0 * np.pi * 1.1 * fine) + 0.15 * np.sin(2.0 * np.pi * 2.7 * fine)
+    matrix = [[0.0, 1.0], [-stiffness / inertia, -damping / inertia]]
+    system = (matrix, [[0.0], [stiffness / inertia]], [[1.0, 0.0]], [[0.0]])
+    moved = lsim(system, goal, fine, [truth["initial_position"], truth["initial_velocity"]])[1][::10]
+    guess = write(tmp_path, "guess", {**ROTARY, "damping": 0.03, "tags": "<spring_k>3.0</spring_k>"})
+    held, keep = [], math.exp(-1e-3 / memory) if memory else 0.0
+    for seed in range(12):
+        white = np.random.default_rng(seed).normal(size=len(moved) + 500)
+        noise = 1e-3 * math.sqrt(1.0 - keep**2) * lfilter([1.0], [1.0, -keep], white)[500:]
+        table = np.column_stack([fine[::10], goal[::10], moved + noise])
+        header = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
+        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+        result = identify(guess, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+        found = [result.find(f"joint_1.{name}") for name in truth]
+        held += [one.low <= value <= one.high for one, value in zip(found, truth.values(), strict=True)]
+    assert np.mean(held) >= 0.9

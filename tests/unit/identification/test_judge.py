@@ -117,15 +117,6 @@ def test_the_tables_have_as_many_digits_as_are_known() -> None:
     assert errors[5][1] == ["1", "-"]
 
 
-def test_close_correlations_of_known_estimates_are_named() -> None:
-    correlation = np.array([[1, 0.951, 0.949, 0.99], [0.951, 1, -0.96, 0.99], [0.949, -0.96, 1, 0.99], [0.99, 0.99, 0.99, 1]])
-    rows = (*(estimate(name) for name in "abc"), estimate("d", low=NAN, high=NAN, reason="moves nothing"))
-    said = [text for text, _ in show.remarks(result(estimates=rows, correlation=correlation, remarks=("said last",)))]
-    assert said == [
-        "d: weak: moves nothing", "a and b are correlated (0.951)", "b and c are correlated (-0.960)", "said last",
-    ]  # fmt: skip
-
-
 # -- files -------------------------------------------------------------------------------------------------------------------
 
 ENDINGS: dict[str, tuple[dict[str, Any], tuple[str, ...], int, set[str], str]] = {

@@ -12,7 +12,6 @@ from asrsim.identification.noise import (
     CLIPPED,
     autocovariances,
     autoregression,
-    beyond_steps,
     fine_noise,
     first_samples,
     lag_correlation,
@@ -47,11 +46,6 @@ def test_the_size_of_residuals_counts_outliers_little() -> None:
     lone[7] = 1e6
     assert size_of(lone) == pytest.approx((0.999 + 0.001 * (CLIPPED / 0.6745) ** 2) ** 0.5)
     assert lag_correlation(plain, 2) == pytest.approx(0.998)
-    # An encoder's zero lies anywhere within a step.
-    for zero, left in ((0.004, 0.0), (0.02, 0.015), (-0.02, -0.015)):
-        beyond, borne = beyond_steps(np.full(50, zero), np.linspace(0.0, 1.0, 50), 0.01)
-        np.testing.assert_allclose(beyond, left, atol=1e-12)
-        assert 0.0 <= borne < 1.0
 
 
 def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
