@@ -59,7 +59,7 @@ def test_every_joint_sticks_or_slides(name: str, seed: int, resting: int) -> Non
             assert np.all(np.abs(held) <= friction + 1e-6)
             sticks = np.abs(after) < 1e-9
             if np.all((before == 0.0) | (before * after > 0.0)):
-                # No joint stops or reverses within the step.
+                # No velocity reaches 0 within the step.
                 assert np.abs(held + np.sign(after) * friction)[~sticks] == pytest.approx(0.0, abs=1e-6)
                 kinds |= {int(sticks.sum())}
         assert len(kinds) > 1 or resting == 0
