@@ -16,8 +16,8 @@ LENGTH, MOST = 2.0, 8
 """Usual length of a piece, s; largest number of pieces of a motion."""
 FRESH, BATCH = 100, 40
 """Number of random pieces; number of variations in each round."""
-FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 5
-"""First and last frequencies of chirps, Hz; number of chirps that are tried as whole motions."""
+FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
+"""First and last frequencies of chirps, Hz; number of chirps with each preset that are tried as whole motions."""
 FULL, ENOUGH = 0.97, 0.93
 """Fraction of a limit to which a motion is scaled; fraction of its goal with which a motion is large enough."""
 TRIES, SHRINKING = 8, 4
@@ -168,10 +168,13 @@ class Search:
         Chirps are tried as pieces first; the best chirps are then extended to the whole motion.
         """
         presets, stepped = self.plant.presets, step(self.plant.presets)
-        for preset, (first, last) in product((0.0, 1.0, -1.0) if presets.any() else (0.0,), product(FREQUENCIES, repeat=2)):
-            if first <= last:
-                self.try_piece(chirp(presets, first, last, preset))
-        chirps = sorted(self.library, key=self.rank)[:WHOLE]
+        chirps = list[Found]()
+        for preset in (0.0, 1.0, -1.0) if presets.any() else (0.0,):
+            before = len(self.library)
+            for first, last in product(FREQUENCIES, repeat=2):
+                if first <= last:
+                    self.try_piece(chirp(presets, first, last, preset))
+            chirps += sorted(self.library[before:], key=self.rank)[:WHOLE]
         self.try_piece(stepped)
         for one in chirps:
             if self.stop() and self.best is not None:

@@ -18,6 +18,7 @@ import numpy as np
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene, whole_kick
 from asrsim.engines.bullet_model import BASE, BulletModel, connect, inertial_frame, load_body
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
+from asrsim.engines.exact_friction import STICKING
 from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, find_change, make_room
 from asrsim.errors import SimulationError
 from asrsim.robot import engine_urdf
@@ -46,13 +47,13 @@ UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece. The function sets
-    `change` of the room to the change of velocity in a step without contacts.
+    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece, and `room.change` to
+    the change of velocity in a step without contacts.
 
     This function runs as Python or compiled.
     """
     for i in range(len(room.regime)):
-        room.regime[i] = 0
+        room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
     for j in range(len(room.joint_v)):
         room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
@@ -103,7 +104,7 @@ class BulletContacts:
                 body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0, physicsClientId=client
             )
         p.setGravity(*scenario.gravity, physicsClientId=client)
-        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see _reach_stops.
+        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
         )

@@ -44,33 +44,36 @@ def settle(room: Any) -> None:
 
 
 def solve_states(room: Any) -> None:
-    """Compute the change of velocity for the states in `regime`, and the impulses that stop the other, non-sliding degrees of
-    freedom, which are stored in `push`."""
+    """Compute `room.change` for the states in `regime`.
+
+    A degree of freedom that does not slide has a prescribed velocity after the step: 0, or the velocity that reaches its stop.
+    `room.push` becomes the impulse (N m s) of friction and stop that causes this velocity.
+    """
     matrix, change, regime, square, push = room.matrix, room.change, room.regime, room.square, room.push
-    size, stopped = len(change), 0
+    size, prescribed = len(change), 0
     for i in range(size):
         change[i] = 0.0
         if abs(regime[i]) != POSITIVE:
-            stopped += 1
+            prescribed += 1
             goal = 0.0
             if regime[i] == AT_LOWER:
                 goal = room.slowest[i]
             elif regime[i] == AT_UPPER:
                 goal = room.fastest[i]
             change[i] = goal - room.velocity[i]
-    # The equations of the stopped degrees of freedom are replaced by their known changes.
+    # The known changes replace the equations of the degrees of freedom with prescribed velocity.
     for i in range(size):
         for k in range(i + 1):
             square[i, k] = matrix[i, k]
         push[i] = room.impulse[i]
         if room.bound[i] > 0.0:
             push[i] += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
-        if stopped > 0:
+        if prescribed > 0:
             _isolate(room, i)
     _solve(square, push)
     for i in range(size):
         change[i] = push[i]
-    for i in range(size if stopped > 0 else 0):
+    for i in range(size if prescribed > 0 else 0):
         if abs(regime[i]) != POSITIVE:
             push[i] = -room.impulse[i]
             for k in range(size):
@@ -78,7 +81,8 @@ def solve_states(room: Any) -> None:
 
 
 def _isolate(room: Any, i: int) -> None:
-    """Separate the equation of degree of freedom `i` from those of the stopped degrees of freedom."""
+    """Replace the equation of degree of freedom `i` by its known change, if its velocity is prescribed. If the degree of
+    freedom slides, move the known changes to the right-hand side of its equation."""
     change, regime, square = room.change, room.regime, room.square
     slides = abs(regime[i]) == POSITIVE
     for k in range(i):

@@ -123,33 +123,36 @@ def aim(room: Any, state: Any) -> None:
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
 
-    The piece is cut where a joint with friction stops. From there on the joint sticks, or slides in the other direction.
+    The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
+    sticks or slides in the other direction.
     """
     count = len(room.joint_v)
     for j in range(count):
         room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
-    for stops in range(count + 1):
+    for splits in range(count + 1):
         find_change(room, exchange, piece, length)
-        joint = first_stop(room) if stops < count else -1
+        resting = first_standstill(room) if splits < count else -1
         part = length
-        if joint != -1:
-            part *= -room.velocity[joint] / room.change[joint]
+        if resting != -1:
+            part *= -room.velocity[resting] / room.change[resting]
             find_change(room, exchange, piece, part)
         for i in range(len(room.velocity)):
             room.velocity[i] += room.change[i]
-        if joint == -1:
+        if resting == -1:
             break
         # The velocity is 0 up to rounding, unless another joint strikes its stop in this part.
-        if abs(room.velocity[joint]) < ROUNDING * abs(room.change[joint]):
-            room.velocity[joint] = 0.0
+        if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
+            room.velocity[resting] = 0.0
         length -= part
     for j in range(count):
         room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
-    """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no joint stops. `room.inertia`
-    is the diagonal of the mass matrix without damping."""
+    """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
+
+    length: length of the part as a fraction of a step. `room.inertia` is the diagonal of the mass matrix without damping.
+    """
     step = room.scheme[STEP]
     time = length * step
     for i in range(len(room.velocity)):
@@ -166,12 +169,13 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
     settle(room)
 
 
-def first_stop(room: Any) -> int:
-    """The degree of freedom with friction that stops or reverses first under `room.change`; -1 if none does.
+def first_standstill(room: Any) -> int:
+    """Index of the degree of freedom with friction whose velocity is the first to reach 0 under `room.change`; -1 if no
+    velocity reaches 0.
 
-    Until a joint stops, its friction opposes the velocity. If joints stop, `room.change` is therefore computed again with this
-    friction. A joint stops after the fraction -velocity / change of the time. The result is -1 in a kick with an impact, since
-    the velocities are then not linear in time.
+    As long as a joint slides, its friction opposes the velocity. If velocities reach 0, `room.change` is therefore computed
+    again with this friction. A velocity reaches 0 after the fraction -velocity / change of the time. The result is -1 in a kick
+    with an impact at a stop, since the velocities are then not linear in time.
     """
     velocity, change = room.velocity, room.change
     count = 0
@@ -179,22 +183,24 @@ def first_stop(room: Any) -> int:
         if abs(room.regime[i]) == AT_UPPER and change[i] != 0.0:
             return -1
     for i in range(len(velocity)):
-        if _stops(room, i):
+        if _reaches_zero(room, i):
             room.regime[i] = POSITIVE if velocity[i] > 0.0 else NEGATIVE
             count += 1
     first = -1
     if count > 0:
         solve_states(room)
         for i in range(len(velocity)):
-            if _stops(room, i) and (first == -1 or abs(velocity[i] * change[first]) < abs(velocity[first] * change[i])):
+            if not _reaches_zero(room, i):
+                continue
+            if first == -1 or abs(velocity[i] * change[first]) < abs(velocity[first] * change[i]):
                 first = i
         if first == -1:
             settle(room)
     return first
 
 
-def _stops(room: Any, i: int) -> bool:
-    """Whether the degree of freedom `i` has friction and stops or reverses under `room.change`."""
+def _reaches_zero(room: Any, i: int) -> bool:
+    """Whether the degree of freedom `i` has friction, and its velocity reaches 0 or changes its sign under `room.change`."""
     velocity = room.velocity[i]
     if room.bound[i] == 0.0 or velocity == 0.0:
         return False
@@ -271,8 +277,8 @@ def _compiled(function: Callable[..., None], kind: Any) -> Any:
 
 
 class Calculation:
-    """A function that changes a room, a vector of numbers (such as a state) and an exchange. It also takes the forces (p, v, 1)
-    and the lengths (p,) of the pieces of a kick.
+    """A function that changes a room, a vector of numbers (such as a state) and an exchange. Further arguments of the function
+    are the forces (p, v, 1) and the lengths (p,) of the pieces of a kick.
 
     The function is compiled if this process has imported Numba; the results are bitwise identical.
     """

@@ -14,7 +14,7 @@ SLIP = 0.25
 NAP = 0.1
 """Longest sleep, s, so that commands are received and a run can be stopped."""
 RECENT = 10_000
-"""Number of ticks whose lateness is kept."""
+"""Number of the latest ticks whose lateness is stored."""
 MOST_LATE, MEMORY = 0.6, 2.0
 """Fraction of late ticks above which a run is behind, and time constant of this fraction, s."""
 

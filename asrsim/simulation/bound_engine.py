@@ -51,8 +51,8 @@ class BoundEngine:
     def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
         if self.watch is not None:
             self.watch()
-        # Most kicks pass the same arrays, whose addresses `asrsim.engines.rigid.Calculation` then need not look up again: this
-        # halves the time of a step in PyBullet.
+        # Most kicks pass the same arrays. `asrsim.engines.rigid.Calculation` keeps the addresses of these arrays, which halves
+        # the time of a step in PyBullet.
         self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
 
     def leave(self, states: Any, world: int | None) -> None:

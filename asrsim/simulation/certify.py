@@ -20,7 +20,7 @@ BLOCK = 65_536
 """Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
-is reported, and the estimate uses it. A higher order is not reported."""
+is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
 RESOLVED = 1e-12
 """Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
 differences."""

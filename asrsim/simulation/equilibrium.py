@@ -59,6 +59,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
 
     @cache
     def pull(j: int, position: float) -> float:
+        """Torque in N m of the springs on the link of joint `j` at this position."""
         return link_torque(drives[j], position, goals[j])
 
     def balance(positions: Array) -> Array:

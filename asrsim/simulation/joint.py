@@ -203,7 +203,10 @@ def _between(value: float, low: float, high: float) -> float:
 
 
 def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, noted: bool) -> None:
-    """Compute the kick of motor i, the drift that follows it, and their works: half of the displacement precedes the kick."""
+    """Compute the kick of motor i and the drift that follows, and add the works of the torques on the motor.
+
+    The torques act for half a step with the velocity before the kick, and for half a step with the velocity after the kick.
+    """
     m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
     x, speed, load, pushed = s[k[THETAS] + i], s[m + MOTOR_VELOCITY], s[k[TORQUES] + i], s[m + READ_PUSH]
     slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
@@ -229,7 +232,7 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
 
 
 def _add_works(s: Any, m: int, way: float, drive: float, resistance: float, load: float) -> None:
-    """Add the works of torques in N m on the motor at column m, which moves by `way` rad."""
+    """Add the works of the torques (N m) on a motor that moves by `way` rad. m: first column of the motor in S."""
     s[m + WORK] += drive * way
     s[m + WORK + 1] += resistance * way
     s[m + WORK + 2] += load * way

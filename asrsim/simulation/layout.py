@@ -83,7 +83,7 @@ PUSHES = 4
     WORK,  # work since the last whole substep, J: of the motor's torque, lost to friction and damping, against the spring
     _,
     _,
-    ROW_WORK,  # WORK at the last whole substep, J: work between this whole substep and the one before it
+    ROW_WORK,  # values of WORK between the last two whole substeps, J
     _,
     _,
     LAST_KICK_POSITION,  # position of the motor at the previous kick, rad
@@ -102,7 +102,7 @@ PUSHES = 4
     PER_MOTOR,  # number of columns per motor
 ) = range(29)
 MOTOR_WORKS = 3
-"""Number of columns in a block of works of a motor: of its torque, lost, against the spring."""
+"""Number of columns in WORK: work of the motor's torque, work lost to friction and damping, work against the spring."""
 
 LOGGED = {
     POSITION: "link_position",

@@ -88,6 +88,7 @@ def prepare(
             drives = at_equilibrium(scenario, drives, engine.model)
         resolution = _resolve(scenario, drives, engine, declared)
         substep = scenario.step / resolution.substeps
+        # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
         sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
         warnings = [problem for problem in warnings if problem.code != "undersampled-sine" or problem.key in sampled]
         sensors = tuple(

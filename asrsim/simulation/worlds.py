@@ -303,8 +303,8 @@ class Worlds:
         return np.asarray(self._held[numbers, j, slot])
 
     def push(self, torques: Array) -> None:
-        """Set the external torques (N, n) on all links of all worlds from the next step on, N m; without limits by declared
-        ranges. Raises InputError for values that are not finite."""
+        """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
+        apply. Raises InputError for values that are not finite."""
         self._check_open()
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")

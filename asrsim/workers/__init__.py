@@ -196,6 +196,7 @@ def do_items(sent: bytes, items: Sequence[Any]) -> tuple[list[Any], float]:
 
 
 _OWN = threading.local()
+"""Task of this worker's thread, and the bytes from which the task was unpickled."""
 
 
 @cache

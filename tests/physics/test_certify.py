@@ -17,7 +17,7 @@ ARM = ROOT / "examples/urdf/dof1_qbmove.urdf"
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("limited", [False, True])
-def test_certificate_is_accurate_at_reduced_order(stepping: str, limited: bool) -> None:
+def test_certificate_is_accurate_at_reduced_order(stepping, limited):
     """Motors at their limits reduce the order below two. The estimate with the measured order is accurate to 20 %."""
     wave = {"sinusoid": {"amplitude": 0.4, "angular_frequency": 9.0}}
     weak = {"motor_1_max_torque": 0.5, "motor_2_max_torque": 0.5} if limited else {}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ ARM = f"""<robot name="arm"><link name="base"/>{LINK.format("upper")}{LINK.forma
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path: Path, engine: str) -> None:
+def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path, engine):
     """Base and objects have friction. The base penetrates the ground, which exerts no force on it."""
     table = '<link name="base"><collision><geometry><box size="2 2 1"/></geometry></collision></link>'
     (tmp_path / "arm.urdf").write_text(ARM.replace('<link name="base"/>', table).replace("LOW", "-1").replace("HIGH", "1"))
@@ -41,7 +39,7 @@ def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path: Path, engine: s
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("height", [-0.7, 0.4])
-def test_ground_has_the_height_in_the_scenario(tmp_path: Path, engine: str, height: float) -> None:
+def test_ground_has_the_height_in_the_scenario(tmp_path, engine, height):
     (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
     ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, height + 0.12]}
     scenario = asrsim.make_scenario(
@@ -52,7 +50,7 @@ def test_ground_has_the_height_in_the_scenario(tmp_path: Path, engine: str, heig
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_path: Path, engine: str) -> None:
+def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_path, engine):
     """A ball on a slide pushes a box over the ground and stops at its limit. The box slides on until it rests."""
     ball = "<collision><geometry><sphere radius='0.02'/></geometry></collision>"
     (tmp_path / "slide.urdf").write_text(f"""<robot name="slide"><link name="base"/><link name="ball"><inertial>

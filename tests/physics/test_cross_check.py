@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -21,13 +20,13 @@ EXAMPLES = ROOT / "examples" / "scenarios"
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
 
 
-def example(name: str, variant: str, **fields: object) -> asrsim.Scenario:
+def example(name, variant, **fields):
     (scenario,) = asrsim.load_scenario(EXAMPLES / f"{name}.yaml", variant=variant)
     return replace(scenario, expect=(), **fields)
 
 
 @pytest.fixture
-def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+def wrong_mujoco(monkeypatch):
     """MuJoCo engine with a relative error of one millionth in gravity."""
 
     def make(scenario, robot):
@@ -37,7 +36,7 @@ def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_engines_agree_where_nothing_touches(engine: str, tmp_path: Path) -> None:
+def test_engines_agree_where_nothing_touches(engine, tmp_path):
     result = asrsim.run(example("step_2dof", "soft", engine=engine, duration=1.0), out=tmp_path, cross_check=True)
     check = result.summary.cross_check
     assert result.ok
@@ -57,7 +56,7 @@ def test_engines_agree_where_nothing_touches(engine: str, tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("wrong_mujoco")
 @pytest.mark.parametrize("out", [True, False])
-def test_cross_check_finds_a_relative_error_of_one_millionth(out: bool, tmp_path: Path) -> None:
+def test_cross_check_finds_a_relative_error_of_one_millionth(out, tmp_path):
     scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
     result = asrsim.run(scenario, out=tmp_path if out else None, certify=True)
     check = result.summary.cross_check
@@ -90,7 +89,7 @@ class MovedStop(mujoco_engine.MujocoEngine):
 
 
 @pytest.mark.parametrize("wrong", [HalfFriction, MovedStop])
-def test_cross_check_finds_wrong_friction_and_stops(wrong: type, tmp_path: Path, monkeypatch) -> None:
+def test_cross_check_finds_wrong_friction_and_stops(wrong, tmp_path, monkeypatch):
     """The run: a link with friction falls onto its stop."""
     (tmp_path / "r.urdf").write_text(
         '<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
@@ -105,7 +104,7 @@ def test_cross_check_finds_wrong_friction_and_stops(wrong: type, tmp_path: Path,
     assert not asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
 
 
-def test_cross_check_accepts_chaotic_motions(tmp_path: Path) -> None:
+def test_cross_check_accepts_chaotic_motions(tmp_path):
     """Three free links rotate chaotically: a change of 1e-12 rad at the start is 1e-3 rad at the end, even in one engine.
 
     The first link starts on its stop.
@@ -126,14 +125,14 @@ def test_cross_check_accepts_chaotic_motions(tmp_path: Path) -> None:
     assert "multiplies differences" in check["note"]
 
 
-def test_cross_check_with_contacts_may_differ_with_a_note() -> None:
+def test_cross_check_with_contacts_may_differ_with_a_note():
     check = asrsim.run(example("box_push_5dof", "soft", duration=0.2, task=None), cross_check=True).summary.cross_check
     assert check["contacts"]
     assert check["agrees"]
     assert "legitimate" in check["note"]
 
 
-def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch):
     entry = replace(ENGINES.get("mujoco"), module="no_such_module_here")
     monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
     assert other_engine("bullet") is None
@@ -148,7 +147,7 @@ def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch: pyt
 
 @pytest.mark.parametrize("kept", [True, False])
 @pytest.mark.parametrize("asked", [{"cross_check": True}, {"certify": True}], ids=str)
-def test_cross_check_and_certify_use_the_robot_passed_in(tiny, tmp_path, asked, kept) -> None:
+def test_cross_check_and_certify_use_the_robot_passed_in(tiny, tmp_path, asked, kept):
     """The robot is three times as heavy as in the robot file, so the robot of the file would move very differently."""
     robot = load_robot(tiny.robot)
     heavy = replace(robot, links=tuple(replace(link, mass=3.0 * link.mass) if link.mass else link for link in robot.links))

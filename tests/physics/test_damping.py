@@ -13,7 +13,7 @@ from validation.models import INSTALLED, Body, chain, column, run
 STEP, INERTIA = 1e-3, 0.01
 
 
-def shares(decay: float, *, stepping: str = "leapfrog", engine: str = "mujoco") -> np.ndarray:
+def shares(decay, *, stepping="leapfrog", engine="mujoco"):
     """Ratio of the velocities after and before each step of a link with damping alone. decay: c h / I."""
     body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, damping=decay * INERTIA / STEP)
     result = run(
@@ -25,21 +25,21 @@ def shares(decay: float, *, stepping: str = "leapfrog", engine: str = "mujoco") 
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_weak_damping_acts_on_the_mean_velocity_of_a_step(engine: str) -> None:
+def test_weak_damping_acts_on_the_mean_velocity_of_a_step(engine):
     assert shares(0.1, engine=engine) == pytest.approx((1.0 - 0.05) / (1.0 + 0.05), rel=1e-9)
 
 
 @pytest.mark.parametrize("decay", [20.0, 1e3])
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_overdamped_motion_reverses_and_halves_per_step(decay: float, stepping: str) -> None:
+def test_overdamped_motion_reverses_and_halves_per_step(decay, stepping):
     assert shares(decay, stepping=stepping) == pytest.approx(-0.5, rel=1e-6)
 
 
-def test_euler_damps_explicitly_where_this_is_stable() -> None:
+def test_euler_damps_explicitly_where_this_is_stable():
     assert shares(0.4, stepping="euler") == pytest.approx(0.6, rel=1e-9)
 
 
-def test_damping_ratio_follows_stiffness_only_in_joints_with_a_spring() -> None:
+def test_damping_ratio_follows_stiffness_only_in_joints_with_a_spring():
     constant, ratio = LinkDamping(constant=0.1), LinkDamping(constant=0.1, ratio=0.5, inertia=0.02)
     for mode, same in ((1, True), (6, False)):
         robot = chain(Body(actuator="sea"))
@@ -48,11 +48,11 @@ def test_damping_ratio_follows_stiffness_only_in_joints_with_a_spring() -> None:
         assert bool(one == other) is same
 
 
-def awas_swing(rows: np.ndarray, jump: float, presets: tuple[float, float], constant: float, ratio: float) -> np.ndarray:
+def awas_swing(rows, jump, presets, constant, ratio):
     """Positions of a link at the times of `rows`, from rest at 0, with its AwAS-II at 0.2 rad and a preset that jumps (paper
     eq. 4; section 4.2.2 for the damping). The default parameters are Ks = 10 N m/rad, L = 50 mm, r_t = 15 mm."""
 
-    def slope(_: float, state: np.ndarray, preset: float) -> list[float]:
+    def slope(_, state, preset):
         gain = 2.0 * 10.0 * (0.05 / 0.015 * preset / (0.05 - preset)) ** 2
         bent = 0.2 - state[0]
         damping = constant + 2.0 * ratio * np.sqrt(INERTIA * gain * np.cos(2.0 * bent))
@@ -68,7 +68,7 @@ def awas_swing(rows: np.ndarray, jump: float, presets: tuple[float, float], cons
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
-def test_damping_ratio_uses_the_stiffness_on_each_side_of_jumps(share: float, engine: str, compiled: bool) -> None:
+def test_damping_ratio_uses_the_stiffness_on_each_side_of_jumps(share, engine, compiled):
     """The preset jumps `share` of a step after a row of the log; the error falls with the square of the step."""
     errors = []
     for step in (1e-3, 2.5e-4):

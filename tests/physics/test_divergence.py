@@ -25,13 +25,13 @@ LIMITS = '<limit lower="-3" upper="3" effort="{effort}" velocity="100"/>'
 STOPS = '<limit lower="-0.2" upper="0.3" effort="100" velocity="100"/>'
 
 
-def test_a_spring_that_one_step_cannot_resolve_is_refused() -> None:
+def test_a_spring_that_one_step_cannot_resolve_is_refused():
     with pytest.raises(UnresolvedSpringError, match=r"joint 'joint_1'.*omega h = 3\.33.*at least 17 substeps"):
         run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substeps=1)
 
 
 @pytest.mark.parametrize("omega_h", [1.98, 2.02])
-def test_springs_with_omega_h_above_two_are_refused(omega_h: float) -> None:
+def test_springs_with_omega_h_above_two_are_refused(omega_h):
     step, probe = 0.001, {"spring_stiffness": 100.0}
     body = replace(LOAD, actuator="sea")
     options = {"mode": 3, "references": {"equilibrium_position": 0.1}, "duration": 0.01, "step": step, "substeps": 1}
@@ -44,7 +44,7 @@ def test_springs_with_omega_h_above_two_are_refused(omega_h: float) -> None:
             run(chain(body), parameters=stiff, **options)
 
 
-def test_springs_that_exceed_the_substep_cap_are_refused() -> None:
+def test_springs_that_exceed_the_substep_cap_are_refused():
     with pytest.raises(UnresolvedSpringError, match="the cap is 10"):
         run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=10)
     resolved = run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=17)
@@ -52,7 +52,7 @@ def test_springs_that_exceed_the_substep_cap_are_refused() -> None:
 
 
 @pytest.fixture
-def softer_than_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def softer_than_it_is(monkeypatch):
     """Actuator with a wrong stiffness law, as in a faulty plugin: asrsim chooses too few substeps."""
     monkeypatch.setattr(ACTUATORS.get("awas_ii"), "stiffness", staticmethod(lambda *_: 1.0))
 
@@ -61,7 +61,7 @@ def softer_than_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", ["1e6", "300"], ids=["no limit", "effort limit"])
 @pytest.mark.parametrize("friction", [0.0, 0.025])
-def test_a_spring_that_is_not_resolved_diverges_in_energy(effort: str, friction: float, engine: str) -> None:
+def test_a_spring_that_is_not_resolved_diverges_in_energy(effort, friction, engine):
     """All values stay finite, since the deflection saturates. Only the energy reveals the divergence."""
     robot = chain(replace(AWAS, friction=friction, limits=LIMITS.format(effort=effort)))
     with pytest.raises(DivergenceError, match=r"joint 'joint_1' diverged.* J ") as caught:
@@ -78,7 +78,7 @@ def test_a_spring_that_is_not_resolved_diverges_in_energy(effort: str, friction:
 
 
 @pytest.mark.usefixtures("softer_than_it_is")
-def test_divergence_error_names_the_unstable_joint() -> None:
+def test_divergence_error_names_the_unstable_joint():
     robot = chain(Body(actuator="sea", mass=1.0, reach=0.05, inertia=0.05), replace(AWAS, mass=0.2))
     with pytest.raises(DivergenceError) as caught:
         run(robot, mode=3, duration=1.0, substeps=1, joints={"joint_1": {"equilibrium_position": 0.1}, "joint_2": STIFF})
@@ -98,7 +98,7 @@ class Undamped(MujocoEngine):
         exchange[..., :TORQUE] = free[..., :TORQUE]
 
 
-def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch):
     """A link of 0.125 J coasts. The damping has to take this energy in 0.1 s, but the link keeps it."""
     robot = chain(Body(mass=1e-9, reach=0.0, inertia=0.01, damping=0.1))
     options: dict[str, Any] = {"gravity": 0.0, "duration": 1.0, "engine": "mujoco", "initial_velocities": {"joint_1": 5.0}}
@@ -109,7 +109,7 @@ def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch: pytest.Monkey
         run(robot, **options)
 
 
-def test_excessive_input_is_distinguished_from_an_unstable_spring() -> None:
+def test_excessive_input_is_distinguished_from_an_unstable_spring():
     """A constant torque on a free link is simulated correctly, but no robot is so fast."""
     with pytest.raises(DivergenceError, match=r"no longer finite or sane.*input or gain"):
         run(chain(LOAD), duration=1.0, gravity=0.0, external={"joint_1": Constant(value=10.0)})
@@ -120,7 +120,7 @@ def test_excessive_input_is_distinguished_from_an_unstable_spring() -> None:
 
 @pytest.mark.parametrize("stepping", ["euler", "toolbox"])
 @pytest.mark.parametrize("name", [name for name in SETTINGS if name != "AwAS-II .04"])
-def test_the_papers_settings_run_in_every_stepping(name: str, stepping: str) -> None:
+def test_the_papers_settings_run_in_every_stepping(name, stepping):
     actuator, preset, parameters = SETTINGS[name]
     result = run(
         chain(replace(LOAD, actuator=actuator, damping=0.065, friction=0.025, limits=LIMITS.format(effort="300"))), mode=3,
@@ -182,7 +182,7 @@ FINE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", FINE)
-def test_demanding_but_stable_runs_are_not_stopped(name: str) -> None:
+def test_demanding_but_stable_runs_are_not_stopped(name):
     options = dict(FINE[name])
     bodies = options.pop("bodies")
     parameters = options.pop("parameters", {})
@@ -192,11 +192,11 @@ def test_demanding_but_stable_runs_are_not_stopped(name: str) -> None:
     assert np.all(np.isfinite(result.samples.values["link_position"]))
 
 
-def test_long_swings_are_not_stopped() -> None:
+def test_long_swings_are_not_stopped():
     """Kinetic and gravitational energy change quickly, and the engine's velocity is half a step late."""
     assert run(chain(*[replace(ARM, actuator=None)] * 2), duration=20.0, initial=[1.5, 0.5]).status == "complete"
 
 
-def test_contacts_do_not_stop_a_run() -> None:
+def test_contacts_do_not_stop_a_run():
     assert push(Ramp(final=20.0, start=0.1, duration=0.5), duration=0.8).status == "complete"
     assert slide(0.5, duration=0.5).status == "complete"

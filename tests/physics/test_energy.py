@@ -17,7 +17,7 @@ BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
 WAVE = Sinusoid(amplitude=0.3, frequency=2.0)
 
 
-def shares(robot: Any, **options: Any) -> list[float]:
+def shares(robot, **options):
     """Ratio of energy residual and work at steps of 1 ms and 0.25 ms, without substeps."""
     found = []
     for step in (1e-3, 2.5e-4):
@@ -28,7 +28,7 @@ def shares(robot: Any, **options: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("mode", [2, 4, 5])
-def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode: int) -> None:
+def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode):
     """The adjuster follows its reference exactly. Its work in a jump equals the energy that spring, link and motor absorb."""
     first = {2: "reference_1", 4: "motor_1_torque", 5: "reference_1"}[mode]
     second = PulseTrain(start=0.02, period=0.08, width=0.04, low=0.01, high=0.025)
@@ -52,7 +52,7 @@ def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode: int) -> No
         pytest.param({"effort": 0.5}, id="effort limit"),
     ],
 )
-def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
+def test_the_balance_closes_at_limits(parameters):
     limits = f'<limit lower="-3" upper="3" effort="{parameters.get("effort", 1e9)}" velocity="100"/>'
     springs = {name: value for name, value in parameters.items() if name != "effort"}
     coarse, fine = shares(
@@ -66,7 +66,7 @@ def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.01])
-def test_the_balance_of_a_light_motor_closes_after_a_jump(engine: str, compiled: bool, friction: float) -> None:
+def test_the_balance_of_a_light_motor_closes_after_a_jump(engine, compiled, friction):
     """The motor oscillates several times in each step, which motor substeps resolve."""
     light = {"motor_1_inertia": 1e-5, "motor_1_damping": 0.0, "motor_1_friction_torque": friction, "motor_1_max_velocity": 1e9}
     result = run(
@@ -78,7 +78,7 @@ def test_the_balance_of_a_light_motor_closes_after_a_jump(engine: str, compiled:
     assert np.abs(column(result, "energy_residual")).max() < 0.03 * np.abs(column(result, "motor_work")).max()
 
 
-def test_logged_energies_balance() -> None:
+def test_logged_energies_balance():
     """Motor work = losses + springs + kinetic energy of the motor + link work, at every row; all start at zero."""
     result = run(
         chain(replace(BODY, actuator="sea")), mode=4, duration=0.5, references={"motor_1_torque": WAVE},
@@ -102,7 +102,7 @@ def test_logged_energies_balance() -> None:
     np.testing.assert_allclose(parts["link_work"] - column(result, "damping_loss"), link, atol=2e-4 * np.max(link))
 
 
-def test_energies_do_not_depend_on_how_often_rows_are_logged() -> None:
+def test_energies_do_not_depend_on_how_often_rows_are_logged():
     options: dict[str, Any] = {
         "mode": 6, "duration": 0.3, "references": {"equilibrium_position": WAVE, "stiffness_preset": 0.2},
     }  # fmt: skip
@@ -115,7 +115,7 @@ def test_energies_do_not_depend_on_how_often_rows_are_logged() -> None:
 
 
 @pytest.mark.parametrize("mode", [0, 1])
-def test_a_rigid_joint_has_no_spring_energy(mode: int) -> None:
+def test_a_rigid_joint_has_no_spring_energy(mode):
     name = {0: "link_torque", 1: "link_position"}[mode]
     result = run(chain(replace(BODY, actuator="sea")), mode=mode, duration=0.1, references={name: 0.1})
     quantities = result.info.joints[0].quantities
@@ -128,7 +128,7 @@ def test_a_rigid_joint_has_no_spring_energy(mode: int) -> None:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", [0.8, 1e6])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
-def test_work_of_a_jumping_controller_is_kinetic_energy(share: float, effort: float, engine: str, compiled: bool) -> None:
+def test_work_of_a_jumping_controller_is_kinetic_energy(share, effort, engine, compiled):
     """There is no other force. The reference jumps every 20 ms, `share` of a step after a row of the log; 0.8 N m is a limit
     that acts on one side of the jumps. Half way between the jumps the error falls with the square of the step."""
     limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
@@ -147,7 +147,7 @@ def test_work_of_a_jumping_controller_is_kinetic_energy(share: float, effort: fl
     assert np.log2(left[0] / left[1]) / 2.0 > 1.9
 
 
-def test_energy_of_a_push_within_a_substep_is_logged() -> None:
+def test_energy_of_a_push_within_a_substep_is_logged():
     """The push ends before the next row of the log, so only the half kicks include it."""
     blow = PulseTrain(high=800.0, period=10.0, width=0.2e-3, start=0.4991, count=1)
     result = run(chain(BODY), step=1e-3, substeps=1, duration=0.6, external={"*": blow})
@@ -158,7 +158,7 @@ def test_energy_of_a_push_within_a_substep_is_logged() -> None:
 
 @pytest.mark.parametrize("mode", [2, 3, 5, 6])
 @pytest.mark.parametrize("actuator", ACTUATORS.names())
-def test_energy_residual_falls_with_the_square_of_the_step(actuator: str, mode: int) -> None:
+def test_energy_residual_falls_with_the_square_of_the_step(actuator, mode):
     """The run has springs with hysteresis, moving motors with and without dynamics, and a swinging link."""
     law = ACTUATORS.get(actuator)
     wave = {"amplitude": 0.2, "frequency": 2.0}

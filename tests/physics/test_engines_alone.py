@@ -9,7 +9,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ print(json.dumps(test_engines_alone.motion("bullet", sys.argv[2], stops=True).to
 """
 
 
-def chain(folder: Path, base: str = "") -> Path:
+def chain(folder, base=""):
     """Write a chain of five hinges with narrow position limits."""
     inertial = (
         '<inertial><origin xyz="0.05 0.01 -0.1"/><mass value="0.5"/>'
@@ -46,13 +45,13 @@ def chain(folder: Path, base: str = "") -> Path:
     return path
 
 
-def make(engine: str, path: Path | str) -> Any:
+def make(engine, path):
     scenario = only_variant(load_scenario(path))
     robot, _ = checked_robot(scenario, None)
     return ENGINES.get(engine).make(scenario, apply_to_robot(scenario, robot))[0]
 
 
-def motion(engine: str, path: Path | str, *, stops: bool = False, friction: float = 0.05) -> np.ndarray:
+def motion(engine, path, *, stops=False, friction=0.05):
     """Positions (400, 5) in 0.4 s with oscillating torques, friction and damping, rad."""
     world = make(engine, path)
     world.start([0.1, -0.2, 0.3, 0.0, 0.1], [2.0, -1.0, 3.0, 1.0, -2.0], step=1e-3, staggered=True, implicitness=0.5)
@@ -70,7 +69,7 @@ def motion(engine: str, path: Path | str, *, stops: bool = False, friction: floa
     return found
 
 
-def test_pybullet_without_mujoco_agrees_on_friction_and_stops(tmp_path: Path) -> None:
+def test_pybullet_without_mujoco_agrees_on_friction_and_stops(tmp_path):
     path = chain(tmp_path)
     arguments = [sys.executable, "-c", RUN, str(Path(__file__).parent), str(path)]
     alone = json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
@@ -81,7 +80,7 @@ FAR = "world: {objects: {far: {shape: box, size: [0.1, 0.1, 0.1], position: [30,
 
 
 @pytest.mark.parametrize("more", ["", FAR], ids=["nothing around", "contacts"])
-def test_engine_continues_from_a_state_bit_for_bit(tmp_path: Path, more: str) -> None:
+def test_engine_continues_from_a_state_bit_for_bit(tmp_path, more):
     world = make("bullet", chain(tmp_path, more))
     world.start([0.1] * 5, [1.0] * 5, step=1e-3, staggered=True, implicitness=0.5)
     exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import asrsim
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
-from asrsim.actuators.modes import Mode
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from asrsim.simulation.prepare import prepare
@@ -33,25 +30,25 @@ class Coupled(Actuator):
     parameters = (Parameter(name="k", default=20.0, unit="N m/rad", doc="of all springs"),)
 
     @staticmethod
-    def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
+    def elastic_torques(q, theta_1, theta_2, parameters):
         (k,) = parameters
         return k * (theta_1 - q) + k * (theta_1 - theta_2), k * (theta_2 - q) - k * (theta_1 - theta_2)
 
     @staticmethod
-    def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+    def stiffness(q, theta_1, theta_2, parameters):
         return 2.0 * parameters[0]
 
     @staticmethod
-    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+    def elastic_energy(q, theta_1, theta_2, parameters):
         return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_1 - theta_2) ** 2)
 
 
 @pytest.fixture(autouse=True)
-def coupled() -> None:
+def coupled():
     ACTUATORS.add(Coupled.name, Coupled, replace=True)
 
 
-def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
+def start(actuator, mode, stepping="leapfrog", **parameters):
     """Motion of links and motors of an arm with two joints in 50 ms, and distance of the first link from its reference."""
     second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
     values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
@@ -69,7 +66,7 @@ def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: f
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize(("stepping", "integral"), [("leapfrog", 0.0), ("leapfrog", 30.0), ("euler", 0.0), ("toolbox", 0.0)])
-def test_equilibrium_start_stays_at_rest(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
+def test_equilibrium_start_stays_at_rest(actuator, mode, integral, stepping):
     gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
     moved = start(actuator, mode, stepping, **gains)
     droop = moved.pop("droop")
@@ -81,7 +78,7 @@ def test_equilibrium_start_stays_at_rest(actuator: str, mode: Mode, integral: fl
 @pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_equilibrium_start_may_rest_on_a_stop(pressed: tuple[int, ...], side: float, engine: str) -> None:
+def test_equilibrium_start_may_rest_on_a_stop(pressed, side, engine):
     """The references are 0.3 rad and the stops 0.2 rad, so the equilibrium of the springs alone is beyond the stops."""
     stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
     bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
@@ -96,7 +93,7 @@ def test_equilibrium_start_may_rest_on_a_stop(pressed: tuple[int, ...], side: fl
 
 
 @pytest.mark.parametrize("seed", [310, 315, 319, 326])
-def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> None:
+def test_a_robot_in_free_fall_keeps_its_posture(seed, tmp_path):
     given = random_run(seed, moving=3, fixed=False, passive=0.0, jumps=False)
     still = [replace(wave, amplitude=0.0) for joint in given.joints for wave in joint.references]
     assert all(joint.mode not in (0, 4) for joint in given.joints)
@@ -110,7 +107,7 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
-def test_equilibrium_is_recomputed_for_new_parameters(parameters: dict[str, dict[str, float]], engine: str) -> None:
+def test_equilibrium_is_recomputed_for_new_parameters(parameters, engine):
     robot = chain(*[Body(actuator="sea", **ARM)] * 2)
     scenario = Scenario(
         name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
@@ -128,7 +125,7 @@ def test_equilibrium_is_recomputed_for_new_parameters(parameters: dict[str, dict
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
-def test_weight_pulls_a_link_off_its_stop_at_the_equilibrium(way: float) -> None:
+def test_weight_pulls_a_link_off_its_stop_at_the_equilibrium(way):
     """The reference lies beyond the stop."""
     limits = '<limit lower="-0.5" upper="0.5" effort="1000" velocity="100"/>'
     result = run(
@@ -145,7 +142,7 @@ def test_weight_pulls_a_link_off_its_stop_at_the_equilibrium(way: float) -> None
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("starts", [(0.0, 0.0), (0.9, -2.5), (np.pi, 0.0), (np.pi, np.pi)])
-def test_passive_joints_hang_down_at_the_equilibrium(starts: tuple[float, float], engine: str) -> None:
+def test_passive_joints_hang_down_at_the_equilibrium(starts, engine):
     bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))
     result = run(
         chain(*bodies), mode=6, duration=0.5, engine=engine, initial_equilibrium=True, initial=(0.0, *starts),

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.engines.base import FRICTION, TORQUE, VELOCITY, Engine
-from asrsim.robot import Robot
+from asrsim.engines.base import FRICTION, TORQUE, VELOCITY
 from asrsim.scenario.data import Scenario
 from validation.models import Body, chain
 
@@ -15,7 +14,7 @@ STEP = 1e-5
 JOINTS = 7
 
 
-def arm(random: np.random.Generator) -> Robot:
+def arm(random):
     """Chain of seven links with random axes and random friction."""
     bodies = [
         Body(
@@ -28,7 +27,7 @@ def arm(random: np.random.Generator) -> Robot:
     return chain(*bodies)
 
 
-def step(engine: Engine, place: np.ndarray, before: np.ndarray, torque: np.ndarray, friction: np.ndarray) -> np.ndarray:
+def step(engine, place, before, torque, friction):
     """Exchange array (joints, 5) after a step from the given state."""
     engine.start(place.tolist(), before.tolist(), step=STEP, staggered=False, implicitness=0.0)
     exchange = np.zeros((1, JOINTS, 5))
@@ -40,7 +39,7 @@ def step(engine: Engine, place: np.ndarray, before: np.ndarray, torque: np.ndarr
 @pytest.mark.parametrize("resting", [0, 3, 6, 7])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["mujoco", "bullet"])
-def test_every_joint_sticks_or_slides(name: str, seed: int, resting: int) -> None:
+def test_every_joint_sticks_or_slides(name, seed, resting):
     random = np.random.default_rng([seed, resting])
     robot = arm(random)
     engine, _ = ENGINES.get(name).make(Scenario(name="chain", robot=robot.path), robot)
@@ -59,7 +58,7 @@ def test_every_joint_sticks_or_slides(name: str, seed: int, resting: int) -> Non
             assert np.all(np.abs(held) <= friction + 1e-6)
             sticks = np.abs(after) < 1e-9
             if np.all((before == 0.0) | (before * after > 0.0)):
-                # No joint stops or reverses within the step.
+                # No velocity reaches 0 within the step.
                 assert np.abs(held + np.sign(after) * friction)[~sticks] == pytest.approx(0.0, abs=1e-6)
                 kinds |= {int(sticks.sum())}
         assert len(kinds) > 1 or resting == 0

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from asrsim.signals import Sinusoid
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples, truth
-from support.random_runs import RandomRun, Wave
+from support.random_runs import Wave
 from validation.models import INSTALLED, Body, chain, column, run
 
 # -- axes --------------------------------------------------------------------------------------------------------------
@@ -18,7 +17,7 @@ from validation.models import INSTALLED, Body, chain, column, run
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("axis", ["0 2 0", "0 1.0005 0", "0.3 0.3 -0.1", "1e-3 0 0"])
-def test_length_of_a_joint_axis_has_no_effect(tmp_path: Path, engine: str, axis: str) -> None:
+def test_length_of_a_joint_axis_has_no_effect(tmp_path, engine, axis):
     unit = np.array([float(part) for part in axis.split()])
     unit /= np.linalg.norm(unit)
     joints = joint(start=0.4), joint(start=-0.3)
@@ -33,7 +32,7 @@ GAINS = {"controller_1_proportional": 12.0, "controller_1_integral": 60.0, "cont
 JUMP = Wave(offset=0.3, amplitude=0.2, frequency=2.0, at=0.1, jump=0.4)
 
 
-def controlled(effort: float = np.inf) -> RandomRun:
+def controlled(effort=np.inf):
     """Run of a joint in mode 1 next to a joint with a motor. The motor's substeps must not affect the link controller."""
     first = joint(effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
     parameters = {
@@ -47,7 +46,7 @@ def controlled(effort: float = np.inf) -> RandomRun:
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("motor_substeps", [1, 3, 11])
-def test_link_integrator_does_not_depend_on_motor_substeps(tmp_path: Path, engine: str, motor_substeps: int) -> None:
+def test_link_integrator_does_not_depend_on_motor_substeps(tmp_path, engine, motor_substeps):
     given = controlled()
     found = samples(given, tmp_path, engine=engine, substeps=2, motor_substeps=motor_substeps)
     np.testing.assert_allclose(found.values["link_position"], truth(given, found.time), atol=1e-4)
@@ -55,7 +54,7 @@ def test_link_integrator_does_not_depend_on_motor_substeps(tmp_path: Path, engin
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", [1.5, 3.0])
-def test_effort_limit_clips_the_whole_controller_output(tmp_path: Path, engine: str, effort: float) -> None:
+def test_effort_limit_clips_the_whole_controller_output(tmp_path, engine, effort):
     """The torque is sat(PI - D v), not sat(PI) - D v."""
     given = controlled(effort)
     found = samples(given, tmp_path, engine=engine)
@@ -67,7 +66,7 @@ def test_effort_limit_clips_the_whole_controller_output(tmp_path: Path, engine: 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", [1.5, 1e6])
 @pytest.mark.parametrize("mode", [1, 3, 6])
-def test_logged_torque_explains_the_change_of_momentum(engine: str, effort: float, mode: int) -> None:
+def test_logged_torque_explains_the_change_of_momentum(engine, effort, mode):
     """Without gravity, I (v_n - v_0) = h times the sum of the logged torques, up to rounding."""
     limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
     name = "link_position" if mode == 1 else "equilibrium_position"
@@ -87,7 +86,7 @@ def test_logged_torque_explains_the_change_of_momentum(engine: str, effort: floa
 # -- friction that holds -----------------------------------------------------------------------------------------------
 
 
-def held_chain(count: int, share: float) -> list[Body]:
+def held_chain(count, share):
     """Horizontal chain. The friction of each joint is `share` times its gravity torque."""
     bodies = []
     for j in range(count):
@@ -97,7 +96,7 @@ def held_chain(count: int, share: float) -> list[Body]:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_friction_holds_a_chain_at_rest(engine: str) -> None:
+def test_friction_holds_a_chain_at_rest(engine):
     result = run(chain(*held_chain(7, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
     assert result.samples is not None
     q = result.samples.values["link_position"]
@@ -106,7 +105,7 @@ def test_friction_holds_a_chain_at_rest(engine: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_friction_holds_eighty_links_at_rest(engine: str) -> None:
+def test_friction_holds_eighty_links_at_rest(engine):
     """The gravity torques and the rounding errors span five orders of magnitude."""
     result = run(chain(*held_chain(80, 1.2)), initial=[np.pi / 2], duration=0.2, engine=engine)
     assert result.samples is not None
@@ -117,13 +116,13 @@ def test_friction_holds_eighty_links_at_rest(engine: str) -> None:
 # -- sensors -----------------------------------------------------------------------------------------------------------
 
 
-def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.ndarray:
+def delayed_pendulum(delay, duration, fine=1e-5):
     """Positions of a pendulum under a PD controller with a sensor delay of `delay` s, every 1 ms, by Heun's method."""
     p, d, inertia = 12.0, 0.25, INERTIA + MASS * REACH**2
     late, count = round(delay / fine), round(duration / fine)
     q, v = np.zeros(count + 1), np.zeros(count + 1)
 
-    def rate(x: float, seen: int) -> float:
+    def rate(x, seen):
         past = max(seen, 0)
         torque = p * (0.5 - q[past]) - d * v[past]
         return (torque - MASS * 9.81 * REACH * np.sin(x)) / inertia
@@ -140,7 +139,7 @@ def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.nd
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("delay", [0.004, 0.012])
-def test_sensor_delay_applies_to_position_and_velocity(tmp_path: Path, engine: str, delay: float) -> None:
+def test_sensor_delay_applies_to_position_and_velocity(tmp_path, engine, delay):
     gains = {"controller_1_proportional": 12.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.25}
     goal = replace(NEVER, offset=0.5)
     given = plan([joint(actuator="sea", mode=1, parameters=gains, references=(goal,))], 0.4)
@@ -159,7 +158,7 @@ def test_sensor_delay_applies_to_position_and_velocity(tmp_path: Path, engine: s
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("damping", [0.5, 3.0, 20.0, 300.0])
-def test_strong_damping_is_simulated_accurately(tmp_path: Path, engine: str, damping: float) -> None:
+def test_strong_damping_is_simulated_accurately(tmp_path, engine, damping):
     """The damping number c h / I of the last joint is 0.25 to 150."""
     given = plan([joint(start=0.5, damping=damping)] * 3, 0.3, axes=("0 1 0", "0 1 0", "1 0 0"))
     found = samples(given, tmp_path, engine=engine)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from asrsim.robot import Robot
 from asrsim.scenario.data import World, Wrench
 from asrsim.signals import Constant, Sinusoid, Step
 from support.event_driven import EventDriven
@@ -18,11 +17,11 @@ STEPS = (1e-3, 2.5e-4)
 Pair = tuple[float, float]
 
 
-def limit(lower: float, upper: float) -> str:
+def limit(lower, upper):
     return f'<limit lower="{lower!r}" upper="{upper!r}" effort="1000" velocity="1000"/>'
 
 
-def stopped(link: Body, friction: Pair, lower: Pair, upper: Pair, *, gravity: float) -> tuple[Robot, EventDriven]:
+def stopped(link, friction, lower, upper, *, gravity):
     """Arm with two equal links, and its independent solution."""
     levels, lower, upper = (tuple(map(float, pair)) for pair in (friction, lower, upper))
     robot = chain(*(replace(link, friction=levels[j], limits=limit(lower[j], upper[j])) for j in (0, 1)))
@@ -34,7 +33,7 @@ def stopped(link: Body, friction: Pair, lower: Pair, upper: Pair, *, gravity: fl
 @pytest.mark.parametrize("world", [World(), World(ground=True, ground_height=-9.0)], ids=["alone", "above a ground"])
 @pytest.mark.parametrize("phase", [0.0, 0.137, 0.5, 0.861])
 @pytest.mark.parametrize("step", [1e-3, 1e-4])
-def test_a_free_link_ends_at_rest_at_its_stop(engine: str, world: World, phase: float, step: float) -> None:
+def test_a_free_link_ends_at_rest_at_its_stop(engine, world, phase, step):
     stop = 0.1 + 2.0 * step * phase
     robot = chain(Body(mass=1.0, reach=0.1, inertia=0.01, limits=limit(-2.0, stop)))
     result = run(robot, engine=engine, gravity=0.0, duration=0.1, step=step, world=world, initial_velocities={"joint_1": 2.0})
@@ -53,9 +52,7 @@ STICKING = Body(mass=1.0, reach=0.1, inertia=0.01, friction=0.3)
 @pytest.mark.parametrize("pushed", ["torque", "force"])
 @pytest.mark.parametrize(("body", "before", "pull"), [(PRESSED, -0.5, 0.5), (STICKING, 0.2, 0.2)], ids=["stop", "friction"])
 @pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
-def test_link_leaves_its_stop_when_the_torque_jumps(
-    engine: str, compiled: bool, pushed: str, body: Body, before: float, pull: float, late: float
-) -> None:
+def test_link_leaves_its_stop_when_the_torque_jumps(engine, compiled, pushed, body, before, pull, late):
     """pull: torque that accelerates the link after the jump, N m. A jump between two steps acts up to half a step late."""
     step, jump = 1e-3, 0.03 + late * 1e-3
     load = Step(at=jump, before=before, after=0.5)
@@ -73,7 +70,7 @@ def test_link_leaves_its_stop_when_the_torque_jumps(
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
-def test_a_sliding_link_reverses_within_a_step(engine: str, compiled: bool, late: float) -> None:
+def test_a_sliding_link_reverses_within_a_step(engine, compiled, late):
     """A torque of -1 N m works against 0.3 N m of friction before the reversal, and 0.7 N m accelerate the link after it."""
     step, reversal = 1e-3, 0.03 + late * 1e-3
     speed = 1.3 / 0.02 * reversal
@@ -94,9 +91,7 @@ def test_a_sliding_link_reverses_within_a_step(engine: str, compiled: bool, late
         pytest.param((0.2, 0.05), -2.0, (4.0, -6.0), (0.0, 0.0), (-1.0, 0.3), 2, id="both reverse after the jump"),
     ],
 )
-def test_joints_with_friction_move_at_second_order_after_a_jump(
-    engine: str, friction: Pair, lower: float, speed: Pair, before: Pair, after: Pair, reversals: int
-) -> None:
+def test_joints_with_friction_move_at_second_order_after_a_jump(engine, friction, lower, speed, before, after, reversals):
     link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
     robot, truth = stopped(link, friction, (-2.0, lower), (2.0, 2.0), gravity=0.0)
     jump, end = 0.05037, 0.2
@@ -119,7 +114,7 @@ def test_joints_with_friction_move_at_second_order_after_a_jump(
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", range(6))
-def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed: int) -> None:
+def test_two_joints_with_stops_match_an_event_driven_solution(engine, seed):
     random = np.random.default_rng(seed)
     link = Body(mass=random.uniform(0.3, 1.0), reach=0.15, inertia=random.uniform(1e-3, 5e-3), length=0.3)
     friction = random.uniform(0.0, 0.3), random.choice([0.0, 0.05])
@@ -136,7 +131,7 @@ def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed:
     ]
     end = 0.6
 
-    def push(t: float, q: np.ndarray) -> np.ndarray:
+    def push(t, q):
         return np.array([float(signal.values(np.array([t]))[0]) for signal in pushes])
 
     rows, events = truth.move(start, speed, push, np.array([0.0, end]))

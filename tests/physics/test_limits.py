@@ -19,7 +19,7 @@ SWINGS = {
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("kicks", SWINGS)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_velocity_cutoff_lets_springs_brake_but_not_accelerate(engine: str, kicks: str, sign: float) -> None:
+def test_velocity_cutoff_lets_springs_brake_but_not_accelerate(engine, kicks, sign):
     """The joint starts at twice the limit. The spring alone stops it, then drives it back up to the limit."""
     limits = f'<limit lower="-30" upper="30" effort="1e6" velocity="{FASTEST}"/>'
     body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, limits=limits)
@@ -40,7 +40,7 @@ def test_velocity_cutoff_lets_springs_brake_but_not_accelerate(engine: str, kick
 
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_moving_link_starts_with_the_effort_limit_alone(engine: str, compiled: bool) -> None:
+def test_a_moving_link_starts_with_the_effort_limit_alone(engine, compiled):
     """The derivative action wants twice the limit E at the start and more than E until the end: q = v t - E t^2 / (2 I)."""
     effort, speed = 0.5, 1.0
     limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'

@@ -13,7 +13,6 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError, ScenarioError
-from asrsim.robot import Robot
 from asrsim.robot.edit import edited_urdf
 from asrsim.signals import Ramp, Sinusoid
 from asrsim.simulation.prepare import prepare
@@ -32,13 +31,13 @@ EVERYTHING = {
 }  # fmt: skip
 
 
-def rubbing(robot: Robot, **friction: float) -> Robot:
+def rubbing(robot, **friction):
     """Copy of the robot with the given friction in its moving joints."""
     changed: dict[str, Any] = dict(friction)
     return replace(robot, joints=tuple(replace(joint, **changed) if joint.moves else joint for joint in robot.joints))
 
 
-def bench(mode: int, parameters: dict[str, float], *, link: Any = 0.0, **how: Any) -> Any:
+def bench(mode, parameters, *, link=0.0, **how):
     """Result of a test bench that holds or moves the link of an SEA."""
     motion = {} if link == 0.0 else {"motion": {"joint_1": link}}
     robot = chain(Body(actuator="sea", inertia=1e-2))
@@ -48,7 +47,7 @@ def bench(mode: int, parameters: dict[str, float], *, link: Any = 0.0, **how: An
 # -- electric motors -----------------------------------------------------------------------------------------------------
 
 
-def test_voltage_accelerates_a_motor_to_its_no_load_speed() -> None:
+def test_voltage_accelerates_a_motor_to_its_no_load_speed():
     """tau = n k_t i, u = R i + n k_t omega: omega = u / (n k_t) (1 - exp(-t / T)), T = J R / (n k_t)^2, to second order."""
     errors = []
     for substeps in (1, 2):
@@ -82,7 +81,7 @@ def test_voltage_accelerates_a_motor_to_its_no_load_speed() -> None:
         (5, {"reference_1": 1.0}, {"controller_1_proportional": 1e4, "motor_1_max_voltage": 4.0}, 2.0),
     ],
 )  # fmt: skip
-def test_stall_torque_and_limits(mode: int, reference: dict[str, float], limits: dict[str, float], torque: float) -> None:
+def test_stall_torque_and_limits(mode, reference, limits, torque):
     """With a locked link, the motor stops where the spring torque equals n k_t u / R, clipped by the limits."""
     parameters = {**FREE, **DC, "motor_1_damping": 5.0, "spring_stiffness": 50.0, "max_deflection": 3.0, **limits}
     result = bench(mode, parameters, references=reference, duration=2.0)
@@ -91,7 +90,7 @@ def test_stall_torque_and_limits(mode: int, reference: dict[str, float], limits:
     assert column(result, "motor_1_voltage")[-1] == pytest.approx(2.0 * torque, rel=1e-6)
 
 
-def test_a_servo_of_voltage_droops_by_its_gain_in_volts() -> None:
+def test_a_servo_of_voltage_droops_by_its_gain_in_volts():
     """With u = P (r - theta) and tau = n k_t u / R, the steady error is tau R / (n k_t P), also at an equilibrium start."""
     values = {**FREE, **DC, "spring_stiffness": 20.0, "max_deflection": 3.0, "controller_1_proportional": 40.0}
     robot = chain(Body(actuator="sea", mass=0.3, reach=0.2, inertia=1e-3, damping=0.05))
@@ -110,7 +109,7 @@ COULOMB, EXCESS, FADE = 0.2, 0.15, 0.05
 
 
 @pytest.fixture(scope="module")
-def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
+def limit_cycle():
     """Time and position of a mass that a spring pulls at constant speed: stick-slip motion."""
     time = np.arange(0.0, 3.0005, 1e-3)
     joint = EventDriven(Mass(INERTIA), lambda v: COULOMB + EXCESS * np.exp(-((v / FADE) ** 2)))
@@ -119,7 +118,7 @@ def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
     return time, place
 
 
-def test_a_joint_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_joint_sticks_and_slips(limit_cycle):
     """The error of the limit cycle is of second order, including the events."""
     robot = rubbing(
         chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=COULOMB)),
@@ -139,7 +138,7 @@ def test_a_joint_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) ->
         assert errors[1] < errors[0] / 10.0
 
 
-def test_a_motor_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_motor_sticks_and_slips(limit_cycle):
     """The motor winds up its spring with stick-slip motion; its bristles deflect by 0.35 mrad before it slips."""
     parameters = {
         **FREE, "motor_1_inertia": INERTIA, "motor_1_friction_torque": COULOMB, "motor_1_stribeck_friction": EXCESS,
@@ -157,7 +156,7 @@ def test_a_motor_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) ->
 
 
 @pytest.mark.parametrize("engine", ENGINES_HERE)
-def test_joint_friction_grows_with_the_load(engine: str) -> None:
+def test_joint_friction_grows_with_the_load(engine):
     """A moving joint obeys I a = tau (1 - c) - tau_c; a joint at rest sticks up to tau_c / (1 - c)."""
     robot = rubbing(chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1)), load_friction=0.2)
     for torque in (0.124, 0.5):
@@ -169,13 +168,13 @@ def test_joint_friction_grows_with_the_load(engine: str) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [200.0, 1000.0, 5000.0])
-def test_sticking_motor_deflects_its_bristles(stiffness: float) -> None:
+def test_sticking_motor_deflects_its_bristles(stiffness):
     numbers = {"motor_1_friction_torque": 0.5, "motor_1_friction_stiffness": stiffness, "motor_1_damping": 2.0}
     result = bench(4, {**FREE, **numbers, "spring_stiffness": 1e-12}, references={"motor_1_torque": 0.2}, duration=0.5)
     assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
-def test_motor_friction_grows_with_the_load() -> None:
+def test_motor_friction_grows_with_the_load():
     """The motor torque is k theta (1 + c) + tau_c while the spring is wound slowly, and k theta (1 - c) - tau_c on release."""
     parameters = {
         **FREE, "motor_1_friction_torque": 0.1, "motor_1_load_friction": 0.2, "motor_1_damping": 1.0, "spring_stiffness": 5.0,
@@ -194,7 +193,7 @@ def test_motor_friction_grows_with_the_load() -> None:
 
 
 @pytest.mark.parametrize("length", [0.005, 0.05, 0.5])
-def test_hysteresis_loss_of_a_loop_follows_the_law(length: float) -> None:
+def test_hysteresis_loss_of_a_loop_follows_the_law(length):
     level, amplitude = 0.3, 0.1
     result = bench(
         2, {"hysteresis_torque": level, "hysteresis_deflection": length, "max_deflection": 3.0},
@@ -212,7 +211,7 @@ def test_hysteresis_loss_of_a_loop_follows_the_law(length: float) -> None:
         assert extra.min() == pytest.approx(-level, rel=1e-3)
 
 
-def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
+def test_a_free_link_comes_to_rest_by_hysteresis_alone():
     """Two springs of a VSA in a mode with motors: the energy of the swing equals the hysteresis loss."""
     robot = chain(Body(actuator="qbmove", mass=0.3, reach=0.1, inertia=1e-3))
     values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
@@ -229,7 +228,7 @@ def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
 
 @pytest.mark.parametrize("substeps", [3, 5])
 @pytest.mark.parametrize(("actuator", "near"), [("sea", 2e-4), ("qbmove", 5e-5)])
-def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator: str, near: float, substeps: int) -> None:
+def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator, near, substeps):
     """A link swings while its motors stand still."""
     references = {"equilibrium_position": 0.0, "stiffness_preset": 0.3}
     values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
@@ -251,7 +250,7 @@ def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator: str, near: 
 
 
 @pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])
-def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator: str, springs: int) -> None:
+def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator, springs):
     robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
     for values in ({}, {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}):
         result = run(
@@ -265,14 +264,14 @@ def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator: str, spr
 # -- all of it, everywhere -----------------------------------------------------------------------------------------------
 
 
-def all_on(name: str) -> dict[str, float]:
+def all_on(name):
     """Values that enable every optional model of an actuator."""
     motors = range(1, ACTUATORS.get(name).motors + 1)
     values = {f"motor_{i}_{key}": value for i in motors for key, value in EVERYTHING.items()}
     return {**values, "hysteresis_torque": 0.02, "hysteresis_deflection": 0.05}
 
 
-def full_run(name: str, mode: int, **how: Any) -> Any:
+def full_run(name, mode, **how):
     """Run of a link that swings under gravity, with all optional models."""
     law = ACTUATORS.get(name)
     first, second = law.motor_references(0.3, law.typical_preset)
@@ -292,7 +291,7 @@ def full_run(name: str, mode: int, **how: Any) -> Any:
 
 @pytest.mark.parametrize("mode", [3, 5, 7])
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_all_optional_models_run_on_every_actuator(name: str, mode: int) -> None:
+def test_all_optional_models_run_on_every_actuator(name, mode):
     runs = [full_run(name, mode, engine=engine) for engine in ENGINES_HERE]
     for result in runs:
         assert all(np.isfinite(values).all() for values in result.samples.values.values())
@@ -303,14 +302,14 @@ def test_all_optional_models_run_on_every_actuator(name: str, mode: int) -> None
         assert values == pytest.approx(runs[-1].samples.values[quantity], rel=1e-7, abs=1e-9), quantity
 
 
-def state_of(simulation: Simulation) -> list[list[float]]:
+def state_of(simulation):
     """State of a simulation: positions and velocities of links and motors."""
     seen = simulation.observe()
     names = ("link_position", "link_velocity", *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity")))
     return [np.nan_to_num(getattr(seen, name)).tolist() for name in names]
 
 
-def test_optional_models_may_be_enabled_between_runs() -> None:
+def test_optional_models_may_be_enabled_between_runs():
     """The simulation loop was compiled without the models. A fit may increase a parameter from zero."""
     result = run(
         chain(Body(actuator="sea", inertia=1e-2)), mode=5, references={"reference_1": 0.3}, duration=0.1, compiled=False
@@ -330,13 +329,13 @@ def test_optional_models_may_be_enabled_between_runs() -> None:
 TAGS = "<stribeckFriction>0.1</stribeckFriction><stribeckVelocity>0.2</stribeckVelocity><loadFriction>0.05</loadFriction>"
 
 
-def robot_with(joint: str = "", block: str = "") -> Robot:
+def robot_with(joint="", block=""):
     """Robot with one joint. joint, block: XML tags of the joint and of its actuator."""
     text = chain(Body(actuator="qbmove")).text.replace("</robot>", f"{joint}</robot>").replace("</plugin>", f"{block}</plugin>")
     return read(text)
 
 
-def test_optional_model_tags_are_read_and_written() -> None:
+def test_optional_model_tags_are_read_and_written():
     robot = robot_with(f'<gazebo reference="joint_1">{TAGS}</gazebo>', "<mot_1_kt>0.05</mot_1_kt><hyst_tau>0.3</hyst_tau>")
     joint, values = robot.joint("joint_1"), robot.actuators[0].values()
     assert (joint.stribeck_friction, joint.stribeck_velocity, joint.load_friction) == (0.1, 0.2, 0.05)
@@ -364,7 +363,7 @@ def test_optional_model_tags_are_read_and_written() -> None:
         ("", "<mot_2_R>-3</mot_2_R>", "must be at least 0 ohm"),
     ],
 )  # fmt: skip
-def test_invalid_model_parameters_are_refused(joint: str, block: str, said: str) -> None:
+def test_invalid_model_parameters_are_refused(joint, block, said):
     with pytest.raises(RobotError, match=said):
         robot_with(joint, block)
 
@@ -379,11 +378,11 @@ def test_invalid_model_parameters_are_refused(joint: str, block: str, said: str)
         ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
     ],
 )  # fmt: skip
-def test_implausible_model_parameters_give_a_warning(joint: str, block: str, said: str) -> None:
+def test_implausible_model_parameters_give_a_warning(joint, block, said):
     assert any(said in str(warning) for warning in robot_with(joint, block).warnings)
 
 
-def test_toolbox_stepping_warns_of_models_that_it_lacks() -> None:
+def test_toolbox_stepping_warns_of_models_that_it_lacks():
     with pytest.raises(ScenarioError, match="cannot drive its motors"):
         run(chain(Body(actuator="sea")), mode=7, references={"motor_1_voltage": 1.0}, duration=0.1)
     result = run(
@@ -396,7 +395,7 @@ def test_toolbox_stepping_warns_of_models_that_it_lacks() -> None:
     assert "hysteresis_loss" not in result.samples.values
 
 
-def test_log_has_topics_for_optional_models(tmp_path: Any) -> None:
+def test_log_has_topics_for_optional_models(tmp_path):
     import asrsim
     from asrsim.log import read_log
 
@@ -414,7 +413,7 @@ def test_log_has_topics_for_optional_models(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize("motor_substeps", [1, 3, 9])
-def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_substeps: int) -> None:
+def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_substeps):
     """Motor and link move 3 rad together, a hundred times the hysteresis deflection, and the deflection stays constant."""
     parameters = {
         **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,

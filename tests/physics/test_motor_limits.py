@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -16,14 +14,14 @@ HEAVY = chain(Body(actuator="sea", mass=1e6, reach=0.0, inertia=1e6))
 WINDING = {"motor_1_torque_constant": 3.0, "motor_1_resistance": 1.0, "motor_1_max_torque": 100.0}
 
 
-def drive(**keys: Any) -> Any:
+def drive(**keys):
     return run(HEAVY, gravity=0.0, **keys)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("stop", [0.3, 0.30037, 0.3009])
-def test_motor_on_its_stop_draws_voltage_over_resistance(engine: str, stepping: str, stop: float) -> None:
+def test_motor_on_its_stop_draws_voltage_over_resistance(engine, stepping, stop):
     result = drive(
         engine=engine, stepping=stepping, mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": stop, "motor_1_min_position": -stop, "spring_k": 20.0},
@@ -38,7 +36,7 @@ def test_motor_on_its_stop_draws_voltage_over_resistance(engine: str, stepping: 
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_current_at_the_speed_limit_includes_the_back_emf(stepping: str) -> None:
+def test_current_at_the_speed_limit_includes_the_back_emf(stepping):
     result = drive(
         stepping=stepping, mode=7, duration=0.5, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_velocity": 0.5, "spring_k": 1e-6},
@@ -48,7 +46,7 @@ def test_current_at_the_speed_limit_includes_the_back_emf(stepping: str) -> None
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_controller_torque_on_a_stop_is_gain_times_error(stepping: str) -> None:
+def test_controller_torque_on_a_stop_is_gain_times_error(stepping):
     result = drive(
         stepping=stepping, mode=5, duration=1.0, references={"reference_1": 0.55},
         parameters={
@@ -61,7 +59,7 @@ def test_controller_torque_on_a_stop_is_gain_times_error(stepping: str) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.7])
 @pytest.mark.parametrize("stop", [0.2, 0.20041])
-def test_motor_leaves_its_stop_by_its_equation_of_motion(friction: float, stop: float) -> None:
+def test_motor_leaves_its_stop_by_its_equation_of_motion(friction, stop):
     inertia, damping, stiffness, slope, leaves = 0.02, 0.5, 5.0, 1000.0, 0.8
     result = drive(
         mode=4, duration=0.85, step=2.5e-4, references={"motor_1_torque": Step(at=leaves, before=6.0, after=-2.0)},
@@ -71,7 +69,7 @@ def test_motor_leaves_its_stop_by_its_equation_of_motion(friction: float, stop: 
         },
     )  # fmt: skip
 
-    def rate(_: float, state: np.ndarray) -> list[float]:
+    def rate(_, state):
         # Dahl's bristles: the way to the stop deflects them, and the way back reverses the deflection.
         rub = max(friction - slope * (stop - state[0]), -friction)
         return [state[1], (-2.0 - damping * state[1] - stiffness * state[0] - rub) / inertia]
@@ -80,7 +78,7 @@ def test_motor_leaves_its_stop_by_its_equation_of_motion(friction: float, stop: 
     assert column(result, "motor_1_position")[-1] == pytest.approx(there, abs=1e-5)
 
 
-def test_the_summary_counts_steps_of_a_motor_at_its_stop() -> None:
+def test_the_summary_counts_steps_of_a_motor_at_its_stop():
     result = drive(
         mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": 0.3, "spring_k": 20.0},

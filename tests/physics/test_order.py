@@ -13,7 +13,7 @@ from validation.models import Body, chain, column, run
 LINK = Body(actuator="sea", mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
 
 
-def test_substeps_equal_smaller_steps() -> None:
+def test_substeps_equal_smaller_steps():
     """A step of 1 ms with four substeps moves as steps of 0.25 ms do, within 5 % of the difference to a step of 1 ms."""
     arguments = {
         "mode": 3, "references": {"equilibrium_position": 0.5}, "parameters": {"spring_stiffness": 20.0},
@@ -28,7 +28,7 @@ def test_substeps_equal_smaller_steps() -> None:
     assert np.abs(split - small).max() < 0.05 * np.abs(coarse - small).max()
 
 
-def test_motor_substeps_keep_the_order() -> None:
+def test_motor_substeps_keep_the_order():
     """A stiff preset on a light link needs finer steps for the motors than for the world."""
     body = Body(actuator="qbmove", mass=0.5, reach=0.08, inertia=6e-4, damping=0.05)
     found = []
@@ -44,7 +44,7 @@ def test_motor_substeps_keep_the_order() -> None:
     assert orders([coarse, fine], 4.0)[0] > 1.7
 
 
-def test_motors_that_need_substeps_have_them_in_split_kicks_too() -> None:
+def test_motors_that_need_substeps_have_them_in_split_kicks_too():
     """A light motor, 2500 rad/s with its controller, whose reference jumps twice in each step."""
     jumps = PulseTrain(start=0.0023, period=0.0009, width=0.0004, low=0.3, high=0.32)
     found = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio
@@ -22,24 +21,24 @@ Array = np.ndarray
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
-def test_every_actuator_and_mode_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+def test_every_actuator_and_mode_at_second_order(tmp_path, seed, fixed):
     check(random_run(seed, fixed=fixed), tmp_path, INSTALLED)
 
 
 @pytest.mark.parametrize("fixed", [True, False])
-def test_passive_trees_at_second_order(tmp_path: Path, fixed: bool) -> None:
+def test_passive_trees_at_second_order(tmp_path, fixed):
     """Robots have only links, springs and damping, which the engines compute."""
     check(random_run(901, moving=6, fixed=fixed, passive=1.0, jumps=False), tmp_path, INSTALLED, order=1.9)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(105, False), (112, True)])
-def test_optional_models_converge_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+def test_optional_models_converge_at_second_order(tmp_path, seed, fixed):
     """One robot has electric motors with limits, hysteresis, moving motors at the start, and delayed commands."""
     check(random_run(seed, moving=3, fixed=fixed, extras=True), tmp_path, INSTALLED[:1], order=1.5)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(101, True), (123, False)])
-def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+def test_energies_balance_at_second_order(tmp_path, seed, fixed):
     """The work of the motors equals the energy of springs and links plus heat and losses, with all optional models."""
     run = random_run(seed, moving=3, fixed=fixed, extras=True, friction=True)
     base = asrsim.make_scenario(run.write(tmp_path), engine=INSTALLED[0], compiled=False, **run.keys())
@@ -52,7 +51,7 @@ def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", [5, 6])
-def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:
+def test_poses_and_slopes_of_all_links(tmp_path, engine, seed):
     """Links behind fixed joints are included, since engines merge them into one body."""
     run = random_run(seed)
     scenario = asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,10 +42,10 @@ Run = Callable[..., Any]
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
+def run(tmp_path):
     """Function that runs the robot above. root: XML that replaces the root link; passive: without the actuator."""
 
-    def runner(*, root: str = "", passive: bool = False, **keys: Any) -> Any:
+    def runner(*, root="", passive=False, **keys):
         text = ROBOT.replace('<link name="base"/>', root or '<link name="base"/>')
         path = tmp_path / "arm.urdf"
         path.write_text(text[: text.index("<gazebo>")] + "</robot>" if passive else text)
@@ -57,13 +56,13 @@ def run(tmp_path: Path) -> Run:
     return runner
 
 
-def about_y(q: float) -> np.ndarray:
+def about_y(q):
     return np.array([[np.cos(q), 0, np.sin(q)], [0, 1, 0], [-np.sin(q), 0, np.cos(q)]])
 
 
 @pytest.mark.parametrize("frame", ["world", "link"])
 @pytest.mark.parametrize(("force", "point"), [([0, 0, 2.0], [0.3, 0, 0]), ([3.0, 1.0, 0], [0.1, 0.4, 0.2])])
-def test_force_at_a_point_has_the_correct_moment(run: Run, frame: str, force: list[float], point: list[float]) -> None:
+def test_force_at_a_point_has_the_correct_moment(run, frame, force, point):
     wrench = {"link": "arm", "force": force, "point": point, "frame": frame}
     q = run(gravity=FREE, duration=2.5, wrenches=[wrench])["j"].link_position[-1]
     turned = about_y(q)
@@ -71,7 +70,7 @@ def test_force_at_a_point_has_the_correct_moment(run: Run, frame: str, force: li
     assert STIFFNESS * q == pytest.approx(np.cross(turned @ np.array(point), pushed)[1], abs=1e-8)
 
 
-def test_a_torque_on_a_link_and_about_its_joint(run: Run) -> None:
+def test_a_torque_on_a_link_and_about_its_joint(run):
     by_wrench = run(gravity=FREE, duration=2.5, wrenches=[{"link": "arm", "torque": [0, 4.0, 0]}])
     assert STIFFNESS * by_wrench["j"].link_position[-1] == pytest.approx(4.0, abs=1e-8)
     for joint in ("j", "*"):
@@ -81,7 +80,7 @@ def test_a_torque_on_a_link_and_about_its_joint(run: Run) -> None:
 
 
 @pytest.mark.parametrize(("rpy", "tilt"), [([0, 0, 0.7], 0.0), ([0, 0.3, 0], 0.3), ([np.pi, 0, 0], np.pi), ([0.5, 0, 0], None)])
-def test_gravity_on_a_turned_base(run: Run, rpy: list[float], tilt: float | None) -> None:
+def test_gravity_on_a_turned_base(run, rpy, tilt):
     q = run(duration=2.5, base={"rpy": rpy, "position": [1, 2, 3]})["j"].link_position[-1]
     if tilt is None:  # the base is rolled: the joint axis is no longer horizontal
         expected = WEIGHT * np.cos(0.5) * np.cos(q)
@@ -91,7 +90,7 @@ def test_gravity_on_a_turned_base(run: Run, rpy: list[float], tilt: float | None
 
 
 @pytest.mark.parametrize("origin", ["", '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'])
-def test_a_floating_robot_falls_freely(run: Run, origin: str) -> None:
+def test_a_floating_robot_falls_freely(run, origin):
     """A robot that starts at rest does not rotate and falls by z = -g t^2 / 2, up to rounding."""
     start = {"fixed": False, "position": [1, 2, 10], "rpy": [0.3, 0.2, 1.0]}
     result = run(root=BASE_MASS.format(origin=origin), passive=True, duration=1.0, base=start)
@@ -102,7 +101,7 @@ def test_a_floating_robot_falls_freely(run: Run, origin: str) -> None:
     np.testing.assert_allclose(result["j"].link_position, 0.0, atol=1e-10)
 
 
-def test_spring_on_a_floating_base_conserves_angular_momentum(run: Run) -> None:
+def test_spring_on_a_floating_base_conserves_angular_momentum(run):
     """There is no external force. The base has 2 kg and 0.2 kg m^2; the link has 1 kg at 0.1 m and 0.01 kg m^2. The angular
     momentum about y stays zero if the base turns by -1/13 of the joint angle.
     """
@@ -115,7 +114,7 @@ def test_spring_on_a_floating_base_conserves_angular_momentum(run: Run) -> None:
     np.testing.assert_allclose(turned, -moved / 13, atol=1e-6)
 
 
-def test_initial_positions_are_those_of_the_scenario(run: Run) -> None:
+def test_initial_positions_are_those_of_the_scenario(run):
     for joint in ("j", "*"):
         result = run(initial={joint: 0.4}, gravity=FREE, modes=6, references={})["j"]
         np.testing.assert_allclose(result.link_position, 0.4, atol=1e-12)
@@ -128,46 +127,46 @@ def test_initial_positions_are_those_of_the_scenario(run: Run) -> None:
 # -- effects ----------------------------------------------------------------------------------------------------------
 
 
-def commanded(run: Run, effects: dict[str, float], *, signal: Any = SINE, **keys: Any) -> Any:
+def commanded(run, effects, *, signal=SINE, **keys):
     references = {"j": {"equilibrium_position": signal}}
     return run(references=references, effects={"commands": {"*": effects}}, duration=1.0, **keys)
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.0105])
-def test_command_delay_is_exact(run: Run, delay: float) -> None:
+def test_command_delay_is_exact(run, delay):
     result = commanded(run, {"delay": delay})
     expected = 0.1 * np.sin(4 * np.pi * np.maximum(result.time - delay, 0.0))
     np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
 
 
-def test_commands_are_held_at_the_given_rate(run: Run) -> None:
+def test_commands_are_held_at_the_given_rate(run):
     result = commanded(run, {"rate": 100})
     expected = 0.1 * np.sin(4 * np.pi * np.floor(result.time * 100 + 1e-6) / 100)
     np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
 
 
-def test_commands_are_quantised(run: Run) -> None:
+def test_commands_are_quantised(run):
     seen = commanded(run, {"quantum": 0.01})["j"].reference_1
     np.testing.assert_allclose(seen, 0.01 * np.round(seen / 0.01), atol=1e-12)
     assert len(np.unique(np.round(seen / 0.01))) == 21
 
 
 @pytest.mark.parametrize("effects", [{"quantum": 1e-9}, {"noise": 1e-10}])
-def test_tiny_noise_does_not_shift_a_jump(run: Run, effects: dict[str, float]) -> None:
+def test_tiny_noise_does_not_shift_a_jump(run, effects):
     """A jump between two steps acts at its time, not at the next step."""
     jump = {"step": {"at": 0.1004, "to": 0.5}}
     clean, found = (commanded(run, given, signal=jump)["j"].link_position for given in ({}, effects))
     np.testing.assert_allclose(found, clean, atol=1e-7)
 
 
-def test_a_delayed_jump_is_in_the_row_of_its_time(run: Run) -> None:
+def test_a_delayed_jump_is_in_the_row_of_its_time(run):
     """0.1 + 0.005 is larger than 0.105 in floating point."""
     for stepping in ("leapfrog", "euler"):
         result = commanded(run, {"delay": 0.005}, signal={"step": {"at": 0.1, "to": 0.5}}, stepping=stepping)
         assert result.time[np.argmax(result["j"].reference_1)] == 0.105
 
 
-def test_command_noise_depends_on_the_seed_alone(run: Run) -> None:
+def test_command_noise_depends_on_the_seed_alone(run):
     first, again, other = (commanded(run, {"noise": 0.02}, signal=0.1, seed=seed)["j"].reference_1 for seed in (0, 0, 1))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -176,7 +175,7 @@ def test_command_noise_depends_on_the_seed_alone(run: Run) -> None:
     assert first.mean() == pytest.approx(0.1, abs=5 * 0.02 / np.sqrt(1001))
 
 
-def test_unused_sensor_effects_give_a_warning(run: Run) -> None:
+def test_unused_sensor_effects_give_a_warning(run):
     words = " ".join(map(str, run(effects={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
     assert "no controller reads this sensor in mode 3" in words
     words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0102}}}).summary.warnings))
@@ -186,14 +185,14 @@ def test_unused_sensor_effects_give_a_warning(run: Run) -> None:
 # -- the rest ---------------------------------------------------------------------------------------------------------
 
 
-def test_parameters_of_all_joints_and_of_one(run: Run) -> None:
+def test_parameters_of_all_joints_and_of_one(run):
     soft, softer = ({"*": {"spring_k": 20}}, {"*": {"spring_k": 20}, "j": {"spring_stiffness": 10}})
     for parameters, stiffness in ((soft, 20.0), (softer, 10.0)):
         result = run(parameters=parameters, gravity=FREE, external_torques={"j": 1.0}, duration=4.0)["j"]
         assert 1.0 / result.link_position[-1] == pytest.approx(stiffness, rel=1e-6)
 
 
-def test_a_floating_root_needs_a_mass(run: Run) -> None:
+def test_a_floating_root_needs_a_mass(run):
     with pytest.raises(InputError, match="root link 'base'"):
         run(passive=True, base={"fixed": False})
 

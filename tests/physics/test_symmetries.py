@@ -7,9 +7,6 @@ motor or one side, breaks the symmetry.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +23,7 @@ EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at 
 """Quantities that keep their sign in the mirror image."""
 
 
-def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
+def motor(draw, *, released):
     """Random parameters of a motor with losses and with limits that it reaches."""
     found = {
         "inertia": draw.uniform(0.01, 0.03), "damping": draw.uniform(0.1, 0.3), "max_torque": draw.uniform(2.0, 4.0),
@@ -43,7 +40,7 @@ def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
     return {name: float(value) for name, value in found.items()}
 
 
-def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = False) -> dict[str, Any]:
+def drawn(mode, stepping, actuator="qbmove", sensed=False):
     """Random case with two joints in a mode. sensed: sensors have a delay and a low rate, and motors have substeps."""
     draw, released = np.random.default_rng(10 * mode), stepping == "toolbox"
     size = {0: 3.0, 4: 3.0, 7: 8.0, 8: 1.5}.get(mode, 0.3)
@@ -72,7 +69,7 @@ def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = Fal
     return {**case, "joints": joints, "limits": limits, "unit": 1.0}
 
 
-def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
+def mirrored(case):
     """Mirror image of a case: signs of positions and torques change, and lower and upper limits are exchanged."""
     found = {}
     for joint, one in case["joints"].items():
@@ -89,7 +86,7 @@ def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
     return {**case, "joints": found, "limits": limits}
 
 
-def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, Any]:
+def exchanged(case, *, references=True):
     """Case in which motors, springs and controllers 1 and 2 are exchanged."""
     found = {}
     for joint, one in case["joints"].items():
@@ -104,12 +101,12 @@ def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, 
     return {**case, "joints": found}
 
 
-def other_motor(name: str) -> str:
+def other_motor(name):
     """Name of the same quantity of the other motor."""
     return re.sub(r"(motor_|torque_|controller_|spring_[ak]_|reference_)([12])", lambda m: f"{m[1]}{3 - int(m[2])}", name)
 
 
-def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
+def recorded(case, folder):
     """Recorded values (n, joints) of each quantity."""
     limits = case["limits"]
     text = re.sub(r"<limit [^>]*/>", '<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="20"/>', ROBOT)
@@ -163,16 +160,14 @@ CASES += [
 KINDS = ("mode", "stepping", "actuator", "sensed")
 
 
-def alike(found: np.ndarray, expected: np.ndarray, what: str) -> None:
+def alike(found, expected, what):
     """Assert that all defined values agree up to rounding. Toolbox stepping leaves some torques undefined."""
     size = float(np.nanmax(np.abs(expected), initial=0.0))
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * size + 1e-300, err_msg=what)
 
 
 @pytest.mark.parametrize(KINDS, CASES)
-def test_mirrored_robot_moves_as_the_mirror_image(
-    tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
-) -> None:
+def test_mirrored_robot_moves_as_the_mirror_image(tmp_path, mode, stepping, actuator, sensed):
     """In modes whose references are equilibrium and preset, the mirror image also exchanges the motors."""
     case, exchanges = drawn(mode, stepping, actuator, sensed), mode in (3, 6) and actuator != "sea"
     even = EVEN | ({"reference_2"} if exchanges else set())
@@ -187,9 +182,7 @@ def test_mirrored_robot_moves_as_the_mirror_image(
 
 
 @pytest.mark.parametrize(KINDS, [case for case in CASES if case[0] in (2, 4, 5, 7, 8) and case[2] != "sea"])
-def test_exchanging_the_motors_of_a_joint_changes_nothing(
-    tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
-) -> None:
+def test_exchanging_the_motors_of_a_joint_changes_nothing(tmp_path, mode, stepping, actuator, sensed):
     case = drawn(mode, stepping, actuator, sensed)
     own, other = recorded(case, tmp_path), recorded(exchanged(case), tmp_path)
     for name, values in own.items():

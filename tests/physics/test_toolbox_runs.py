@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 
 @pytest.mark.parametrize("mode", [5, 6])
-def test_toolbox_stepping_runs_stiff_springs_with_motors(mode: int) -> None:
+def test_toolbox_stepping_runs_stiff_springs_with_motors(mode):
     """At deflections of 1 mrad, toolbox stepping creates more energy than the springs contain."""
     name = "reference_1" if mode == 5 else "equilibrium_position"
     result = run(
@@ -31,7 +30,7 @@ def test_toolbox_stepping_runs_stiff_springs_with_motors(mode: int) -> None:
     assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
 
 
-def test_toolbox_stepping_warns_of_unresolved_springs_but_runs() -> None:
+def test_toolbox_stepping_warns_of_unresolved_springs_but_runs():
     """AwAS-II at 40 mm and 1 ms, as Gazebo ran it: omega h = 3.3."""
     result = run(
         chain(replace(LOAD, actuator="awas_ii", damping=0.065)), mode=3, references=STIFF, duration=1.0, stepping="toolbox"
@@ -42,7 +41,7 @@ def test_toolbox_stepping_warns_of_unresolved_springs_but_runs() -> None:
 
 
 @pytest.mark.parametrize("torque", [0.3, -0.4])
-def test_adjuster_motor_follows_a_torque_in_mode_4(torque: float) -> None:
+def test_adjuster_motor_follows_a_torque_in_mode_4(torque):
     body = Body(actuator="awas_ii", mass=0.2, reach=0.04, inertia=1e-3, damping=0.065)
     keys: dict[str, Any] = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
     result = run(chain(body), references={"motor_1_torque": 0.1, "motor_2_torque": torque}, **keys)
@@ -56,9 +55,7 @@ def test_adjuster_motor_follows_a_torque_in_mode_4(torque: float) -> None:
 @pytest.mark.parametrize(("stepping", "given", "cut"), [
     ("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False),
 ])  # fmt: skip
-def test_velocity_cutoff_stops_driving_torques_but_not_braking_torques(
-    engine: str, stepping: str, given: bool | None, cut: bool
-) -> None:
+def test_velocity_cutoff_stops_driving_torques_but_not_braking_torques(engine, stepping, given, cut):
     """As in Gazebo, the cutoff does not affect braking torques."""
     limits = '<limit lower="-30" upper="30" effort="100" velocity="0.5"/>'
     result = run(
@@ -86,7 +83,7 @@ SPRUNG = """<robot name="stand"><link name="base"/><link name="leg"><inertial><o
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_gazebo_spring_holds_a_passive_joint(tmp_path: Path, engine: str, stepping: str) -> None:
+def test_gazebo_spring_holds_a_passive_joint(tmp_path, engine, stepping):
     """The joint rests where 200 (-0.26 - q) = m g l sin q."""
     path = tmp_path / "stand.urdf"
     path.write_text(SPRUNG)
@@ -98,7 +95,7 @@ def test_gazebo_spring_holds_a_passive_joint(tmp_path: Path, engine: str, steppi
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_alterego_kick_stands_swing_about_gazebos_rest_position(stepping: str, shared: Path) -> None:
+def test_alterego_kick_stands_swing_about_gazebos_rest_position(stepping, shared):
     """In Gazebo they rest at -0.25 rad, since its solver damps them. Their URDF has no damping."""
     robot = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
     result = simulate(asrsim.make_scenario(robot, duration=1.0, stepping=stepping))

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
-
 import pytest
 
-from validation.check import Check, Section, available, installed_engines, on
+from validation.check import available, installed_engines, on
 from validation.sections import SECTIONS
 
 
-def _measures(recorded: bool) -> Iterator[Any]:
+def _measures(recorded):
     for section in SECTIONS:
         if (section.needs == "data") != recorded:
             continue
@@ -25,20 +21,18 @@ def _measures(recorded: bool) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("section", "measure", "engine"), list(_measures(recorded=False)))
-def test_every_check_is_within_its_bound(section: Section, measure: Callable[[], Iterator[Check]], engine: str) -> None:
+def test_every_check_is_within_its_bound(section, measure, engine):
     if not available(section):
         pytest.skip(f"needs {section.needs}")
     keeps_its_bounds(measure, engine)
 
 
 @pytest.mark.parametrize(("section", "measure", "engine"), list(_measures(recorded=True)))
-def test_every_check_against_recordings_is_within_its_bound(
-    section: Section, measure: Callable[[], Iterator[Check]], engine: str, shared: Path
-) -> None:
+def test_every_check_against_recordings_is_within_its_bound(section, measure, engine, shared):
     keeps_its_bounds(measure, engine)
 
 
-def keeps_its_bounds(measure: Callable[[], Iterator[Check]], engine: str) -> None:
+def keeps_its_bounds(measure, engine):
     """Assert that each check of `measure` passes in the engine."""
     with on(engine):
         checks = list(measure())

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,14 +13,14 @@ SAME = 1e-11
 """Tolerance, rad or m. Measured differences are 1e-16 to 1e-14."""
 
 
-def inertial(mass: float, centre: str, rpy: str = "0 0 0") -> str:
+def inertial(mass, centre, rpy="0 0 0"):
     return (
         f'<inertial><origin xyz="{centre}" rpy="{rpy}"/><mass value="{mass}"/>'
         '<inertia ixx="1e-3" iyy="2e-3" izz="1.5e-3" ixy="1e-4" ixz="0" iyz="0"/></inertial>'
     )
 
 
-def actuator(joint: str, kind: str) -> str:
+def actuator(joint, kind):
     return (
         f'<gazebo><plugin name="p_{joint}" filename="lib{kind}_plugin.so"><joint>{joint}</joint><operation_mode>6'
         "</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>"
@@ -73,20 +71,20 @@ FEATURES = {
 }
 
 
-def runs(folder: Path, more: str) -> list[asrsim.Result]:
+def runs(folder, more):
     (folder / "robot.urdf").write_text(ROBOT)
     (folder / "s.yaml").write_text(SCENARIO + more)
     return [asrsim.run(folder / "s.yaml", overrides=[f"engine={engine}"]) for engine in ("bullet", "mujoco")]
 
 
-def turned_alike(poses: np.ndarray, others: np.ndarray) -> float:
+def turned_alike(poses, others):
     """Largest difference of poses. A quaternion and its negative describe the same rotation."""
     sign = np.sign(np.sum(poses[:, 3:] * others[:, 3:], axis=1, keepdims=True))
     return float(np.max(np.abs(poses - np.hstack([others[:, :3], sign * others[:, 3:]]))))
 
 
 @pytest.mark.parametrize("feature", FEATURES)
-def test_engines_differ_by_rounding(feature: str, tmp_path: Path) -> None:
+def test_engines_differ_by_rounding(feature, tmp_path):
     bullet, mujoco = runs(tmp_path, FEATURES[feature])
     assert np.max(np.abs(bullet.samples.values["link_position"])) > 0.01
     for name, values in bullet.samples.values.items():
@@ -103,7 +101,7 @@ def test_engines_differ_by_rounding(feature: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("base", ["", FLOATING], ids=["held", "floating"])
-def test_unphysical_inertias_move_equally_in_both_engines(base: str, tmp_path: Path) -> None:
+def test_unphysical_inertias_move_equally_in_both_engines(base, tmp_path):
     """Many published robots have such inertias. asrsim warns and uses them unchanged."""
     impossible = ROBOT.replace('ixx="1e-3" iyy="2e-3" izz="1.5e-3"', 'ixx="1e-3" iyy="2e-3" izz="9e-3"')
     (tmp_path / "robot.urdf").write_text(impossible, encoding="utf-8")

@@ -6,11 +6,9 @@ import ast
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
@@ -21,7 +19,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 HEAVY = ("matplotlib", "scipy", "numba", "trimesh", "rosbags", "xacro", "rich", "pandas", "mcap_ros2")
 
 
-def module_name(path: Path) -> str:
+def module_name(path):
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -30,12 +28,12 @@ MODULES = {module_name(path): path for path in SOURCES}
 
 
 @cache
-def imported(path: Path, *, everywhere: bool) -> tuple[str, ...]:
+def imported(path, *, everywhere):
     """Modules that a file imports when it is loaded. everywhere: also inside functions and for type checkers."""
     return tuple(_imported(list(ast.parse(path.read_text(encoding="utf-8")).body), everywhere))
 
 
-def _imported(waiting: list[ast.AST], everywhere: bool) -> Iterator[str]:
+def _imported(waiting, everywhere):
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.Import):
@@ -53,7 +51,7 @@ def _imported(waiting: list[ast.AST], everywhere: bool) -> Iterator[str]:
             waiting += [*node.body, *node.orelse, *node.finalbody]
 
 
-def users_of(library: str) -> set[str]:
+def users_of(library):
     """Files that import a library anywhere."""
     return {
         path.relative_to(PACKAGE).as_posix()
@@ -62,11 +60,11 @@ def users_of(library: str) -> set[str]:
     }
 
 
-def cycle(graph: dict[str, set[str]]) -> list[str]:
+def cycle(graph):
     """A cycle in a graph, or an empty list."""
     done: set[str] = set()
 
-    def visit(node: str, way: list[str]) -> list[str]:
+    def visit(node, way):
         if node in way:
             return [*way[way.index(node) :], node]
         if node in done:
@@ -86,7 +84,7 @@ def test_modules_are_imported_without_cycles():
 
 
 def test_packages_are_imported_without_cycles():
-    def home(name: str) -> str:
+    def home(name):
         return ".".join(name.split(".")[:2])
 
     graph: dict[str, set[str]] = {}
@@ -117,7 +115,7 @@ INNER = {
 """Modules of asrsim.simulation that nothing outside it imports."""
 
 
-def test_nothing_outside_imports_the_core_s_inner_files() -> None:
+def test_nothing_outside_imports_the_core_s_inner_files():
     inner = {f"asrsim.simulation.{name}" for name in INNER}
     for name, path in MODULES.items():
         if not name.startswith("asrsim.simulation"):
@@ -175,7 +173,7 @@ def test_everything_public_is_documented():
     assert done.returncode == 0, done.stdout
 
 
-def test_imports_in_functions_of_scripts_exist() -> None:
+def test_imports_in_functions_of_scripts_exist():
     """Benchmarks, examples and documentation import inside functions, which tests seldom call."""
     root = ROOT
     missing = [
@@ -190,6 +188,6 @@ def test_imports_in_functions_of_scripts_exist() -> None:
     assert not missing
 
 
-def _gives(module: str, name: str) -> bool:
+def _gives(module, name):
     found = import_module(module)
     return hasattr(found, name) or (hasattr(found, "__path__") and find_spec(f"{module}.{name}") is not None)

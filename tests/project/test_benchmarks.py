@@ -11,11 +11,11 @@ from support.paths import ROOT
 SCRIPT = ROOT / "benchmarks" / "run.py"
 
 
-def benchmark(*arguments: str) -> subprocess.CompletedProcess[str]:
+def benchmark(*arguments):
     return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
 
 
-def test_json_has_medians_goals_and_machine() -> None:
+def test_json_has_medians_goals_and_machine():
     result = benchmark("--json", "--only", "reset", "--repeats", "1")
     assert result.returncode == 0, result.stderr
     document = json.loads(result.stdout)
@@ -27,7 +27,7 @@ def test_json_has_medians_goals_and_machine() -> None:
     assert row["goal"] == 0.1
 
 
-def test_an_unknown_row_is_refused_with_the_known_names() -> None:
+def test_an_unknown_row_is_refused_with_the_known_names():
     result = benchmark("--only", "nothing")
     assert result.returncode == 2
     assert all(name in result.stderr for name in ("loop_v2", "reset", "check"))

@@ -6,7 +6,6 @@ import importlib.util
 import re
 import shlex
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -43,17 +42,17 @@ GENERATE = generator()
 COMMANDS = GENERATE.all_commands()
 
 
-def plain(text: str) -> str:
+def plain(text):
     """A page without its code blocks."""
     return FENCE.sub("", text)
 
 
-def anchor(heading: str) -> str:
+def anchor(heading):
     """The anchor that a Markdown heading gets."""
     return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
 
 
-def snippets(language: str) -> list[str]:
+def snippets(language):
     """Code of one language in README: fenced, or in a table's cell as <pre lang>."""
     cells = re.findall(rf'<pre lang="{language}">\n(.*?)</pre>', README, re.DOTALL)
     fenced = [code for name, code in FENCE.findall(README) if name == language]
@@ -144,7 +143,7 @@ def test_names_of_the_library_in_the_pages_exist(tiny):
                 thing = getattr(thing, name)
 
 
-def printed_commands(page: Path) -> list[str]:
+def printed_commands(page):
     """The lines of a page's sh blocks that call asrsim, in their order."""
     blocks = [code for name, code in FENCE.findall(page.read_text(encoding="utf-8")) if name == "sh"]
     return [line for block in blocks for line in block.splitlines() if line.startswith("asrsim ")]
@@ -195,7 +194,7 @@ def test_scenario_in_the_readme_agrees_with_the_example(tmp_path):
 def test_the_readme_shows_the_output_of_its_first_command(asrsim_command):
     """Times, speeds and the default engine depend on the machine."""
 
-    def fixed(text: str) -> list[str]:
+    def fixed(text):
         varying = r"in [\d.]+ s \([\d.]+ x real time\)|(bullet|mujoco), (plain|compiled) loop"
         lines = [re.sub(varying, "-", line).rstrip() for line in text.splitlines()]
         return [line for line in lines if line and not line.startswith("wrote")]

@@ -13,7 +13,7 @@ from validation.models import INSTALLED
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-def test_the_example_engine_moves_as_the_other_engines_do(compiled: bool) -> None:
+def test_the_example_engine_moves_as_the_other_engines_do(compiled):
     """One joint under gravity in all directions, also about its axis."""
     runpy.run_path(str(EXAMPLES / "plugins" / "pendulum_engine.py"))
     ends = []

@@ -82,7 +82,7 @@ def test_imports_are_declared():
 
 
 @pytest.fixture(scope="module")
-def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def distributions(tmp_path_factory):
     """Folder with a source distribution, and a wheel built from it by the backend in pyproject.toml."""
     pytest.importorskip("hatchling.build")
     folder = tmp_path_factory.mktemp("dist")
@@ -95,7 +95,7 @@ def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def files_below(folder: str) -> list[Path]:
+def files_below(folder):
     """Files of the project, without caches of Python and Numba."""
     found = (path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     return [path for path in found if path.suffix not in (".nbi", ".nbc")]
@@ -131,7 +131,7 @@ def test_the_wheel_works_without_the_repository(distributions, tmp_path):
     (work / "arm.urdf").write_text((ROOT / "examples/urdf/dof1_qbmove.urdf").read_text())
     python = tmp_path / "venv/bin/python"
 
-    def asrsim(*arguments: str) -> str:
+    def asrsim(*arguments):
         code = "import sys; from asrsim.cli.app import main; sys.argv[0] = 'asrsim'; main()"
         done = subprocess.run(
             [python, "-I", "-c", code, *arguments], cwd=work, capture_output=True, text=True, timeout=120, check=False

@@ -3,16 +3,13 @@ true parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import copysign, pi, sin
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from asrsim.identification import Result, identify
+from asrsim.identification import identify
 from support.event_driven import EventDriven, Mass
 from support.identify_files import SEA, write
 
@@ -23,14 +20,12 @@ UNLIMITED = {"max_def": 30, "mot_maxVel": 1e3, "mot_tauMax": 50}
 """Tags of limits that are not reached."""
 
 
-def waves(time: Any) -> Any:
+def waves(time):
     """Signal with two sines, rad."""
     return 0.3 * np.sin(2.0 * pi * 0.5 * time) + 0.15 * np.sin(2.0 * pi * 1.7 * time)
 
 
-def fitted(
-    folder: Path, columns: Mapping[str, np.ndarray], noise: Mapping[str, float], free: list[str], *, more: str = "", **lab: Any
-) -> Result:
+def fitted(folder, columns, noise, free, *, more="", **lab):
     """Fit of a wrong model `lab` to a recording of joint_1, with noise in its columns."""
     random = np.random.default_rng(3)
     noisy = [values + noise.get(name, 0.0) * random.normal(size=len(values)) for name, values in columns.items()]
@@ -41,12 +36,12 @@ def fitted(
     return identify(scenario, [folder / "a.csv"], free=free)
 
 
-def tags(**values: float) -> str:
+def tags(**values):
     """Tags of an actuator."""
     return "".join(f"<{tag}>{value}</{tag}>" for tag, value in values.items())
 
 
-def assert_found(result: Result, truth: Mapping[str, float], within: float) -> None:
+def assert_found(result, truth, within):
     """Assert that every value is found within this relative error, and lies in its interval."""
     assert result.fits, (result.misfit, result.causes)
     for key, value in truth.items():
@@ -56,7 +51,7 @@ def assert_found(result: Result, truth: Mapping[str, float], within: float) -> N
         assert abs(one.value - value) < 1.5 * 0.5 * (one.high - one.low), (key, one)
 
 
-def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
+def test_fit_recovers_stribeck_friction(tmp_path):
     time = np.arange(0.0, 4.0005, 1e-3)
     truth = {"joint_1.friction": 0.15, "joint_1.stribeck_friction": 0.1, "joint_1.stribeck_velocity": 0.15,
              "joint_1.damping": DAMPING, "link_1.izz": INERTIA}  # fmt: skip
@@ -72,14 +67,14 @@ def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
     assert_found(result, truth, 0.05)
 
 
-def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
+def test_fit_recovers_electric_motor_parameters(tmp_path):
     time = np.arange(0.0, 3.0005, 1e-3)
     constant, resistance, inertia, loss = 0.9, 2.5, 0.01, 0.05
 
-    def voltage(t: Any) -> Any:
+    def voltage(t):
         return 3.0 * np.sin(2.0 * pi * (0.5 * t + 0.8 * t * t))
 
-    def motion(t: float, y: np.ndarray) -> list[float]:
+    def motion(t, y):
         x, w, q, v = y
         torque, spring = constant * (voltage(t) - constant * w) / resistance, SPRING * (x - q)
         return [w, (torque - loss * w - spring) / inertia, v, (spring - DAMPING * v) / INERTIA]
@@ -102,7 +97,7 @@ def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
     assert_found(fitted(tmp_path, columns, noise, list(truth), mode=7, tags=wrong), truth, 0.01)
 
 
-def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
+def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path):
     constant, resistance, inertia, loss, friction, stiff, link, fade = 1.0, 4.0, 0.006, 0.02, 0.06, 5.0, 0.008, 0.006
     step, x, w, q, v = 1e-5, 0.0, 0.0, 0.0, 0.0
     rows = []
@@ -138,7 +133,7 @@ def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stairs", [True, False])
-def test_fit_recognises_held_commands(tmp_path: Path, stairs: bool) -> None:
+def test_fit_recognises_held_commands(tmp_path, stairs):
     # At 50 Hz, half a sample is 10 ms. Without the hold, the fit would compensate this delay by damping.
     time = np.arange(0.0, 4.0005, 2e-2)
     goal = waves(time)
@@ -173,7 +168,7 @@ actuators:
 """
 
 
-def test_fit_recovers_a_smart_servo_from_goals_and_positions(tmp_path: Path) -> None:
+def test_fit_recovers_a_smart_servo_from_goals_and_positions(tmp_path):
     """Error gain, torque constant, winding, rotor and friction of a servo of 12 V that moves a known pendulum; its goals
     are held for 10 ms, and its encoder has 4096 steps."""
     gain, constant, resistance, rotor, friction, step = 60.0, 1.6, 4.6, 0.006, 0.08, 2e-5

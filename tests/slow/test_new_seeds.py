@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("kind", KINDS)
-def test_new_robots_converge_at_second_order(engine: str, kind: str) -> None:
+def test_new_robots_converge_at_second_order(engine, kind):
     first = int(os.environ.get("ASRSIM_SEED") or secrets.randbelow(1_000_000))
     print(f"repeat with ASRSIM_SEED={first}")
     with on(engine):

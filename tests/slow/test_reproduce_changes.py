@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from asrsim import run
 from asrsim.errors import ScenarioError
 from asrsim.reproduce import figures
 from asrsim.robot import engine_urdf, load_robot
-from asrsim.robot.model import INERTIAS, Robot
+from asrsim.robot.model import INERTIAS
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario
 from paper import chain, motors, newton
@@ -29,7 +27,7 @@ SCENARIOS = ROOT / "examples" / "scenarios"
 FACTORS = (1.25, 0.75)
 
 
-def scaled(robot: Robot, factor: float, *names: str) -> Robot:
+def scaled(robot, factor, *names):
     """Robot in which numbers of joints, links and actuators with these names are multiplied."""
     actuators = {block.joint: block.values() for block in robot.actuators}
     values = {
@@ -45,16 +43,16 @@ def scaled(robot: Robot, factor: float, *names: str) -> Robot:
 
 
 def failing(
-    figure: str,
-    monkeypatch: pytest.MonkeyPatch,
-    folder: Any,
-    change: Callable[[Robot], Robot] | None,
-    overrides: tuple[str, ...] = (),
-) -> list[str]:
+    figure,
+    monkeypatch,
+    folder,
+    change,
+    overrides=(),
+):
     """Claims of a figure that fail if every robot is changed, or with overrides, without compilation and pictures."""
     original, changes = Lab.run, overrides
 
-    def run(self: Lab, name: str, variant: str, **keywords: Any) -> Any:
+    def run(self, name, variant, **keywords):
         robot = keywords.pop("robot", None)
         overrides = [*keywords.pop("overrides", ()), *changes, "compiled=false"]
         if change is not None:

@@ -6,8 +6,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +13,6 @@ import asrsim
 from asrsim import versions
 from asrsim.errors import SimulationError
 from asrsim.sweeps import make_study
-from asrsim.sweeps.run import Progress
 from asrsim.workers import cluster
 from support.paths import ROOT
 
@@ -25,7 +22,7 @@ pytest.importorskip("distributed")
 TWO_JOINTS = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 
 
-def study_of(samples: int):
+def study_of(samples):
     return make_study(
         TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples, variants=["soft"],
         overrides=["duration=0.05", "engine=mujoco"],
@@ -42,18 +39,18 @@ class OtherVersions:
         return getattr, (versions, "numeric_versions")
 
 
-def start(*arguments: str) -> subprocess.Popen[bytes]:
+def start(*arguments):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
     command = [sys.executable, "-m", *arguments]
     return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=-3, stderr=-3)
 
 
-def start_worker(address: str) -> subprocess.Popen[bytes]:
+def start_worker(address):
     return start("distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
 
 
 @pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+def scheduler(tmp_path):
     """Address and process of a Dask scheduler without workers."""
     import json
 
@@ -71,19 +68,19 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
 
 
 @pytest.fixture
-def address(scheduler: tuple[str, subprocess.Popen[bytes]]) -> str:
+def address(scheduler):
     """Address of a Dask scheduler without workers."""
     return scheduler[0]
 
 
 @pytest.mark.slow
-def test_dask_gives_the_same_rows_despite_killed_workers(address: str, tmp_path: Path):
+def test_dask_gives_the_same_rows_despite_killed_workers(address, tmp_path):
     """Killing the last worker also loses the study that was sent to the workers."""
     study = study_of(300)
     workers = [start_worker(address) for _ in range(2)]
     dead: list[subprocess.Popen[bytes]] = []
 
-    def kill(progress: Progress) -> None:
+    def kill(progress):
         if not dead:
             dead.append(workers.pop())
         elif progress.done >= 100 and len(dead) < 3:
@@ -106,7 +103,7 @@ def test_dask_gives_the_same_rows_despite_killed_workers(address: str, tmp_path:
 
 
 @pytest.mark.slow
-def test_worker_with_other_library_versions_is_refused(address: str, tmp_path: Path, monkeypatch):
+def test_worker_with_other_library_versions_is_refused(address, tmp_path, monkeypatch):
     worker = start_worker(address)
     monkeypatch.setattr(cluster, "numeric_versions", OtherVersions())
     try:
@@ -121,7 +118,7 @@ def test_worker_with_other_library_versions_is_refused(address: str, tmp_path: P
 
 
 @pytest.mark.slow
-def test_missing_dask_workers_and_schedulers_are_reported_before_any_run(address: str, tmp_path: Path, monkeypatch):
+def test_missing_dask_workers_and_schedulers_are_reported_before_any_run(address, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     with pytest.raises(SimulationError, match="has no workers: start workers with: dask worker"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
@@ -131,7 +128,7 @@ def test_missing_dask_workers_and_schedulers_are_reported_before_any_run(address
 
 
 @pytest.mark.slow
-def test_rows_are_kept_when_the_scheduler_disappears(scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path):
+def test_rows_are_kept_when_the_scheduler_disappears(scheduler, tmp_path):
     address, process = scheduler
     worker = start_worker(address)
     try:

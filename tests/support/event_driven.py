@@ -1,7 +1,7 @@
 """Independent event-driven solution of a mechanism with dry friction and inelastic stops.
 
-Between events, sliding joints obey smooth equations, and joints that stick or rest at a stop do not move. Events: a sliding
-joint stops, a joint reaches a stop, a resting joint starts to move.
+Between events, sliding joints obey smooth equations, and joints that stick or rest at a stop do not move. Events: the velocity
+of a sliding joint becomes 0, a joint reaches a stop, a resting joint starts to move.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Mass:
 
 @dataclass(frozen=True)
 class EventDriven:
-    """Mechanism with n joints, their friction at a speed (n,), N m, and their stops (n,), rad."""
+    """Mechanism with n joints. friction: friction torques (n,) in N m at the speeds (n,); lower, upper: stops (n,), rad."""
 
     model: Dynamics
     friction: Callable[[Array], Array]
     lower: tuple[float, ...] = (-np.inf,)
     upper: tuple[float, ...] = (np.inf,)
 
-    def held(self, q: Array, v: Array, push: Array, signs: tuple[int, ...]) -> tuple[Array, Array]:
+    def motion(self, q: Array, v: Array, push: Array, signs: tuple[int, ...]) -> tuple[Array, Array]:
         """Accelerations (n,), and torques (n,) of friction or stops that keep resting joints (sign 0) at rest.
 
         signs: direction in which each joint slides, or 0.
@@ -77,7 +77,7 @@ class EventDriven:
         """Direction in which each joint slides; 0 for a joint at rest."""
         choices = [(int(np.sign(speed)),) if abs(speed) > AT_REST else (0, 1, -1) for speed in v]
         for signs in product(*choices):
-            acceleration, holding = self.held(q, v, push, signs)
+            acceleration, holding = self.motion(q, v, push, signs)
             good = True
             for j, sign in enumerate(signs):
                 low, high = self.bounds(q, j)
@@ -114,8 +114,8 @@ class EventDriven:
         while now < times[-1]:
             signs = self.signs(q, v, push(now, q))
 
-            def held(t: float, y: Array, signs: tuple[int, ...] = signs) -> tuple[Array, Array]:
-                return self.held(y[:n], y[n:], push(t, y[:n]), signs)
+            def motion(t: float, y: Array, signs: tuple[int, ...] = signs) -> tuple[Array, Array]:
+                return self.motion(y[:n], y[n:], push(t, y[:n]), signs)
 
             watched: list[Callable[[float, Array], float]] = []
             for j, sign in enumerate(signs):
@@ -128,12 +128,12 @@ class EventDriven:
                 for side, bound in zip((1, -1), self.bounds(q, j), strict=True):
                     if np.isfinite(bound):
                         watched.append(
-                            lambda t, y, j=j, s=side, b=bound, held=held: s * (held(t, y)[1][j] - b) + 1e-9
+                            lambda t, y, j=j, s=side, b=bound, motion=motion: s * (motion(t, y)[1][j] - b) + 1e-9
                         )  # fmt: skip
             for event in watched:
                 event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
             found = solve_ivp(
-                lambda t, y, held=held: np.concatenate([y[n:], held(t, y)[0]]), (now, times[-1]), np.concatenate([q, v]),
+                lambda t, y, motion=motion: np.concatenate([y[n:], motion(t, y)[0]]), (now, times[-1]), np.concatenate([q, v]),
                 events=watched, dense_output=True, rtol=1e-10, atol=1e-12, max_step=5e-3,
             )  # fmt: skip
             inside = (times > now) & (times <= found.t[-1])

@@ -20,7 +20,7 @@ NAMES = ACTUATORS.names()
 BODY = Body(mass=0.3, reach=0.05, inertia=1e-3, damping=0.05)
 
 
-def points(law: type[Actuator], count: int = 40) -> list[tuple[float, float, float, tuple[float, ...]]]:
+def points(law, count=40):
     """Positions inside and beyond the deflection limit, with the defaults and perturbed parameters."""
     source = random.Random(7)
     found = []
@@ -37,20 +37,20 @@ def points(law: type[Actuator], count: int = 40) -> list[tuple[float, float, flo
 
 
 @pytest.fixture(params=NAMES)
-def law(request: pytest.FixtureRequest) -> type[Actuator]:
+def law(request):
     return ACTUATORS.get(request.param)
 
 
 # -- laws --------------------------------------------------------------------------------------------------------------
 
 
-def test_its_energy_has_the_torques_as_slopes(law: type[Actuator]) -> None:
+def test_its_energy_has_the_torques_as_slopes(law):
     if law.elastic_energy is Actuator.elastic_energy:
         pytest.skip("its energy is integrated from its torques")
     h = 1e-5
     for q, x, y, parameters in points(law):
 
-        def energy(q: float, x: float, y: float, parameters: tuple[float, ...] = parameters) -> float:
+        def energy(q, x, y, parameters=parameters):
             return law.elastic_energy(q, x, y, parameters)
 
         torques = law.elastic_torques(q, x, y, parameters)
@@ -63,7 +63,7 @@ def test_its_energy_has_the_torques_as_slopes(law: type[Actuator]) -> None:
             assert slope == pytest.approx(torques[1], abs=2e-4 * scale)
 
 
-def test_energies_without_a_law_are_integrated(law: type[Actuator]) -> None:
+def test_energies_without_a_law_are_integrated(law):
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)
     q = np.array([-0.1, 0.0, 0.05])
@@ -73,7 +73,7 @@ def test_energies_without_a_law_are_integrated(law: type[Actuator]) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-def test_its_laws_on_arrays_are_its_laws(law: type[Actuator]) -> None:
+def test_its_laws_on_arrays_are_its_laws(law):
     q, x, y = (np.array(values) for values in zip(*[point[:3] for point in points(law)[:40]], strict=True))
     parameters = points(law)[0][3]
     torques = over_arrays(law.elastic_torques)(q, x, y, parameters)
@@ -84,7 +84,7 @@ def test_its_laws_on_arrays_are_its_laws(law: type[Actuator]) -> None:
         assert stiffness[k] == pytest.approx(law.stiffness(*point, parameters), rel=1e-13)
 
 
-def test_beyond_the_deflection_limit_the_torque_stays(law: type[Actuator]) -> None:
+def test_beyond_the_deflection_limit_the_torque_stays(law):
     names = [parameter.name for parameter in law.parameters]
     if "max_deflection" not in names:
         pytest.skip("it has no deflection limit")
@@ -99,7 +99,7 @@ def test_beyond_the_deflection_limit_the_torque_stays(law: type[Actuator]) -> No
 # -- joints ------------------------------------------------------------------------------------------------------------
 
 
-def references(law: type[Actuator], mode: int) -> dict[str, float]:
+def references(law, mode):
     if MODES[mode].mapped:
         return {"equilibrium_position": 0.2, "stiffness_preset": law.typical_preset}
     first, second = law.motor_references(0.2, law.typical_preset)
@@ -118,7 +118,7 @@ def references(law: type[Actuator], mode: int) -> dict[str, float]:
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "toolbox"])
 @pytest.mark.parametrize("mode", sorted(MODES))
-def test_every_mode_runs_in_every_stepping(law: type[Actuator], mode: int, stepping: str) -> None:
+def test_every_mode_runs_in_every_stepping(law, mode, stepping):
     constants = {f"motor_{i}_{name}": 0.2 for i in range(1, law.motors + 1) for name in ("torque_constant", "resistance")}
     how: dict[str, Any] = {"references": references(law, mode), "duration": 0.3, "stepping": stepping}
     if mode > 6:
@@ -143,7 +143,7 @@ def test_every_mode_runs_in_every_stepping(law: type[Actuator], mode: int, stepp
 
 
 @pytest.mark.parametrize("mode", [2, 3, 5, 6])
-def test_without_load_the_link_rests_at_the_equilibrium(law: type[Actuator], mode: int) -> None:
+def test_without_load_the_link_rests_at_the_equilibrium(law, mode):
     """Gravity off: the reference map's equilibrium is where the link goes, in every mode that holds motors."""
     result = run(
         chain(replace_actuator(law)), mode=mode, gravity=0.0, references=references(law, mode), duration=5.0,
@@ -153,7 +153,7 @@ def test_without_load_the_link_rests_at_the_equilibrium(law: type[Actuator], mod
     assert column(result, "link_torque")[-1] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_what_is_logged_is_the_law(law: type[Actuator]) -> None:
+def test_what_is_logged_is_the_law(law):
     """Torques and stiffness of a log follow from its positions."""
     result = run(chain(replace_actuator(law)), mode=6, references=references(law, 6), duration=0.2)
     elastic = tuple(result.robot.actuators[0].values()[parameter.name] for parameter in law.parameters)
@@ -166,13 +166,13 @@ def test_what_is_logged_is_the_law(law: type[Actuator]) -> None:
         assert column(result, "stiffness")[k] == pytest.approx(law.stiffness(*point, elastic), rel=1e-12)
 
 
-def replace_actuator(law: type[Actuator], **changes: Any) -> Body:
+def replace_actuator(law, **changes):
     values = {name: getattr(BODY, name) for name in ("mass", "reach", "inertia", "damping")}
     return Body(actuator=law.name, **{**values, **changes})
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 0.1, 0.2499, 0.25, 1.0, 8.0, 700.0])
-def test_hyperbolic_functions_keep_every_digit(size: float) -> None:
+def test_hyperbolic_functions_keep_every_digit(size):
     assert sinh(size) == pytest.approx(math.sinh(size), rel=1e-15)
     assert sinh(-size) == -sinh(size)
     assert cosh(size) == pytest.approx(math.cosh(size), rel=1e-15)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from pathlib import Path
 
 import pytest
 
 from asrsim import compiling
 
 
-def test_the_names_of_a_kernel_tell_what_it_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_names_of_a_kernel_tell_what_it_does(monkeypatch, tmp_path):
     """Without compiling: the functions of two kernels that differ in one constant deep inside share no name."""
     numba = pytest.importorskip("numba")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -19,12 +18,12 @@ def test_the_names_of_a_kernel_tell_what_it_does(monkeypatch: pytest.MonkeyPatch
     class Dispatcher:
         signatures = ((),)
 
-        def __init__(self, function: object) -> None:
+        def __init__(self, function):
             self.overloads = {(): self}
             self.entry_point = function
 
-    def njit(*given: object, **options: object) -> object:
-        def note(function: object) -> object:
+    def njit(*given, **options):
+        def note(function):
             names[-1].add(str(function.__qualname__))  # type: ignore[attr-defined]
             return Dispatcher(function)
 
@@ -35,13 +34,13 @@ def test_the_names_of_a_kernel_tell_what_it_does(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(numba, "njit", njit)
 
-    def make(constant: float) -> object:
-        def inner(x: float) -> float:
+    def make(constant):
+        def inner(x):
             return x * constant
 
         return inner
 
-    def outer(x: float) -> float:
+    def outer(x):
         return bound(x)  # type: ignore[name-defined]  # noqa: F821
 
     for constant in (2.0, 3.0, 2.0):

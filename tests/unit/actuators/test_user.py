@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ from asrsim.identification.door import Door
 from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import equilibrium_position
 from asrsim.robot import load_robot
-from asrsim.scenario.data import Scenario
 from support.paths import ROOT
 from validation.models import Body, chain, column, run
 
@@ -49,7 +46,7 @@ class Mine(Actuator):
 """
 
 
-def write(tmp_path: Path, text: str, name: str = "mine.py") -> Path:
+def write(tmp_path, text, name="mine.py"):
     path = tmp_path / name
     path.write_text(textwrap.dedent(text))
     return path
@@ -89,13 +86,13 @@ class Three(Actuator):
 """
 
 
-def failure(path: Path) -> ActuatorError:
+def failure(path):
     with pytest.raises(ActuatorError) as caught:
         load_plugin_file(path)
     return caught.value
 
 
-def test_example_is_registered_and_its_urdf_finds_it(tmp_path: Path) -> None:
+def test_example_is_registered_and_its_urdf_finds_it(tmp_path):
     (actuator,) = load_plugin_file(EXAMPLE)
     assert ACTUATORS.get("my_vsa") is actuator
     urdf = write(
@@ -113,7 +110,7 @@ def test_example_is_registered_and_its_urdf_finds_it(tmp_path: Path) -> None:
     assert any(problem.code == "unknown-tag" and "<cubic>" in str(problem) for problem in robot.warnings)
 
 
-def test_the_documented_example_passes_the_checker(tmp_path: Path) -> None:
+def test_the_documented_example_passes_the_checker(tmp_path):
     (example,) = load_plugin_file(EXAMPLE)
     assert check_actuator(example).passed
     shown = DOCS.read_text().split("```python\n")[1].split("```")[0]
@@ -126,7 +123,7 @@ def test_the_documented_example_passes_the_checker(tmp_path: Path) -> None:
     assert documented.stiffness(*arguments) == example.stiffness(*arguments)
 
 
-def test_a_plugin_may_be_loaded_again_under_its_own_name(tmp_path: Path) -> None:
+def test_a_plugin_may_be_loaded_again_under_its_own_name(tmp_path):
     path = write(tmp_path, DECLARATION + LAWS)
     load_plugin_file(path)
     assert load_plugin_file(path) == (ACTUATORS.get("mine"),)
@@ -158,7 +155,7 @@ def test_a_plugin_may_be_loaded_again_under_its_own_name(tmp_path: Path) -> None
         (DECLARATION.replace("(Parameter", "[Parameter").replace("),)", ")]") + LAWS, "bad-declaration", 4),
     ],
 )  # fmt: skip
-def test_bad_plugin_files(tmp_path: Path, text: str, code: str, line: int | None) -> None:
+def test_bad_plugin_files(tmp_path, text, code, line):
     path = write(tmp_path, text)
     problems = failure(path).problems
     assert {problem.code for problem in problems} == {code}
@@ -168,7 +165,7 @@ def test_bad_plugin_files(tmp_path: Path, text: str, code: str, line: int | None
     assert "mine" not in ACTUATORS
 
 
-def test_missing_plugin_file(tmp_path: Path) -> None:
+def test_missing_plugin_file(tmp_path):
     assert failure(tmp_path / "none.py").problems[0].code == "missing-file"
 
 
@@ -215,7 +212,7 @@ class Deadband(Linear):
 @pytest.mark.parametrize(
     "actuator", [ACTUATORS.get(name) for name in ("sea", "qbmove", "bavs", "awas_ii")] + [Linear, Deadband, THREE]
 )
-def test_good_laws_pass(actuator: type[Actuator] | str, tmp_path: Path) -> None:
+def test_good_laws_pass(actuator, tmp_path):
     if isinstance(actuator, str):
         (actuator,) = load_plugin_file(write(tmp_path, actuator))
     report = check_actuator(actuator)
@@ -250,7 +247,7 @@ def remembering(q, theta_1, theta_2, p):
         ("energy", {"elastic_energy": lambda q, x, y, p: p[0] * ((x - q) ** 2 + (y - q) ** 2)}),
     ],
 )  # fmt: skip
-def test_each_fault_is_found_by_its_check(failed: str, laws: dict[str, Callable[..., object]]) -> None:
+def test_each_fault_is_found_by_its_check(failed, laws):
     report = check_actuator(type("Faulty", (Linear,), {name: staticmethod(law) for name, law in laws.items()}))
     assert not report.passed
     check = next(check for check in report.checks if check.name == failed)
@@ -288,7 +285,7 @@ def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
     assert (tmp_path / "ran").exists()
 
 
-def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
+def three_motor_arm(tmp_path, mode, **references):
     load_plugin_file(write(tmp_path, THREE))
     urdf = tmp_path / "arm.urdf"
     text = (EXAMPLE.parents[1] / "urdf" / "dof1_qbmove.urdf").read_text()
@@ -298,14 +295,14 @@ def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
     )
 
 
-def test_a_law_with_too_few_positions_is_named(tmp_path: Path) -> None:
+def test_a_law_with_too_few_positions_is_named(tmp_path):
     missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
     assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
 
 
 @pytest.mark.parametrize("mode", [3, 6])
 @pytest.mark.parametrize("compiled", [False, True])
-def test_three_motors_swing_a_link_by_their_springs(tmp_path: Path, mode: int, compiled: bool) -> None:
+def test_three_motors_swing_a_link_by_their_springs(tmp_path, mode, compiled):
     """I q'' = 3 k (mean - q): from rest at 0, the link swings about the mean of the standing motors, 0.3 rad."""
     load_plugin_file(write(tmp_path, THREE))
     inertia, k, goals = 0.02, 5.0, (0.4, 0.3, 0.2)
@@ -325,7 +322,7 @@ def test_three_motors_swing_a_link_by_their_springs(tmp_path: Path, mode: int, c
 
 
 @pytest.mark.parametrize("mode", [2, 5])
-def test_the_equilibrium_of_three_motors_is_logged(tmp_path: Path, mode: int) -> None:
+def test_the_equilibrium_of_three_motors_is_logged(tmp_path, mode):
     """Springs of one stiffness rest at the mean of the motors: .3, .25 and .05 rad."""
     scenario = three_motor_arm(tmp_path, mode, reference_1=0.3, reference_2=0.25, reference_3=0.05)
     samples = asrsim.run(scenario).run.samples
@@ -335,7 +332,7 @@ def test_the_equilibrium_of_three_motors_is_logged(tmp_path: Path, mode: int) ->
     assert samples.values["link_position"][-1, 0] == pytest.approx(0.2, abs=1e-3)
 
 
-def test_what_knows_two_motors_only_refuses_three(tmp_path: Path) -> None:
+def test_what_knows_two_motors_only_refuses_three(tmp_path):
     scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
     prepared = asrsim.prepare(scenario)
     with pytest.raises(RobotError, match="three has 3"):
@@ -358,7 +355,7 @@ def test_a_plugin_brings_signals_and_measures(tiny, asrsim_command):
         assert "crest_factor of reference_1" in outcome.out
 
 
-def test_a_plugin_brings_a_recording_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_plugin_brings_a_recording_format(tmp_path, monkeypatch):
     from asrsim.recordings import READERS, read_recording
 
     monkeypatch.setattr(READERS, "_entries", {name: READERS.get(name) for name in READERS})

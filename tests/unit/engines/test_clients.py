@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,7 @@ LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}
 <limit lower="-3" upper="3" effort="100" velocity="100"/></joint>"""
 
 
-def make(folder: Path, joints: int, mass: float) -> BulletEngine:
+def make(folder, joints, mass):
     path = folder / f"robot_{joints}_{mass}.urdf"
     links = "".join(LINK.format(i=i, before=i - 1, mass=mass) for i in range(1, joints + 1))
     path.write_text(f'<robot name="chain"><link name="l0"/>{links}</robot>')
@@ -27,13 +25,13 @@ def make(folder: Path, joints: int, mass: float) -> BulletEngine:
     return BulletEngine(Scenario(name="engine", robot=path), robot)
 
 
-def coriolis(engine: BulletEngine) -> list[float]:
+def coriolis(engine):
     n = len(engine.joints)
     difference = engine.model.bias([0.3] * n, [1.0, -2.0, 0.5][:n]) - engine.model.bias([0.3] * n, [0.0] * n)
     return difference.tolist()
 
 
-def test_velocity_torques_are_those_of_the_engines_own_robot(tmp_path: Path) -> None:
+def test_velocity_torques_are_those_of_the_engines_own_robot(tmp_path):
     alone = make(tmp_path, 3, 0.5)
     expected = coriolis(alone)
     alone.close()
@@ -48,7 +46,7 @@ def test_velocity_torques_are_those_of_the_engines_own_robot(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("fixed", [True, False])
-def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed, tmp_path, capfd):
     """Axes of unit length but for rounding: Bullet prints of one in hundred or so, these two, and that would break --json."""
     for seed in (12, 52007, 0):
         path = tmp_path / f"{seed}.urdf"
@@ -62,7 +60,7 @@ def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed: bool, tmp_path: Path,
 
 
 @pytest.mark.parametrize("lengths", [(1.0,), (0.25, 0.75), (0.2, 0.3)])
-def test_a_whole_kick_has_the_mean_of_its_pieces(lengths: tuple[float, ...]) -> None:
+def test_a_whole_kick_has_the_mean_of_its_pieces(lengths):
     source, shares = np.random.default_rng(0), np.array(lengths) / sum(lengths)
     exchange, wrenches = source.normal(size=(len(lengths), 3, 5)), source.normal(size=(len(lengths), 2, 6))
     mean, wrench, whole = whole_kick(exchange, wrenches, np.array(lengths))

@@ -30,25 +30,25 @@ sys.stderr.write("ours too\\n")
 """
 
 
-def test_nothing_of_theirs_comes_out() -> None:
+def test_nothing_of_theirs_comes_out():
     done = subprocess.run([sys.executable, "-c", PRINTING], capture_output=True, text=True, timeout=60, check=True)
     assert (done.stdout, done.stderr) == ("ours\n", "ours too\n")
 
 
-def test_a_closed_stream_is_no_trouble() -> None:
+def test_a_closed_stream_is_no_trouble():
     code = "from asrsim.engines.foreign import quiet\nwith quiet(): pass\n"
     subprocess.run(f"{sys.executable} -c '{code}' >&-", shell=True, timeout=60, check=True)
 
 
-def test_streams_are_what_they_were_once_the_last_has_left(capfd) -> None:
+def test_streams_are_what_they_were_once_the_last_has_left(capfd):
     """Nothing of what is written inside comes out, however deep; all before and after it does."""
     from asrsim.engines.foreign import quiet
 
-    def write(text: str) -> None:
+    def write(text):
         for number in (1, 2):
             os.write(number, text.encode())
 
-    def opened() -> int:
+    def opened():
         """Descriptors of the process, where the system tells."""
         return len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.is_dir() else 0
 
@@ -106,7 +106,7 @@ os.write(1, b" again")
 """
 
 
-def test_engines_and_interrupts_may_end_a_call_at_any_time() -> None:
+def test_engines_and_interrupts_may_end_a_call_at_any_time():
     """The collector ends what nobody holds any more, in the middle of anything: that waits for nobody, and no word is lost."""
     done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=20, check=True)
     assert done.stdout == "heard;told again"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from pathlib import Path
 
 import mujoco
 import pytest
@@ -16,37 +15,36 @@ from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 from asrsim.versions import numeric_versions
 from support.paths import ROOT
-from support.tiny import Tiny
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def installed(folder: Path, *names: str) -> tuple[Problem, ...]:
+def installed(folder, *names):
     """Warnings of a folder with these packages, as `mujoco-3.17.0`."""
     for name in names:
         (folder / f"{name}.dist-info").mkdir()
     return mujoco_library.overlaps(folder)
 
 
-def test_two_versions_of_mujoco_in_one_folder_give_a_warning(tmp_path: Path) -> None:
+def test_two_versions_of_mujoco_in_one_folder_give_a_warning(tmp_path):
     (warning,) = installed(tmp_path, "mujoco-3.17.0", "mujoco_core-4.0.1")
     assert "mujoco 3.17.0 and mujoco-core 4.0.1" in str(warning)
     assert "pip install --no-deps mujoco==3.17.0" in str(warning.hint)
 
 
 @pytest.mark.parametrize("names", [(), ("mujoco_core-4.0.1",), ("mujoco-3.17.0",), ("mujoco-4.0.0", "mujoco_core-4.0.0")])
-def test_one_version_of_mujoco_in_a_folder_is_right(tmp_path: Path, names: tuple[str, ...]) -> None:
+def test_one_version_of_mujoco_in_a_folder_is_right(tmp_path, names):
     assert installed(tmp_path, *names, "mujoco_warp-3.11.0") == ()
 
 
-def test_every_run_in_mujoco_warns_of_overlapping_packages(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_run_in_mujoco_warns_of_overlapping_packages(tiny, monkeypatch):
     warning = Problem("two versions")
     monkeypatch.setattr("asrsim.engines.mujoco.overlaps", lambda: (warning,))
     (scenario,) = load_scenario(tiny.scenario, overrides=["engine=mujoco", "duration=0.01"])
     assert warning in simulate(scenario).warnings
 
 
-def test_a_log_names_the_loaded_library_and_not_the_metadata(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_names_the_loaded_library_and_not_the_metadata(tiny, monkeypatch):
     monkeypatch.setattr(mujoco, "__version__", "9.9.9")
     (scenario,) = load_scenario(tiny.scenario, overrides=["engine=mujoco", "duration=0.01"])
     loaded = simulate(scenario).info.metadata["engine_version"]
@@ -55,6 +53,6 @@ def test_a_log_names_the_loaded_library_and_not_the_metadata(tiny: Tiny, monkeyp
     assert loaded == f"mujoco {numeric_versions()['mujoco']}"
 
 
-def test_the_requirement_allows_the_core_of_mujoco_4() -> None:
+def test_the_requirement_allows_the_core_of_mujoco_4():
     (core,) = [one for one in map(Requirement, PROJECT["dependencies"]) if one.name == "mujoco-core"]
     assert core.specifier.contains("4.0.0")

@@ -26,18 +26,18 @@ DRAWN = {
 OBSERVED = ("link_position", "link_velocity", "motor_1_position", "stiffness", "link_torque")
 
 
-def reward(state: object) -> float:
+def reward(state):
     """Of what is seen and wanted."""
     return float(state.values["link_position"][0] - state.goal["x"] + state.time)  # type: ignore[attr-defined]
 
 
-def environments(count: int, **options: object) -> object:
+def environments(count, **options):
     scenario = asrsim.make_scenario(URDF, **KEYS)
     return asrsim.make_vec_env(scenario, count, observe=OBSERVED, reward=reward, **{**DRAWN, **options})
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_each_environment_has_the_bits_of_one_alone(threads: int) -> None:
+def test_each_environment_has_the_bits_of_one_alone(threads):
     """Through resets, which come by themselves, with what is drawn at each."""
     many = environments(3, threads=threads)
     alone = [asrsim.make_env(asrsim.make_scenario(URDF, **KEYS), observe=OBSERVED, reward=reward, **DRAWN) for _ in range(3)]
@@ -57,7 +57,7 @@ def test_each_environment_has_the_bits_of_one_alone(threads: int) -> None:
     many.close()
 
 
-def test_spaces_are_bounded_and_of_single_precision() -> None:
+def test_spaces_are_bounded_and_of_single_precision():
     many = environments(2)
     for space in (many.single_observation_space, many.single_action_space, many.observation_space, many.action_space):
         assert space.dtype == np.float32
@@ -67,14 +67,14 @@ def test_spaces_are_bounded_and_of_single_precision() -> None:
     assert many.observation_space.shape == (2, 11)
 
 
-def test_a_copy_through_pickle_begins_like_the_original() -> None:
+def test_a_copy_through_pickle_begins_like_the_original():
     scenario = asrsim.make_scenario(URDF, **KEYS)
     for made in (environments(2), asrsim.make_env(scenario, **DRAWN)):
         copy = pickle.loads(pickle.dumps(made))
         np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
 
 
-def test_an_environment_that_diverges_ends_and_the_others_go_on() -> None:
+def test_an_environment_that_diverges_ends_and_the_others_go_on():
     many = environments(2, randomise={"joint_1.damping": [0.0]}, act=("equilibrium_position",))
     many.reset(seed=0)
     many.worlds.set_reference("joint_1", "external_torque", [0.0, 1e305])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from asrsim import identify
 from asrsim.identification.result import doubted
 from support.identify_files import SEA as ROTARY
 from support.identify_files import write
-from support.soft_arm import FINE, QBMOVE, SEA, SoftArm, command, record
+from support.soft_arm import FINE, QBMOVE, SEA, command, record
 
 RECORDINGS = {
     "white": {},
@@ -27,7 +26,7 @@ SEEDS = 8
 
 
 @pytest.mark.parametrize("joint", [QBMOVE, SEA], ids=["qbmove", "sea"])
-def test_the_independent_integrator_is_exact_within_the_noise(joint: SoftArm) -> None:
+def test_the_independent_integrator_is_exact_within_the_noise(joint):
     time = 1e-3 * np.arange(1001)
     fine, finer = (joint.move(time, lambda at: command(at, 1.0), step=step) for step in (FINE, 0.125 * FINE))
     assert np.sqrt(np.mean((fine - finer) ** 2)) < 1e-5
@@ -35,7 +34,7 @@ def test_the_independent_integrator_is_exact_within_the_noise(joint: SoftArm) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", RECORDINGS)
-def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path: Path, kind: str) -> None:
+def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path, kind):
     """Of all parameters, and of those of friction: 8 fits of a qbMove and 8 of a pendulum, each joint other than the guess."""
     held: dict[bool, list[bool]] = {True: [], False: []}
     for nominal in (QBMOVE, SEA):
@@ -54,7 +53,7 @@ def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path: Path, kind: str)
 
 
 @pytest.mark.slow
-def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path: Path) -> None:
+def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path):
     for seed in range(4):
         (numbers,) = QBMOVE.joints
         true = replace(QBMOVE, joints=({**numbers, "spring_k_2": 1.15 * numbers["spring_k_1"]},))
@@ -69,7 +68,7 @@ def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path: Path
         assert not any("to which it is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
 
 
-def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path: Path) -> None:
+def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path):
     """A joint with five times the friction of the model, of which the spring alone is free."""
     true = SEA.scaled(lambda name: 5.0 if name == "friction" else 1.0)
     recording = record(true, tmp_path / "a.csv", seed=0)
@@ -91,7 +90,7 @@ def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.02])
-def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path: Path, memory: float) -> None:
+def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path, memory):
     """A linear joint that is at 0.25 rad and moves at 5 rad/s where the scenario says 0: its exact motion, with white noise or
     noise that correlates over 20 ms.
     """

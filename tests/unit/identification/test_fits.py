@@ -320,7 +320,7 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
 def test_the_best_so_far_survives_the_wish_to_stop(lab):
     calls = 0
 
-    def stop() -> bool:
+    def stop():
         nonlocal calls
         calls += 1
         return calls > 12
@@ -337,7 +337,7 @@ def test_a_judgement_ends_at_the_wish_to_stop(lab, stage):
     """With little more than one simulation for each parameter, and with the searched values."""
     told, asked = [], []
 
-    def stop() -> bool:
+    def stop():
         if told and told[-1].stage == stage:
             asked.append(told[-1].evaluations)
         return bool(asked)
@@ -447,7 +447,7 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
 
 @pytest.mark.parametrize("hold", [True, False])
 @pytest.mark.parametrize("delay", [0.0, 0.0123])
-def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: float) -> None:
+def test_a_played_command_jumps_where_the_recording_does(hold, delay):
     """Large jumps are told of, at their samples; beside them the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
     values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +15,7 @@ from scipy.special import stdtrit
 
 from asrsim import identify
 from asrsim.identification.causes import Extension, extended, presliding
-from asrsim.identification.combinations import Combination, combinations
+from asrsim.identification.combinations import combinations
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
@@ -30,7 +28,7 @@ from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT
 
 
-def linear(slopes: np.ndarray, left: float | np.ndarray = 0.0, corner: float | np.ndarray = 0.0) -> Problem:
+def linear(slopes, left=0.0, corner=0.0):
     """Residuals A x + b + |C x|."""
     n = slopes.shape[1]
     bent = np.zeros(slopes.shape) + corner
@@ -69,7 +67,7 @@ def test_white_noise_gives_the_deviation_of_least_squares():
 
 
 @pytest.mark.parametrize(("memory", "quantum"), [(0.0, 0.0), (0.9, 0.0), (0.97, 0.0), (0.0, 4.0)])
-def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory: float, quantum: float) -> None:
+def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
     """Noise of an autoregression, or an encoder's steps over a slow motion: in 90 to 98 % of 100 draws of 4 numbers."""
     generator, time, hits = np.random.default_rng(7), np.linspace(0.0, 1.0, 1500), []
     slopes = np.stack([np.sin(9.0 * time), np.cos(23.0 * time), time, np.sign(np.sin(14.0 * time))], axis=1)
@@ -89,7 +87,7 @@ def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory: float, qu
 
 
 @pytest.mark.parametrize("met", [True, False])
-def test_blocks_that_pull_apart_widen_what_they_tell(met: bool):
+def test_blocks_that_pull_apart_widen_what_they_tell(met):
     """Of the first number each tenth of the recording tells another value, of the second all tell the same: that it should be
     larger, which it may not where its bound is met."""
     slopes, signs = np.zeros((400, 2)), np.random.default_rng(0).choice([-1.0, 1.0], 400)
@@ -122,7 +120,7 @@ def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
     assert best.problem.weights == ((2.0, 3.0),)
 
 
-def known(parameters: list[Parameter], slopes: Sequence[float], x: np.ndarray | None = None) -> list[Combination]:
+def known(parameters, slopes, x=None):
     """Combinations that a recording with noise shows which depends on one linear combination of the vector x."""
     x = np.zeros(len(parameters)) if x is None else x
     shape = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), slopes)
@@ -131,7 +129,7 @@ def known(parameters: list[Parameter], slopes: Sequence[float], x: np.ndarray | 
     return combinations(problem, x, found, range(len(x)))
 
 
-def positive(key: str, start: float, unit: str = "") -> Parameter:
+def positive(key, start, unit=""):
     return Parameter(key=key, unit=unit, start=start, low=1e-9 * start, high=1e9 * start, logarithmic=True)
 
 
@@ -148,7 +146,7 @@ def test_an_identifiable_product_of_three_parameters_is_found(values, powers):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.2])
-def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -> None:
+def test_a_parameter_that_another_imitates_is_not_without_effect(angle):
     """Unit noise, columns of norm 3 at an angle: together 1.96 / (3 sin(angle)) > 1, one alone 1.96 / 3. A norm of 1 is no
     effect.
     """
@@ -156,7 +154,7 @@ def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -
     columns[0] = 3.0, 3.0 * math.cos(angle), 0.0
     columns[1, 1], columns[2, 2] = 3.0 * math.sin(angle), 1.0
 
-    def verdicts(slopes: np.ndarray) -> list[str]:
+    def verdicts(slopes):
         n, problem = slopes.shape[1], linear(slopes)
         found = uncertainty(problem, np.zeros(n), [False] * n, foreseen=True)
         known, _ = estimates(problem, np.zeros(n), found, [False] * n)
@@ -168,12 +166,12 @@ def test_a_parameter_that_another_imitates_is_not_without_effect(angle: float) -
 
 
 @pytest.mark.parametrize(("unit", "text", "value"), [("kg", "a + b", 3.0), ("1", "a * b", 2.25), ("m", "a * b", 2.25)])
-def test_equal_changes_give_sums_of_masses_and_products_of_gains(unit: str, text: str, value: float) -> None:
+def test_equal_changes_give_sums_of_masses_and_products_of_gains(unit, text, value):
     (one,) = known([positive(key, 1.5, unit) for key in "ab"], (1.0, 1.0))
     assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
 
 
-def of_two(values: tuple[float, float], slopes: tuple[float, float], start: float | None = None) -> list[Combination]:
+def of_two(values, slopes, start=None):
     """Combinations of two angles with these values, of which a recording shows slopes[0] a + slopes[1] b."""
     starts = values if start is None else (start, start)
     parameters = [Parameter(key=key, unit="rad", start=one, low=-5.0, high=5.0) for key, one in zip("ab", starts, strict=True)]
@@ -183,20 +181,20 @@ def of_two(values: tuple[float, float], slopes: tuple[float, float], start: floa
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("values", [(1.0, -2.0), (-1.0, -2.0), (1.5, -0.5), (-1.5, 0.001)])
-def test_a_known_sum_has_its_sign_whatever_its_terms(values: tuple[float, float], sign: float) -> None:
+def test_a_known_sum_has_its_sign_whatever_its_terms(values, sign):
     (one,) = of_two(values, (1.0, sign))
     assert one.text in (f"a {'+' if sign > 0.0 else '-'} b", f"b {'+' if sign > 0.0 else '-'} a")
     assert one.value == pytest.approx((values[0] + sign * values[1]) * (1.0 if one.text[0] == "a" else sign))
 
 
-def test_a_combination_without_a_relative_interval_is_left_out() -> None:
+def test_a_combination_without_a_relative_interval_is_left_out():
     """A sum that is 0, and powers of a value that is a hundredth of its typical size."""
     assert of_two((1.0, -1.0), (1.0, 1.0)) == []
     assert all("^" not in one.text for one in of_two((0.01, 1.0), (1.0, 0.01), start=1.0))
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_combination_beyond_all_numbers_is_left_out() -> None:
+def test_a_combination_beyond_all_numbers_is_left_out():
     """Only a^8 b is known, and a is 1e40."""
     assert known([positive("a", 1e40), positive("b", 2.0)], (8.0, 1.0)) == []
 
@@ -211,7 +209,7 @@ def test_where_a_joint_sticks_nothing_is_known_that_is_not():
 
 
 @pytest.mark.parametrize("met", [True, False])
-def test_a_parameter_at_its_bound_leaves_others_uncertain(met: bool):
+def test_a_parameter_at_its_bound_leaves_others_uncertain(met):
     generator = np.random.default_rng(0)
     slopes = generator.normal(size=(200, 2)) @ [[1.0, 0.9], [0.0, 0.4]]
     found = uncertainty(linear(slopes), np.zeros(2), [met, False], foreseen=True)
@@ -220,7 +218,7 @@ def test_a_parameter_at_its_bound_leaves_others_uncertain(met: bool):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_an_extension_promises_what_it_would_explain(seed: int) -> None:
+def test_an_extension_promises_what_it_would_explain(seed):
     """Of residuals that are linear: its own number in the least squares of all, and the share of the error that goes."""
     generator = np.random.default_rng(seed)
     matrix, x = generator.normal(size=(40, 4)), generator.normal(size=3)
@@ -236,7 +234,7 @@ def test_an_extension_promises_what_it_would_explain(seed: int) -> None:
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.98])
-def test_noise_however_coloured_asks_for_no_extension(memory: float) -> None:
+def test_noise_however_coloured_asks_for_no_extension(memory):
     generator, time = np.random.default_rng(3), np.linspace(0.0, 1.0, 2000)
     slopes = np.stack([np.sin(9.0 * time), time, np.cos(40.0 * time), np.sin(25.0 * time)], axis=1)
     for _ in range(40):
@@ -247,7 +245,7 @@ def test_noise_however_coloured_asks_for_no_extension(memory: float) -> None:
 
 
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])
-def test_fast_motions_show_no_plateaus_of_the_encoder(noise: float, told: bool) -> None:
+def test_fast_motions_show_no_plateaus_of_the_encoder(noise, told):
     time, quantum = np.arange(0.0, 6.0, 0.002), 2.0 * np.pi / 4096
     values = 0.8 * np.sin(6.0 * time) + noise * quantum * np.random.default_rng(0).normal(size=len(time))
     found = quantum_of(quantum * np.round(values / quantum))
@@ -263,7 +261,7 @@ AXIS = """<robot name="axis"><link name="world"/>
 """
 
 
-def locked_joint(folder: Path) -> Path:
+def locked_joint(folder):
     """A motor against its spring whose far end is locked, under a chirp of force: 360 kg, 3.5e5 N/m, 2200 N s/m, 30 N, by an
     integration of its own."""
     mass, stiffness, damping, friction = 360.0, 3.5e5, 2200.0, 30.0
@@ -288,7 +286,7 @@ def locked_joint(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path: Path) -> None:
+def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path):
     scenario = locked_joint(tmp_path)
     maps = ["Force (N)=motor.reference_1 [N]", "Position (m)=motor.link_position [m]"]
     free = ["motor.damping", "motor.friction", "carriage.mass"]
@@ -306,7 +304,7 @@ def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path: Path
 
 
 @pytest.mark.parametrize(("noise", "late", "offset"), [(3e-6, 0.0, 0.0), (1e-7, 0.0051, -40.0)])
-def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, noise: float, late: float, offset: float) -> None:
+def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path, noise, late, offset):
     """A motion that is a formula, and the force that it takes: by their balance alone, with noise of places that accelerations
     magnify, and with a force that acts later than it is recorded, beside an offset."""
     mass, damping, friction, generator = 360.0, 2200.0, 30.0, np.random.default_rng(0)
@@ -334,7 +332,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
 
 
 @pytest.mark.parametrize("tied", range(4))
-def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied: int) -> None:
+def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
     """A stiffness that is free, or given, is left alone."""
     robot = load_robot(ROOT / "examples/urdf/dof2_horizontal.urdf")
     motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]
@@ -360,7 +358,7 @@ def _freed(robot, free=(), ties=()):
 
 
 @pytest.mark.parametrize(("name", "tag", "limit"), [("max_torque", "mot_tauMax", 1.0), ("max_velocity", "mot_maxVel", 1.5)])
-def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path: Path, name: str, tag: str, limit: float) -> None:
+def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path, name, tag, limit):
     free = {**SEA, "mode": 6, "tags": f"{SEA['tags']}<mot_tauMax>100</mot_tauMax><mot_maxVel>100</mot_maxVel>"}
     tight = {**SEA, "mode": 6, "tags": free["tags"].replace(f"<{tag}>100", f"<{tag}>{limit}")}
     true = write(tmp_path, "true", tight, f"{{equilibrium_position: {CHIRP}}}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,12 +25,12 @@ NUMBERS: dict[str, Any] = {
 GOOD = ChannelFit(**NUMBERS)
 
 
-def channel(values: np.ndarray, noise: float = 1e-3) -> Channel:
+def channel(values, noise=1e-3):
     time = 2e-3 * np.arange(len(values))
     return Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)
 
 
-def test_residuals_beyond_the_noise_are_faults_by_name() -> None:
+def test_residuals_beyond_the_noise_are_faults_by_name():
     generator, time = np.random.default_rng(0), 2e-3 * np.arange(2000)
     white, sine = 1e-3 * generator.normal(size=2000), 0.7e-3 * np.sin(2.0 * np.pi * 60.0 * time)
     one = channel(np.sin(time))
@@ -47,13 +46,13 @@ def test_residuals_beyond_the_noise_are_faults_by_name() -> None:
     assert list(faults(one, white + sine, 0.3 * (white + sine))) == []
 
 
-def test_a_simulation_that_diverges_fits_nothing() -> None:
+def test_a_simulation_that_diverges_fits_nothing():
     white = np.random.default_rng(0).normal(size=2000)
     for sane in (True, False):
         assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane  # type: ignore[misc]
 
 
-def test_the_held_out_error_may_reach_its_predicted_size() -> None:
+def test_the_held_out_error_may_reach_its_predicted_size():
     large = replace(GOOD, held_after=2.0)
     assert verdict([GOOD], lambda: [0.0]) == []
     (reason,) = verdict([large], lambda: [0.0])
@@ -66,7 +65,7 @@ def test_the_held_out_error_may_reach_its_predicted_size() -> None:
 
 
 @pytest.mark.parametrize("still", [False, True])
-def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still: bool) -> None:
+def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still):
     time, generator = np.arange(0.0, 4.0, 2e-3), np.random.default_rng(0)
     values = 1e3 * np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + generator.normal(size=len(time))
     for sign in (1.0, -1.0):
@@ -77,7 +76,7 @@ def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still: bool) -> N
         assert ("no channel moves" in praise([found])) == still
 
 
-def test_channels_that_the_fit_does_not_follow_are_named() -> None:
+def test_channels_that_the_fit_does_not_follow_are_named():
     lost = replace(GOOD, key="j.tau", explained=-0.4)
     assert foreign([GOOD]) == []
     assert "its start may be far off" in foreign([lost])[0]
@@ -88,12 +87,12 @@ def test_channels_that_the_fit_does_not_follow_are_named() -> None:
 # -- what is said ------------------------------------------------------------------------------------------------------------
 
 
-def estimate(key: str, verdict: str = "weak", **numbers: Any) -> Estimate:
+def estimate(key, verdict="weak", **numbers):
     usual = {"name": key, "unit": "N m", "start": 0.123456, "value": 2.0, "low": 1.0, "high": 3.0}
     return Estimate(**usual | numbers, key=key, verdict=verdict)
 
 
-def result(**changes: Any) -> Any:
+def result(**changes):
     usual = {
         "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "accepted": False,
         "misfit": (), "causes": (), "correlation": np.eye(len(changes.get("estimates", ()))),
@@ -101,7 +100,7 @@ def result(**changes: Any) -> Any:
     return SimpleNamespace(**{**usual, **changes})
 
 
-def test_the_tables_have_as_many_digits_as_are_known() -> None:
+def test_the_tables_have_as_many_digits_as_are_known():
     rows = (
         estimate("j.a", "identified", low=1.99999, high=2.00001),
         estimate("j.b", "no effect", low=NAN, high=NAN, value=1234567.8),
@@ -132,7 +131,7 @@ ENDINGS: dict[str, tuple[dict[str, Any], tuple[str, ...], int, set[str], str]] =
 """How a fit ended: changes of the result, options, exit code, files, words."""
 
 
-def test_which_files_an_end_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asrsim_command: Any) -> None:
+def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
     recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
     found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))

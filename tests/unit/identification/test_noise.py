@@ -22,7 +22,7 @@ from asrsim.identification.noise import (
 from asrsim.identification.problem import huber
 
 
-def test_noise_and_steps_are_found_in_a_smooth_record() -> None:
+def test_noise_and_steps_are_found_in_a_smooth_record():
     generator, time = np.random.default_rng(0), np.linspace(0.0, 4.0, 4000)
     assert fine_noise(np.sin(time) + 1e-3 * generator.normal(size=4000)) == pytest.approx(1e-3, rel=0.1)
     assert quantum_of(1.5e-3 * np.round(np.sin(time) / 1.5e-3)) == pytest.approx(1.5e-3, rel=1e-3)
@@ -32,14 +32,14 @@ def test_noise_and_steps_are_found_in_a_smooth_record() -> None:
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.95, -0.6])
-def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory: float) -> None:
+def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory):
     noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(0).normal(size=5000))[1000:]
     model, power = autoregression(autocovariances(noise), 4000)
     assert model == pytest.approx([memory] if memory else [], abs=0.05)
     assert power == pytest.approx(1.0, rel=0.1)
 
 
-def test_the_size_of_residuals_counts_outliers_little() -> None:
+def test_the_size_of_residuals_counts_outliers_little():
     plain = np.tile([1.0, -1.0], 500)
     assert size_of(0.6745 * plain) == pytest.approx(0.6745)
     lone = plain.copy()
@@ -48,7 +48,7 @@ def test_the_size_of_residuals_counts_outliers_little() -> None:
     assert lag_correlation(plain, 2) == pytest.approx(0.998)
 
 
-def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
+def test_a_swing_stands_out_of_white_and_of_correlated_noise():
     generator, time = np.random.default_rng(0), np.arange(2000) * 1e-3
     for memory in (0.0, 0.5, 0.95):
         noise = lfilter([1.0], [1.0, -memory], generator.normal(size=(200, 600)))[:, 200:]
@@ -57,7 +57,7 @@ def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
     assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
 
 
-def test_a_deviating_segment_is_noisy_and_outliers_are_not() -> None:
+def test_a_deviating_segment_is_noisy_and_outliers_are_not():
     white = np.random.default_rng(0).normal(size=2000)
     assert not is_loud(white + np.where(np.arange(2000) % 100 == 0, 50.0, 0.0), 1.0)
     assert is_loud(white * np.where(np.arange(2000) < 200, 4.0, 1.0), 1.0)
@@ -65,11 +65,11 @@ def test_a_deviating_segment_is_noisy_and_outliers_are_not() -> None:
 
 
 @pytest.mark.parametrize("size", [0.1, 2.9, 3.1, 40.0])
-def test_outliers_cost_as_their_size_beyond_three_deviations(size: float) -> None:
+def test_outliers_cost_as_their_size_beyond_three_deviations(size):
     assert huber(np.array([-size, size])) == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
 
 
-def test_a_link_starts_where_a_parabola_through_15_samples_does() -> None:
+def test_a_link_starts_where_a_parabola_through_15_samples_does():
     time, noise = 0.001 * np.arange(100), 0.01
     values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time, 1e3)
     channel = Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)

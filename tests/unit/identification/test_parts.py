@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +11,12 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
 from asrsim.identification.problem import solve
-from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.setup import set_up
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
 
 
-def setup_of(
-    stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], numbers: dict[str, object], free: list[str]
-) -> Setup:
+def setup_of(stack, folder, columns, numbers, free):
     """A fit to a table, before it begins."""
     table = np.column_stack(list(columns.values()))
     np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
@@ -43,7 +40,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law: str, tmp_path: Path) -> None:
+def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path):
     """A link whose torque follows from its motion in closed form; with half of each parameter as a start."""
     numbers = dict.fromkeys(("damping", "friction", "load_friction", "stribeck_friction", "reference_1.offset"), 0.0)
     numbers |= {"stribeck_velocity": 1.0, "reference_1.gain": 1.0} | LAWS[law]
@@ -73,7 +70,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law: str, tmp
     assert found == pytest.approx(list(LAWS[law].values()), rel=0.1 if law in ("stribeck", "load") else 0.02)
 
 
-def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals() -> None:
+def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     """Gradients of three recordings of four blocks each; all blocks of a recording have one sign."""
     nothing = np.empty(0)
     told = Uncertainty(
@@ -86,7 +83,7 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals() -> 
     assert few.deviations(np.eye(1))[0] == pytest.approx(1.0)
 
 
-def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path: Path) -> None:
+def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
     """Damping below its least value, stiffness beyond its largest; given from Python as in a file."""
     recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.06})

@@ -5,13 +5,12 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from asrsim.identification import door, task_of
-from asrsim.identification.problem import Problem, jacobian
+from asrsim.identification.problem import jacobian
 from asrsim.identification.setup import set_up
 
 LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
@@ -23,9 +22,9 @@ LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
 
 
 def setup_of(
-    stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], free: list[str], *, actuator: str = "sea", mode: int = 3,
-    joints: int = 1, tags: str = "", keys: str = "",
-) -> Problem:  # fmt: skip
+    stack, folder, columns, free, *, actuator = "sea", mode = 3,
+    joints = 1, tags = "", keys = "",
+):  # fmt: skip
     """A fit to a table of joints that stand on the world side by side, before it begins."""
     links = "".join(LINK.format(i=i, actuator=actuator, mode=mode, tags=tags) for i in range(1, joints + 1))
     (folder / "lab.urdf").write_text(f'<robot name="lab"><link name="world"/>{links}</robot>')
@@ -36,7 +35,7 @@ def setup_of(
     return set_up(task_of(folder / "lab.yaml", [folder / "a.csv"], free=free), stack).problem
 
 
-def noise(*shape: int, seed: int = 0) -> np.ndarray:
+def noise(*shape, seed=0):
     return 1e-4 * np.random.default_rng(seed).normal(size=shape)
 
 
@@ -44,7 +43,7 @@ TIME = np.arange(0.0, 0.8005, 1e-3)
 """s."""
 
 
-def test_predictions_include_the_effects_of_the_sensor(tmp_path: Path) -> None:
+def test_predictions_include_the_effects_of_the_sensor(tmp_path):
     """Later by the sensor's delay and the clock's, through its gain, then its zero; a part is that of the whole."""
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
@@ -69,7 +68,7 @@ def test_predictions_include_the_effects_of_the_sensor(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", [0.3, -0.4])
 @pytest.mark.parametrize("speed", [-3.0, 0.0, 3.0])
-def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path: Path, place: float, speed: float) -> None:
+def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, speed):
     moved = np.stack([place + speed * TIME - 5.0 * TIME**2 * np.sign(speed), 0.2 + 0.0 * TIME]) + noise(2, len(TIME))
     moved[1] += 0.1 * np.sin(20.0 * np.maximum(TIME - 0.2, 0.0))
     columns = {"time [s]": TIME}
@@ -94,7 +93,7 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path: Path, p
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path: Path, seen: bool) -> None:
+def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path, seen):
     swing = 0.2 * np.sin(10.0 * np.maximum(TIME - 0.2, 0.0))
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.7 + swing, "joint_1.reference_2 [rad]": 0.1 + swing}
     columns |= {
@@ -109,7 +108,7 @@ def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path: Path, seen
         assert track.initial["joint_1.initial_position"] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
 
 
-def test_derivatives_on_many_threads_equal_those_on_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_derivatives_on_many_threads_equal_those_on_one(tmp_path, monkeypatch):
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal + noise(len(TIME)), "joint_1.link_position [rad]": goal**2}
     found: dict[int | None, list[np.ndarray]] = {None: [], 3: [], 4: []}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin
 <limit lower="-3" upper="3" effort="50" velocity="20"/><dynamics damping="0.3" friction="0.03"/></joint></robot>"""
 
 
-def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
+def table(folder, header, *columns):
     """A recording, and the robot beside it."""
     (folder / "rig.urdf").write_text(ARM)
     np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
@@ -29,7 +28,7 @@ def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
 
 
 @pytest.mark.slow
-def test_a_spring_on_a_bench_has_its_hysteresis_identified(tmp_path: Path) -> None:
+def test_a_spring_on_a_bench_has_its_hysteresis_identified(tmp_path):
     time = np.arange(0.0, 4.0, 0.005)
     angle = 0.1 * np.sin(math.pi * time)
     lag = np.zeros(len(time))
@@ -57,7 +56,7 @@ def test_a_spring_on_a_bench_has_its_hysteresis_identified(tmp_path: Path) -> No
         assert one.margin < 0.1
 
 
-def pendulum(rate: float, quantum: float) -> tuple[np.ndarray, ...]:
+def pendulum(rate, quantum):
     """Time, voltage and place of a pendulum under a motor's voltage, held between samples: 0.8 N m/V, 1.2 N m s/rad, 0.05 N m,
     0.01 kg m^2 about its centre of mass."""
     steps, inertia = round(20_000 / rate), 0.01 + 0.6 * 0.15**2
@@ -75,7 +74,7 @@ def pendulum(rate: float, quantum: float) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.slow
-def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path: Path) -> None:
+def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path):
     recorded = table(tmp_path, "time,voltage,position", *pendulum(200.0, 2.0 * math.pi / 4096.0))
     (tmp_path / "lab.yaml").write_text("robot: rig.urdf\nduration: 8\nactuators: {elbow: {type: sea, mode: 0}}\n")
     maps = ["voltage=0.5*elbow.reference_1 [N m]", "position=elbow.link_position"]
@@ -88,7 +87,7 @@ def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path: Path
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.3, 0.5])
-def test_steps_and_a_zero_within_one_are_no_faults(phase: float) -> None:
+def test_steps_and_a_zero_within_one_are_no_faults(phase):
     motion = np.sin(np.arange(0.0, 12.0, 0.004))
     recorded = 0.01 * np.floor(motion / 0.01 + phase)
     beyond, borne = beyond_steps(motion - recorded, recorded, 0.01)
@@ -99,7 +98,7 @@ def test_steps_and_a_zero_within_one_are_no_faults(phase: float) -> None:
     assert lag_correlation(beyond) - borne > 0.3
 
 
-def test_an_identifiable_sum_of_unidentifiable_parts_is_named(tmp_path: Path) -> None:
+def test_an_identifiable_sum_of_unidentifiable_parts_is_named(tmp_path):
     tags = "<ctrl_D>1.7</ctrl_D><mot_D>1.4</mot_D><mot_tauMax>1e4</mot_tauMax><mot_maxVel>1e4</mot_maxVel>"
     numbers: dict[str, object] = {**SEA, "mode": 6, "tags": tags}
     lab = write(tmp_path, "lab", numbers, f"{{equilibrium_position: {CHIRP}}}")
@@ -110,10 +109,10 @@ def test_an_identifiable_sum_of_unidentifiable_parts_is_named(tmp_path: Path) ->
     assert result.combinations[0].value == pytest.approx(3.1)
 
 
-def test_spring_over_inertia_about_the_joint_is_identifiable(tmp_path: Path) -> None:
+def test_spring_over_inertia_about_the_joint_is_identifiable(tmp_path):
     """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
 
-    def arm(name: str, numbers: dict[str, object], references: str | None = None) -> Path:
+    def arm(name, numbers, references=None):
         scenario = write(tmp_path, name, numbers, references)
         robot = tmp_path / f"{name}.urdf"
         robot.write_text(robot.read_text().replace("<inertial>", '<inertial><origin xyz="0.06 0 0"/>'))
@@ -130,7 +129,7 @@ def test_spring_over_inertia_about_the_joint_is_identifiable(tmp_path: Path) -> 
     assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)
 
 
-def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path: Path) -> None:
+def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
     generator, time, trials = np.random.default_rng(0), np.arange(0.0, 4.0, 0.01), []
     for number in range(5):
         place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)
@@ -148,7 +147,7 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path: Path) ->
     assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)
 
 
-def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path: Path) -> None:
+def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
     numbers: dict[str, object] = {**SEA, "mode": 6}
     recording = record(
         write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv",

@@ -97,7 +97,7 @@ def test_springs_at_their_deflection_limit_still_have_statics():
 
 
 @pytest.mark.parametrize("wanted", [0.5, 3.0, 90.0])
-def test_motors_rest_in_balance_however_far_their_references_are(wanted: float):
+def test_motors_rest_in_balance_however_far_their_references_are(wanted):
     """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
     spring = (11.0, 0.02, 11.0, 0.02, 300.0)
     drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
 
 
-def scenario_of(robot: Path, **keys: object):
+def scenario_of(robot, **keys):
     return make_scenario(robot, **{"duration": 4.0, **keys})
 
 

@@ -54,7 +54,7 @@ class SixJoints:
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
-def test_orientations_between_poses_follow_the_great_circle(interpolation: str) -> None:
+def test_orientations_between_poses_follow_the_great_circle(interpolation):
     begin = Rotation.from_euler("xyz", START[1])
     trajectory = PoseTrajectory.through(POSES, interpolation, (START[0], begin.as_matrix()))
     times = [0.0, *(pose.time for pose in POSES)]
@@ -70,7 +70,7 @@ def test_orientations_between_poses_follow_the_great_circle(interpolation: str) 
     assert beyond == pytest.approx(turns[[0, -1]].as_matrix(), abs=1e-12)
 
 
-def test_an_arm_of_six_joints_reaches_the_orientation() -> None:
+def test_an_arm_of_six_joints_reaches_the_orientation():
     model, point = SixJoints(), (0.05, 0.02, -0.01)
     start = np.array([0.3, 0.4, 0.6, -0.5, 1.1, 0.2])
     knots = {1.0: (0.6, 0.2, 0.9, -0.1, 0.9, 0.7), 1.8: (-0.1, 0.5, 0.5, -0.6, 1.3, -0.4), 3.0: (0.3, 0.6, 0.4, 0.2, 1.0, -0.9)}

@@ -29,7 +29,7 @@ def arm_task(folder, **changes):
     return asrsim.make_scenario(write_plain_arm(folder, lengths=LENGTHS, masses=(0.3, 0.2)), **(keys | changes))
 
 
-def closed_form(result) -> np.ndarray:
+def closed_form(result):
     first = result["joint_1"].link_position
     both = first + result["joint_2"].link_position
     x = LENGTHS[0] * np.sin(first) + LENGTHS[1] * np.sin(both)

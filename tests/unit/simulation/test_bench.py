@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +18,11 @@ INERTIA, DAMPING, TORQUE = 0.0233, 0.2698, 6.0
 FREE = {"spring_stiffness": 1e-9, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1000.0}
 
 
-def on_bench(**keys: Any) -> asrsim.Scenario:
+def on_bench(**keys):
     return asrsim.make_scenario(EXAMPLES / "urdf" / "dof1_sea.urdf", engine="bench", modes=5, **keys)
 
 
-def test_a_motor_starts_from_rest_at_second_order() -> None:
+def test_a_motor_starts_from_rest_at_second_order():
     duration, lag = 0.01, INERTIA / DAMPING
     position = TORQUE / DAMPING * (duration - lag * (1 - math.exp(-duration / lag)))
     errors = []
@@ -38,7 +37,7 @@ def test_a_motor_starts_from_rest_at_second_order() -> None:
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
 
 
-def test_the_links_follow_their_signals_in_any_order_of_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_links_follow_their_signals_in_any_order_of_steps(monkeypatch):
     monkeypatch.setattr(bench, "CHUNK", 8)
     sine = {"sinusoid": {"amplitude": 0.5, "frequency": 7.0, "phase": 0.3}}
     scenario = on_bench(duration=0.1, motion={"joint_1": sine})

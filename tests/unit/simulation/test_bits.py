@@ -6,26 +6,24 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import asrsim
-from asrsim.scenario import Scenario
 from asrsim.simulation.simulation import Simulation
 from support.bits import Tape, assert_same, busy_keys
 from support.random_runs import random_run
 from validation.models import INSTALLED
 
 
-def busy(folder: Path, engine: str, *, seed: int = 0, fixed: bool = True) -> Scenario:
+def busy(folder, engine, *, seed=0, fixed=True):
     run = random_run(seed, fixed=fixed, friction=True, moving=3, duration=0.2)
     return asrsim.make_scenario(run.write(folder), engine=engine, **busy_keys(run))
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_contacts_continue_from_a_snapshot(tmp_path: Path, engine: str) -> None:
+def test_contacts_continue_from_a_snapshot(tmp_path, engine):
     """Boxes slide on the ground. The contact solver starts from the forces of the last step, which belong to the state."""
     scenario = busy(tmp_path, engine, seed=1)
     boxes = {
@@ -57,7 +55,7 @@ def test_contacts_continue_from_a_snapshot(tmp_path: Path, engine: str) -> None:
         pytest.param("mujoco", True, marks=pytest.mark.slow),
     ],
 )
-def test_compiled_has_the_bits_of_plain(tmp_path: Path, engine: str, fixed: bool) -> None:
+def test_compiled_has_the_bits_of_plain(tmp_path, engine, fixed):
     pytest.importorskip("numba")
     pytest.importorskip({"bullet": "pybullet"}.get(engine, engine))
     scenario = busy(tmp_path, engine, fixed=fixed)
@@ -70,7 +68,7 @@ def test_compiled_has_the_bits_of_plain(tmp_path: Path, engine: str, fixed: bool
     assert {"motor_work", "friction_loss", "damping_loss", "energy_residual"} <= found[0].values.keys()
 
 
-def test_fresh_processes_have_the_same_bits() -> None:
+def test_fresh_processes_have_the_same_bits():
     code = (
         "from validation.models import LOAD, chain, run; from dataclasses import replace\n"
         "arm = chain(*[replace(LOAD, actuator='qbmove', friction=0.01)] * 2)\n"

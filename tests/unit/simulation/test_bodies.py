@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("name", SHAPES)
-def test_a_floating_base_rests_on_its_shape(tmp_path: Path, engine: str, name: str) -> None:
+def test_a_floating_base_rests_on_its_shape(tmp_path, engine, name):
     """The centre of mass is 3 cm off the link's frame, in which the shape is placed."""
     geometry, place, height = SHAPES[name]
     robot = tmp_path / "robot.urdf"
@@ -56,7 +55,7 @@ RESTING: dict[str, tuple[dict[str, Any], float]] = {
 """Objects of the world, and the height of their centres on the ground, m."""
 
 
-def cube() -> bytes:
+def cube():
     """STL mesh of a cube with edges of 1 m."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], dtype="<f4")
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -66,7 +65,7 @@ def cube() -> bytes:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) -> None:
+def test_objects_of_every_shape_rest_on_the_ground(tmp_path, engine):
     (tmp_path / "stone.stl").write_bytes(cube())
     objects = {
         name: {"mass": 1, "position": [5, 2 * place, height], **shape}
@@ -82,9 +81,7 @@ def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize(("amplitude", "near"), [(0.1, 1e-7), (0.4, 3e-4), (0.9, 5e-3)])
-def test_a_ground_out_of_reach_changes_neither_friction_nor_stops(
-    tmp_path: Path, engine: str, amplitude: float, near: float
-) -> None:
+def test_a_ground_out_of_reach_changes_neither_friction_nor_stops(tmp_path, engine, amplitude, near):
     """Under 0.1 N m both joints stick; under 0.4 they slide and come to their stops; under 0.9 they strike their stops.
     The solvers of the engines, which are used with contacts, change the sign of friction once a step.
     """
@@ -106,14 +103,14 @@ def test_a_ground_out_of_reach_changes_neither_friction_nor_stops(
     assert np.abs(found[0]).max() < 1e-9 if amplitude < 0.15 else np.abs(found[0]).max() > 0.3
 
 
-def test_a_mesh_that_moves_needs_its_inertia(tmp_path: Path) -> None:
+def test_a_mesh_that_moves_needs_its_inertia(tmp_path):
     (tmp_path / "stone.stl").write_bytes(cube())
     world = {"objects": {"stone": {"shape": "mesh", "mesh": "stone.stl", "mass": 1}}}
     with pytest.raises(ScenarioError, match="needs its principal moments of inertia"):
         asrsim.make_scenario(ROBOT, duration=0.1, world=world, base_dir=tmp_path)
 
 
-def test_objects_have_the_inertia_of_their_shape(tmp_path: Path) -> None:
+def test_objects_have_the_inertia_of_their_shape(tmp_path):
     pytest.importorskip("mujoco")
     x, y, z = 0.1, 0.2, 0.4
     box = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0

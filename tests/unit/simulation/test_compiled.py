@@ -6,7 +6,6 @@ import os
 from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +15,10 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import SimulationError
 from asrsim.kernel_cache import cache_file
-from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.core import SECONDS_TO_LOAD
-from asrsim.simulation.run import Run, simulate
+from asrsim.simulation.run import simulate
 from validation.models import Body, chain
 
 pytest.importorskip("numba")
@@ -29,14 +27,14 @@ PULSES = PulseTrain(high=0.2, width=0.0313, period=0.0713)
 """Jumps on steps and between steps."""
 
 
-def arm(*actuators: str | None, mass: float = 0.4, effort: float = 100.0, damping: float = 0.0) -> Robot:
+def arm(*actuators, mass=0.4, effort=100.0, damping=0.0):
     """Upright chain with one actuator in each joint."""
     limits = f'<limit lower="-3" upper="3" effort="{effort!r}" velocity="100"/>'
     link = Body(mass=mass, reach=-0.08, inertia=5e-3 * mass, length=-0.1, limits=limits, damping=damping)
     return chain(*(replace(link, actuator=name, axis="0 1 0" if i % 2 else "1 0 0") for i, name in enumerate(actuators)))
 
 
-def make_scenario(robot: Robot, mode: int, **changes: Any) -> Scenario:
+def make_scenario(robot, mode, **changes):
     """Both references move, one of them in jumps, and an external torque pushes."""
     second: Signal = Constant(value=0.3) if MODES[mode].mapped else Sinusoid(amplitude=0.2, frequency=3.0)
     scenario = Scenario(
@@ -47,12 +45,12 @@ def make_scenario(robot: Robot, mode: int, **changes: Any) -> Scenario:
     return replace(scenario, **changes)
 
 
-def both(robot: Robot, scenario: Scenario) -> tuple[Run, Run]:
+def both(robot, scenario):
     plain, fast = (simulate(replace(scenario, compiled=compiled), robot) for compiled in (False, True))
     return plain, fast
 
 
-def assert_equal(plain: Run, fast: Run) -> None:
+def assert_equal(plain, fast):
     assert plain.samples is not None
     assert fast.samples is not None
     assert plain.samples.values.keys() == fast.samples.values.keys()
@@ -63,7 +61,7 @@ def assert_equal(plain: Run, fast: Run) -> None:
 
 
 @pytest.mark.slow
-def test_every_actuator_and_mode_has_equal_bits() -> None:
+def test_every_actuator_and_mode_has_equal_bits():
     """One robot with all of them, so only one kernel is compiled."""
     kinds = [(actuator, mode) for actuator in ("sea", "qbmove", "bavs", "awas_ii") for mode in range(7)]
     robot, references = arm(None, *(actuator for actuator, _ in kinds), mass=0.01), {}
@@ -88,7 +86,7 @@ def test_every_actuator_and_mode_has_equal_bits() -> None:
         ),
     ],
 )
-def test_damped_joints_with_effort_limits_have_equal_bits(mode: int, changes: dict[str, Any]) -> None:
+def test_damped_joints_with_effort_limits_have_equal_bits(mode, changes):
     robot = arm("qbmove", "sea", effort=0.02, damping=0.05)
     plain, fast = both(robot, make_scenario(robot, mode, **changes))
     assert_equal(plain, fast)
@@ -113,7 +111,7 @@ class Tabled(Actuator):
         return parameters[0]
 
 
-def test_a_law_that_only_python_can_run_stays_plain(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_only_python_can_run_stays_plain(monkeypatch):
     ACTUATORS.add("tabled", Tabled)
     robot = arm("tabled")
     scenario = make_scenario(robot, 6)
@@ -125,7 +123,7 @@ def test_a_law_that_only_python_can_run_stays_plain(monkeypatch: pytest.MonkeyPa
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
 
 
-def test_long_runs_are_compiled_and_short_runs_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_runs_are_compiled_and_short_runs_are_not(monkeypatch):
     """Twenty joints take half a second in Python for each 0.25 s of simulated time, as long as loading Numba and the kernel."""
     # The time to load counts as in a fresh process.
     monkeypatch.setattr("asrsim.simulation.core.SECONDS_WHEN_LOADED", SECONDS_TO_LOAD)
@@ -134,7 +132,7 @@ def test_long_runs_are_compiled_and_short_runs_are_not(monkeypatch: pytest.Monke
     assert [run.compiled for run in runs] == [False, True]
 
 
-def test_a_long_run_without_numba_warns_of_its_slow_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_run_without_numba_warns_of_its_slow_loop(monkeypatch):
     robot = arm("sea")
     scenario = make_scenario(robot, 6)
     monkeypatch.setattr("asrsim.simulation.core.available", lambda: False)
@@ -147,12 +145,12 @@ def test_a_long_run_without_numba_warns_of_its_slow_loop(monkeypatch: pytest.Mon
         simulate(replace(scenario, compiled=True), robot)
 
 
-def kernels() -> list[Path]:
+def kernels():
     folder = cache_file("0")
     return [] if folder is None else sorted(folder.parent.glob("*.py"))
 
 
-def test_a_kernel_serves_other_robots_with_the_same_actuators() -> None:
+def test_a_kernel_serves_other_robots_with_the_same_actuators():
     robot, other = arm("sea"), arm("sea", None, "sea", damping=0.1)
     scenario = make_scenario(robot, 6, compiled=True)
     simulate(scenario, robot)
@@ -163,7 +161,7 @@ def test_a_kernel_serves_other_robots_with_the_same_actuators() -> None:
     assert kernels() == kept
 
 
-def test_a_changed_law_is_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_law_is_compiled_again(monkeypatch):
     robot = arm("sea")
     scenario = make_scenario(robot, 3)
     first, _ = both(robot, scenario)
@@ -176,7 +174,7 @@ def test_a_changed_law_is_compiled_again(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and permissions of files")
 @pytest.mark.parametrize("fault", ["folder of others", "writable folder", "linked folder", "linked file", "writable file"])
-def test_code_that_other_users_can_write_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+def test_code_that_other_users_can_write_is_not_loaded(tmp_path, monkeypatch, fault):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     kept = cache_file("0")
     assert kept is not None
@@ -195,11 +193,11 @@ def test_code_that_other_users_can_write_is_not_loaded(tmp_path: Path, monkeypat
         assert cache_file("0") is None
 
 
-def doubled(value: float) -> float:
+def doubled(value):
     return 2.0 * value
 
 
-def test_a_damaged_cache_is_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_cache_is_compiled_again(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert compiling.compile_function(doubled, (1.0,))(3.0) == 6.0
     kept = [path for path in Path(tmp_path / "cache").rglob("*") if path.suffix in (".nbi", ".nbc")]

@@ -17,7 +17,7 @@ INSTALLED = [name for name in ("bullet", "mujoco") if ENGINES.get(name).availabl
 
 
 @pytest.fixture(params=INSTALLED)
-def simulation(request: pytest.FixtureRequest, tiny):
+def simulation(request, tiny):
     with asrsim.Simulation(tiny.scenario, overrides={"engine": request.param}) as made:
         made.set_reference("elbow", "equilibrium_position", 0.3)
         made.advance(20)
@@ -48,7 +48,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
 )
-def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
+def test_a_refused_call_changes_nothing(simulation, call, error, said):
     before = simulation.observe()
     with pytest.raises(error, match=said):
         call(simulation)
@@ -74,19 +74,19 @@ def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
         ({"external_torques": {"elbow": Sum(terms=(Step(at=math.nan, after=1.0),))}}, "elbow: 'at' of the signal"),
     ],
 )
-def test_a_replaced_scenario_is_checked_like_one_that_is_read(tiny, fields, said) -> None:
+def test_a_replaced_scenario_is_checked_like_one_that_is_read(tiny, fields, said):
     with pytest.raises(ScenarioError, match=said):
         asrsim.prepare(dataclasses.replace(asrsim.make_scenario(tiny.robot, duration=0.1), **fields))
 
 
-def test_quantities_that_no_joint_can_record_are_refused(tiny) -> None:
+def test_quantities_that_no_joint_can_record_are_refused(tiny):
     for make in (asrsim.Simulation, lambda scenario, **keys: asrsim.Worlds(scenario, 2, **keys)):
         with pytest.raises(InputError, match=r"no joint records 'link_positon'.*Did you mean 'link_position'"):
             make(tiny.scenario, names=["link_positon"])
 
 
 @pytest.mark.parametrize(("substeps", "warned"), [(1, True), (2, False)])
-def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned) -> None:
+def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned):
     scenario = asrsim.make_scenario(
         tiny.robot,
         duration=0.1,
@@ -96,7 +96,7 @@ def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned
     assert [found.code for found in asrsim.prepare(scenario).warnings].count("undersampled-sine") == warned
 
 
-def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulation, tiny) -> None:
+def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulation, tiny):
     kept = simulation.snapshot()
     other = asrsim.Simulation(tiny.scenario, overrides={"engine": simulation.scenario.engine})
     with other, pytest.raises(InputError, match="snapshot of another simulation"):
@@ -115,7 +115,7 @@ CALLS: dict[str, list[object]] = {
 
 @pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("call", CALLS)
-def test_calls_after_close_are_refused(tiny, call: str, many: bool) -> None:
+def test_calls_after_close_are_refused(tiny, call, many):
     simulation = asrsim.Worlds(tiny.scenario, 2) if many else asrsim.Simulation(tiny.scenario)
     simulation.close()
     with pytest.raises(SimulationError, match=r"(is|are) closed"):
@@ -139,7 +139,7 @@ def test_calls_after_close_are_refused(tiny, call: str, many: bool) -> None:
         (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
     ],
 )
-def test_wrong_calls_of_worlds_change_nothing(tiny, call, said) -> None:
+def test_wrong_calls_of_worlds_change_nothing(tiny, call, said):
     with asrsim.Worlds(tiny.scenario, 3) as worlds:
         worlds.advance(2)
         before = worlds.observe()
@@ -148,7 +148,7 @@ def test_wrong_calls_of_worlds_change_nothing(tiny, call, said) -> None:
         np.testing.assert_array_equal(worlds.observe().link_position, before.link_position)
 
 
-def test_references_that_change_between_resets_take_effect(tiny) -> None:
+def test_references_that_change_between_resets_take_effect(tiny):
     references = {"elbow": {"equilibrium_position": Constant(value=0.0)}}
     with asrsim.Worlds(tiny.scenario, 1) as worlds:
         for value in (0.1, 0.3):
@@ -158,7 +158,7 @@ def test_references_that_change_between_resets_take_effect(tiny) -> None:
             assert worlds.read(["reference_1"])["reference_1"] == value
 
 
-def test_each_world_has_its_own_motor_start(tiny) -> None:
+def test_each_world_has_its_own_motor_start(tiny):
     with asrsim.Worlds(tiny.scenario, 3, overrides={"modes.elbow": 6}) as worlds:
         worlds.set_state({}, motors={"elbow": [0.1, 0.2, 0.3]})
         assert worlds.read(["motor_1_position"])["motor_1_position"][:, 0].tolist() == [0.1, 0.2, 0.3]
@@ -166,12 +166,12 @@ def test_each_world_has_its_own_motor_start(tiny) -> None:
 
 @pytest.mark.parametrize("ranges", [{"elbw": {"equilibrium_position": (0.0, 1.0)}}, {"elbow": {"position": (0.0, 1.0)}},
                                     {"elbow": {"equilibrium_position": (1.0, 0.0)}}])  # fmt: skip
-def test_wrong_ranges_are_refused(tiny, ranges) -> None:
+def test_wrong_ranges_are_refused(tiny, ranges):
     with pytest.raises(AsrsimError, match=r"elbw|no such reference|smallest value first"):
         asrsim.Simulation(tiny.scenario, ranges=ranges)
 
 
-def test_a_list_of_scenarios_is_refused_where_one_is_needed(tiny) -> None:
+def test_a_list_of_scenarios_is_refused_where_one_is_needed(tiny):
     loaded = asrsim.load_scenario(tiny.scenario)
     for call in (asrsim.run, asrsim.Simulation):
         with pytest.raises(InputError, match="choose one"):
@@ -181,7 +181,7 @@ def test_a_list_of_scenarios_is_refused_where_one_is_needed(tiny) -> None:
 
 @pytest.mark.parametrize("options", [{"duration": -1.0}, {"duration": 0.0}, {"duration": 1e-5}, {"duration": math.nan},
                                      {"duration": math.inf}, {"chunk": 0}, {"chunk": -3}])  # fmt: skip
-def test_durations_and_chunks_below_one_step_are_refused(tiny, options: dict[str, float]) -> None:
+def test_durations_and_chunks_below_one_step_are_refused(tiny, options):
     with pytest.raises(InputError, match=f"{next(iter(options))}: must (last a step at least|be at least 1 substep)"):
         asrsim.Simulation(tiny.scenario, **options)
     with asrsim.Simulation(tiny.scenario, duration=0.001, chunk=1, record=True) as shortest:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,16 +36,16 @@ class Program:
     """Operations since the last reset: a number of steps, or a reference with its value."""
     kept: list[tuple[Any, ...]] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         self.tape = Tape()
         self.simulation = Simulation(self.prepared, sinks=[self.tape], compiled=self.compiled, record=True)
 
-    def advance(self) -> None:
+    def advance(self):
         steps = int(self.source.integers(1, 60))
         self.simulation.advance(steps)
         self.done.append((steps,))
 
-    def set_reference(self) -> None:
+    def set_reference(self):
         drive = self.source.choice(np.array(self.prepared.drives, dtype=object))
         known = (*(drive.mode.references if drive.mode else ()), "external_torque")
         value = None if self.source.random() < 0.2 else float(self.source.uniform(0.01, 0.3))
@@ -54,21 +53,21 @@ class Program:
         self.simulation.set_reference(*given)
         self.done.append(given)
 
-    def look(self) -> None:
+    def look(self):
         self.simulation.observe()
         self.simulation.flush()
 
-    def keep(self) -> None:
+    def keep(self):
         self.simulation.flush()
         self.kept.append((self.simulation.snapshot(), list(self.done), list(self.tape.chunks)))
 
-    def go_back(self) -> None:
+    def go_back(self):
         if self.kept:
             snapshot, done, chunks = self.kept[self.source.integers(len(self.kept))]
             self.done, self.tape.chunks = list(done), list(chunks)
             self.simulation.restore(snapshot)
 
-    def reset(self) -> None:
+    def reset(self):
         names, chance = self.simulation.joints, self.source.random
         places = {name: float(self.source.uniform(-0.4, 0.4)) for name in names if chance() < 0.5}
         speeds = {name: float(self.source.uniform(-1.0, 1.0)) for name in names if chance() < 0.5}
@@ -80,7 +79,7 @@ class Program:
         self.done, self.kept = [], []
         self.tape.chunks.clear()
 
-    def _other_numbers(self) -> Numbers:
+    def _other_numbers(self):
         found: Numbers = {}
         for joint in self.run.joints:
             found[joint.name] = {"damping": float(self.source.uniform(0.0, 0.3))}
@@ -93,7 +92,7 @@ class Program:
             other |= {name: float(self.source.uniform(-0.1, 0.1)) for name in "xyz"}
         return found | {heavy: other}
 
-    def _fresh(self) -> Prepared:
+    def _fresh(self):
         """Scenario with the start of the last reset and the same substeps."""
         scenario, found = self.prepared.scenario, self.prepared.resolution
         moved = replace(
@@ -103,7 +102,7 @@ class Program:
         )  # fmt: skip
         return prepare(moved, self.prepared.robot).vary(self.parameters)
 
-    def check(self) -> None:
+    def check(self):
         """Compare with a fresh simulation that advances step by step."""
         self.simulation.flush()
         tape = Tape()
@@ -128,7 +127,7 @@ OPERATIONS = (
 )  # fmt: skip
 
 
-def run_program(folder: Path, engine: str, seed: int, *, compiled: bool = False) -> None:
+def run_program(folder, engine, seed, *, compiled=False):
     source = np.random.default_rng([seed, 5])
     moving = int(source.integers(1, 5))
     run = random_run(seed, fixed=bool(source.random() < 0.6), friction=True, moving=moving, duration=0.1)
@@ -146,13 +145,13 @@ def run_program(folder: Path, engine: str, seed: int, *, compiled: bool = False)
 
 @pytest.mark.parametrize("seed", [30, 37, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(24))])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_random_operations_have_the_bits_of_a_fresh_run(tmp_path: Path, engine: str, seed: int) -> None:
+def test_random_operations_have_the_bits_of_a_fresh_run(tmp_path, engine, seed):
     compiled = seed < 4 and available()
     run_program(tmp_path, engine, seed, compiled=compiled)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_objects_fall_from_their_start_after_each_reset(tmp_path: Path, engine: str) -> None:
+def test_objects_fall_from_their_start_after_each_reset(tmp_path, engine):
     """A reset with other parameters may build another world, in which the ball falls from its start."""
     run = random_run(31, fixed=True, friction=False, moving=2, duration=0.1)
     world = {"objects": {"ball": {"shape": "sphere", "size": 0.05, "mass": 0.1, "position": [3, 3, 3]}}}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,14 +23,14 @@ PROPORTIONAL = joint(
 
 
 @pytest.mark.parametrize(("delay", "substeps"), [(0.0026, 3), (0.0024, 2), (0.0004, 0)])
-def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay: float, substeps: int) -> None:
+def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path, delay, substeps):
     given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
     found = samples(given, tmp_path, effects={"sensors": {"*": {"delay": delay}}}, substeps=1)
     q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
     np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
 
 
-def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path: Path) -> None:
+def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path):
     """A sensor of 250 Hz in steps of 1 ms."""
     given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
     found = samples(given, tmp_path, effects={"sensors": {"*": {"rate": 250}}}, substeps=1)
@@ -40,13 +39,13 @@ def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("start", [0.34, -0.36])
-def test_readings_are_rounded_to_the_nearest_quantum(tmp_path: Path, start: float) -> None:
+def test_readings_are_rounded_to_the_nearest_quantum(tmp_path, start):
     given = plan([replace(PROPORTIONAL, start=start)], 0.01)
     found = samples(given, tmp_path, effects={"sensors": {"*": {"quantum": 0.1}}})
     assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * 0.1 * round(start / 0.1))
 
 
-def test_each_encoder_has_its_own_noise() -> None:
+def test_each_encoder_has_its_own_noise():
     result = run(
         chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
         references={"equilibrium_position": 0.0, "stiffness_preset": 0.0}, sensor_effects={"*": Effects(noise=0.01)},
@@ -56,7 +55,7 @@ def test_each_encoder_has_its_own_noise() -> None:
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
 
 
-def test_late_sensors_of_motors_are_of_second_order() -> None:
+def test_late_sensors_of_motors_are_of_second_order():
     """Position and velocity belong to one moment, although the motors' velocity is that of half a step before."""
     free = motors("sea", {"motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3, "motor_1_max_torque": 1e3})
     found = []
@@ -73,7 +72,7 @@ def test_late_sensors_of_motors_are_of_second_order() -> None:
 
 
 @pytest.mark.parametrize(("name", "mode"), [("deflection", 3), ("effort", 3), ("saturation", 6)])
-def test_limits_are_counted_on_both_sides(name: str, mode: int) -> None:
+def test_limits_are_counted_on_both_sides(name, mode):
     found = []
     for goal in (0.8, -0.8):
         result = run(
@@ -86,13 +85,13 @@ def test_limits_are_counted_on_both_sides(name: str, mode: int) -> None:
 
 
 @pytest.mark.parametrize(("start", "rows"), [(0.3, 11), (-0.2, 11), (0.1, 0)])
-def test_a_link_exactly_on_its_stop_is_counted(start: float, rows: int) -> None:
+def test_a_link_exactly_on_its_stop_is_counted(start, rows):
     body = replace(BODY, actuator=None, limits=LIMITS.format(-0.2, 0.3, 100))
     assert run(chain(body), duration=0.01, gravity=0.0, initial=[start]).counts.stop[0] == rows
 
 
 @pytest.mark.parametrize(("torque", "rows"), [(0.5, 0), (0.5000001, 11), (-0.6, 11)])
-def test_a_torque_equal_to_the_effort_limit_is_not_counted(torque: float, rows: int) -> None:
+def test_a_torque_equal_to_the_effort_limit_is_not_counted(torque, rows):
     body = replace(BODY, limits=LIMITS.format(-30, 30, 0.5))
     result = run(chain(body), mode=0, duration=0.01, gravity=0.0, references={"link_torque": torque})
     assert result.counts.effort[0] == rows

@@ -24,7 +24,7 @@ TOTAL = INERTIA + MASS * REACH**2
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_the_first_velocity_is_the_initial_velocity(tmp_path: Path, stepping: str) -> None:
+def test_the_first_velocity_is_the_initial_velocity(tmp_path, stepping):
     given = plan([joint(start=0.5, speed=1.25)], 0.02)
     speed = samples(given, tmp_path, stepping=stepping).values["link_velocity"][:, 0]
     assert speed[0] == 1.25
@@ -32,7 +32,7 @@ def test_the_first_velocity_is_the_initial_velocity(tmp_path: Path, stepping: st
     assert (speed[1] - speed[0]) / 1e-3 == pytest.approx(-MASS * 9.81 * REACH * np.sin(0.5) / TOTAL, rel=0.02)
 
 
-def test_an_equilibrium_start_respects_the_stop_of_a_motor() -> None:
+def test_an_equilibrium_start_respects_the_stop_of_a_motor():
     """The reference is beyond the motor's stop, so the link rests on the spring of the stopped motor."""
     result = run(
         chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
@@ -47,7 +47,7 @@ def test_an_equilibrium_start_respects_the_stop_of_a_motor() -> None:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("at", [0.0002, 0.0004, 0.0006, 0.05, 0.0503])
 @pytest.mark.parametrize("mode", [0, 1, 3])
-def test_a_jump_anywhere_in_a_step_is_of_second_order(tmp_path: Path, engine: str, at: float, mode: int) -> None:
+def test_a_jump_anywhere_in_a_step_is_of_second_order(tmp_path, engine, at, mode):
     """Jumps in the first half step, in the second, on a step and between steps move a damped joint as the equations do."""
     jump = replace(NEVER, at=at, jump=1.0 if mode == 0 else 0.4)
     parameters = {
@@ -63,7 +63,7 @@ def test_a_jump_anywhere_in_a_step_is_of_second_order(tmp_path: Path, engine: st
     assert fine < coarse / 8.0
 
 
-def test_the_controller_of_the_link_in_toolbox_stepping() -> None:
+def test_the_controller_of_the_link_in_toolbox_stepping():
     """Torque = P e + I times the sum of e dt, including this step, - D v."""
     gains = {"controller_1_proportional": 3.0, "controller_1_integral": 40.0, "controller_1_derivative": 0.02}
     result = run(
@@ -76,7 +76,7 @@ def test_the_controller_of_the_link_in_toolbox_stepping() -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path: Path, engine: str) -> None:
+def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path, engine):
     given = plan([joint(actuator="sea", mode=0, references=(NEVER,))], 0.1)
     scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **(given.keys() | {"gravity": [0, 0, 0]}))
     with Simulation(prepare(scenario, ranges={"*": {"link_torque": (-0.5, 0.5)}}), compiled=False) as simulation:
@@ -93,14 +93,14 @@ def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path: Path, engine:
         assert simulation.observe().link_velocity[0] == pytest.approx(before, rel=0.06)
 
 
-def scenario_of(**fields: object) -> Scenario:
+def scenario_of(**fields):
     return Scenario(
         name="one joint", robot=Path("arm.urdf"), modes={"*": 6}, duration=0.1, substeps=1, motor_substeps=1,
         references={"*": {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)}}, **fields,
     )  # fmt: skip
 
 
-def test_observed_positions_are_the_logged_positions() -> None:
+def test_observed_positions_are_the_logged_positions():
     with Simulation(prepare(scenario_of(), chain(BODY)), record=True, compiled=False) as simulation:
         simulation.advance(40)
         seen = simulation.observe()
@@ -111,7 +111,7 @@ def test_observed_positions_are_the_logged_positions() -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_energy_of_the_links_is_that_of_motion_and_height(engine: str) -> None:
+def test_energy_of_the_links_is_that_of_motion_and_height(engine):
     found = []
     with Simulation(prepare(scenario_of(engine=engine), chain(BODY)), compiled=False) as simulation:
         for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
@@ -122,7 +122,7 @@ def test_energy_of_the_links_is_that_of_motion_and_height(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_an_engine_is_released_with_its_simulation(engine: str) -> None:
+def test_an_engine_is_released_with_its_simulation(engine):
     """Without the cyclic garbage collector, which runs late: an engine takes megabytes."""
     given = prepare(scenario_of(engine=engine), chain(BODY, BODY))
     gc.disable()

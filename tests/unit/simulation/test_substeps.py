@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,20 +20,20 @@ BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
 UNLOADED = {"equilibrium_position": 0.0, "stiffness_preset": 0.0}
 
 
-def test_expected_stiffness_allows_for_twice_the_static_load() -> None:
+def test_expected_stiffness_allows_for_twice_the_static_load():
     """Two sinh springs without pretension carry the load together: each at least half of it, and at most all of it."""
     found = run(chain(replace(BODY, actuator="qbmove")), mode=3, duration=0.01, references=UNLOADED).resolution
     weight = MASS * 9.81 * REACH
     (stiffness,) = found.stiffness
 
-    def at(torque: float) -> float:
+    def at(torque):
         return float(8.9992 * 0.0019 * np.cosh(np.arcsinh(torque / 0.0019)))
 
     assert at(2.0 * 0.9 * weight) < stiffness < 2.0 * at(2.0 * 1.1 * weight)
     assert stiffness > 1.5 * 2.0 * at(weight) * 0.9
 
 
-def test_bristles_of_motor_friction_need_motor_substeps() -> None:
+def test_bristles_of_motor_friction_need_motor_substeps():
     """1000 N m/rad on 1e-3 kg m^2: 1000 rad/s."""
     found = {}
     for friction in (0.0, 0.1):
@@ -45,13 +44,13 @@ def test_bristles_of_motor_friction_need_motor_substeps() -> None:
 
 
 @pytest.mark.parametrize(("asked", "taken"), [(1, 1), (2, 3), (3, 3), (4, 5)])
-def test_the_number_of_motor_substeps_is_odd(asked: int, taken: int) -> None:
+def test_the_number_of_motor_substeps_is_odd(asked, taken):
     """The middle one belongs to the time of the substep."""
     assert run(chain(BODY), mode=6, duration=0.001, motor_substeps=asked).resolution.motor_substeps == taken
 
 
 @pytest.mark.parametrize(("actuator", "mode"), [("qbmove", 3), ("qbmove", 6), ("bavs", 5), ("awas_ii", 6), ("sea", 4)])
-def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator: str, mode: int) -> None:
+def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator, mode):
     """Start and references move together, so the same deflections are within reach. A start off its reference reaches more."""
     robot, found = chain(replace(BODY, actuator=actuator)), []
     for start, goal in ((0.0, 0.2), (0.4, 0.6), (-0.7, -0.5), (0.4, 0.4)):
@@ -65,7 +64,7 @@ def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator: str, mode: 
     assert found[3] <= found[0] * (1 + 1e-9)
 
 
-def test_springs_stiffer_than_expected_give_a_warning_with_enough_substeps() -> None:
+def test_springs_stiffer_than_expected_give_a_warning_with_enough_substeps():
     """A fast start bends a sinh spring far beyond its load: omega h grows with the root of the stiffness."""
     robot = chain(replace(BODY, actuator="qbmove"))
     keys = {"mode": 3, "duration": 0.3, "step": 0.012, "references": UNLOADED, "gravity": 0.0, "compiled": False}
@@ -82,7 +81,7 @@ def test_springs_stiffer_than_expected_give_a_warning_with_enough_substeps() -> 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("between", [1, 2])
-def test_only_joints_without_mass_between_them_are_named(tmp_path: Path, engine: str, between: int) -> None:
+def test_only_joints_without_mass_between_them_are_named(tmp_path, engine, between):
     """Joints on one axis with nothing between them, below an arm with mass."""
     body = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
     links = ["base", "arm", *(f"thin_{i}" for i in range(between)), "hand"]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import asrsim
-from asrsim import Scenario, make_scenario
+from asrsim import make_scenario
 from asrsim.errors import SimulationError
 from asrsim.signals import Signal, Sinusoid
 from asrsim.simulation.prepare import prepare
@@ -19,13 +18,13 @@ from support.paths import EXAMPLES
 from validation.models import INSTALLED
 
 
-def arm(**keys: Any) -> Scenario:
+def arm(**keys):
     """Arm with two qbMoves."""
     return make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", **{"engine": "mujoco", "compiled": False, **keys})
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
+def test_a_rollout_gives_what_a_run_records(stepping):
     """All channels agree bit for bit, for an electric motor in mode 6 and for ideal motors in mode 3."""
     electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
     scenario = arm(duration=0.02, stepping=stepping,
@@ -40,7 +39,7 @@ def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
         np.testing.assert_array_equal(found[name][0], values, err_msg=name)
 
 
-def test_unwatched_worlds_have_the_same_bits() -> None:
+def test_unwatched_worlds_have_the_same_bits():
     """Energies and counts follow from the motion, so they may be left out. Then counts cannot be read."""
     scenario = arm(duration=0.05, modes=6,
         parameters={"*": {"hysteresis_torque": 0.2, "motor_1_max_velocity": 0.5}},
@@ -57,7 +56,7 @@ def test_unwatched_worlds_have_the_same_bits() -> None:
                 read(0)
 
 
-def test_a_rollout_with_other_inputs_equals_a_scenario_with_them() -> None:
+def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
     """Inputs that a start does not state are those of the scenario."""
     first, second, third = (Sinusoid(amplitude=0.1 * i, frequency=2.0 + i) for i in (1, 2, 3))
     push = {"joint_2": {"sinusoid": {"amplitude": 0.3, "frequency": 7.0}}}
@@ -83,7 +82,7 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them() -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_the_model_of_varied_robots_has_their_inertias(engine: str) -> None:
+def test_the_model_of_varied_robots_has_their_inertias(engine):
     """Robots that were modelled before and different friction have no effect."""
     prepared = prepare(arm(duration=0.02, engine=engine, modes={"*": 1}))
     robot, motion = prepared.robot, ([0.3, -0.4], [1.0, 2.0], [3.0, -1.0])
@@ -102,7 +101,7 @@ def test_the_model_of_varied_robots_has_their_inertias(engine: str) -> None:
     assert [bool(np.allclose(torques, found[0])) for torques in found] == [True, False, True, False, True]
 
 
-def test_repeated_parameters_give_the_same_bits() -> None:
+def test_repeated_parameters_give_the_same_bits():
     """Other parameters in between, in another world or in the same one, have no effect."""
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
@@ -117,7 +116,7 @@ def test_repeated_parameters_give_the_same_bits() -> None:
     assert not np.array_equal(first[0], first[1])
 
 
-def test_worlds_continue_from_a_state_as_a_single_simulation_does() -> None:
+def test_worlds_continue_from_a_state_as_a_single_simulation_does():
     """A world that diverges stops alone, until its state is set again."""
     scenario = arm(duration=1.0, modes={"*": 6})
     with Worlds(scenario, 2) as worlds, asrsim.Simulation(scenario) as single:
@@ -135,7 +134,7 @@ def test_worlds_continue_from_a_state_as_a_single_simulation_does() -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_worlds_have_the_bits_of_single_runs_in_any_order(threads: int) -> None:
+def test_worlds_have_the_bits_of_single_runs_in_any_order(threads):
     """Each world has its own parameters and references."""
     scenario = arm(duration=0.2, modes={"*": 6}, compiled=True)
     numbers = [{"link_2": {"mass": 0.3 + 0.1 * i}, "joint_1": {"damping": 0.01 * i}} for i in range(4)]

@@ -35,7 +35,7 @@ KEYS: dict[str, list[object]] = {
 }
 
 
-def rows_of(over: dict[str, list[object]], **settings: str):
+def rows_of(over, **settings):
     """(settings of the run, its row) of every point."""
     base = {"duration": "0.02", "engine": "mujoco", "compiled": "false"} | settings
     texts = [f"{name}={value}" for name, value in base.items() if name not in over]
@@ -50,7 +50,7 @@ def rows_of(over: dict[str, list[object]], **settings: str):
     runner.close()
 
 
-def assert_rows_are_runs(key: str, values: list[object], **settings: str) -> None:
+def assert_rows_are_runs(key, values, **settings):
     for given, row in rows_of({key: values}, **settings):
         result = asrsim.run(TWO_JOINTS, variant="soft", overrides=given)
         assert row["status"] == "complete", row["reason"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import random
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from asrsim.sweeps.run import crashed_row
 from asrsim.sweeps.sensitivity import influences, sobol
 from asrsim.sweeps.show import as_dict, remarks, varying
 from asrsim.sweeps.store import Store, open_store
-from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
 from support.edits import edits
 from support.paths import ROOT
@@ -33,12 +31,12 @@ TWO_JOINTS = EXAMPLES / "step_2dof.yaml"
 SHORT = ["duration=0.05", "engine=mujoco", "compiled=false"]
 
 
-def study_of(over, scenario=TWO_JOINTS, **options) -> Study:
+def study_of(over, scenario=TWO_JOINTS, **options):
     options = {"variants": ["soft"] if scenario == TWO_JOINTS else [], "overrides": SHORT, **options}
     return make_study(scenario, over, **options)
 
 
-def cells_of(payload, row) -> dict[str, Any]:
+def cells_of(payload, row):
     return dict(zip(payload.kinds, row, strict=True))
 
 
@@ -170,7 +168,7 @@ ROBOTS = {
 }
 
 
-def fresh_row(payload, run: int) -> dict[str, Any]:
+def fresh_row(payload, run):
     """Cells of a run that is prepared for itself."""
     variant, values = payload.study.point(run)
     return alone(payload.cases[variant], values)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from asrsim.workers import Executor, Lost, executor
+from asrsim.workers import Lost, executor
 
 ITEMS = ["1", "__import__('os')._exit(9)", "3"]
 
@@ -22,7 +22,7 @@ def in_order(workers, task, items):
 
 
 @pytest.fixture(scope="module", params=[1, 2])
-def workers(request) -> Executor:
+def workers(request):
     with executor(request.param) as made:
         yield made
 

@@ -16,7 +16,7 @@ from asrsim.recordings import read_recording
 from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
 from support.paths import EXAMPLES
-from support.soft_arm import QBMOVE, SEA, SoftArm, record
+from support.soft_arm import QBMOVE, SEA, record
 
 NOISE = 1e-3
 """rad, of the positions."""
@@ -27,7 +27,7 @@ def goal(value):
     return {"joint_1": {"equilibrium_position": value}}
 
 
-def wrong(joint: SoftArm) -> SoftArm:
+def wrong(joint):
     """Springs 10 % off, friction 50 %, damping 20 %."""
     factors = {"spring_k": 1.1, "spring_stiffness": 1.1, "friction": 0.5, "damping": 0.8}
     return joint.scaled(lambda name: next((factor for part, factor in factors.items() if part in name), 1.0))
