@@ -23,7 +23,7 @@ import asrsim
 from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import DesignPlant
-from asrsim.design.run import _read, _task, off
+from asrsim.design.run import _read, _task, altered
 from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
 
@@ -231,7 +231,7 @@ def limits(names: list[str], count: int = 50) -> None:
             plant = searcher(scenario, within, options, stack).plant
             uses = []
             for number in range(count):
-                plant.robots = [off(plant.layout, np.random.default_rng([77, number]))]
+                plant.robots = [altered(plant.layout, np.random.default_rng([77, number]))]
                 outcome = plant.under({}).play(motion, 1)
                 uses.append(np.inf if outcome is None else float(outcome.use.max()))
             said = f"exceeded {np.sum(np.array(uses) > 1.0)} of {count}; largest shares {np.sort(uses)[-5:].round(3)}"

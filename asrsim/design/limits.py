@@ -37,7 +37,7 @@ class Limits:
         MapOf(of=POSITIVE, noun="quantity", star=False), default={}, shown="1 mrad on the positions of link and motors",
         doc="quantity, or `joint.quantity` -> standard deviation of its noise; all but the sensors of `choose` are recorded",
     )  # fmt: skip
-    rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="of the recording")
+    rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="sampling rate of the recording")
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -68,13 +68,11 @@ def _faults(limits: Limits) -> Iterator[Problem]:
             low, high = interval(given)
             if not low < high:
                 key = f"limits.{joint}.{name}"
-                yield Problem("its lower limit is not below its upper one", key=key, value=low, code="limits")
+                yield Problem("its lower limit is not below its upper limit", key=key, value=low, code="limits")
     for sensor in limits.sensors:
         if sensor not in limits.noise:
-            message, hint = (
-                "has no noise level, so its information is unknown",
-                f"Add to `noise`: {sensor}: its standard deviation",
-            )
+            message = "has no noise level, so its information is unknown"
+            hint = f"Add its standard deviation to `noise`, such as {sensor}: 0.05"
             yield Problem(message, key=f"choose.{sensor}", hint=hint, code="noise")
     for key, values in limits.gains.items():
         if any(isinstance(value, str) for value in values):

@@ -1,4 +1,4 @@
-"""Motions of references: pieces of levels and sines, which begin and end at rest at the references of the start."""
+"""Motions of references: pieces of levels and sines. Each piece begins and ends at rest, at the references of the start."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.samples import Array
 
 KNOTS = 3
-"""Number of levels of a piece; its other curves are interpolated between the same number of values."""
+"""Number of levels of a piece, and number of values between which its frequency and other curves are interpolated."""
 LEVELS, SINES, FREQUENCIES, GOALS = (slice(i * KNOTS, (i + 1) * KNOTS) for i in range(4))
 PHASE, RISE = slice(4 * KNOTS, 4 * KNOTS + 1), slice(4 * KNOTS + 1, 4 * KNOTS + 2)
 PARTS, CHANCES = (LEVELS, SINES, FREQUENCIES, GOALS, PHASE, RISE), (0.25, 0.15, 0.25, 0.15, 0.1, 0.1)
@@ -19,7 +19,7 @@ the levels, frequencies, fractions of the limits to use, phase, and duration of 
 variation changes them.
 """
 WINDOWS = 8
-"""Number of windows of a piece; in each of them the motion is scaled into the limits."""
+"""Number of windows of a piece; the motion is scaled into the limits in each window separately."""
 SLOWEST, FASTEST = 0.3, 16.0
 """Lowest and highest frequency of the sines, Hz."""
 QUICKEST, LONGEST = 0.01, 0.25
@@ -56,7 +56,7 @@ class Piece:
 
     @property
     def goals(self) -> Array:
-        """Fraction of the limits (references, windows) that the motion is to use."""
+        """Wanted use of the limits (references, windows), as a fraction."""
         middles, knots = _middles(self.scales.shape[1]), np.linspace(0.0, 1.0, KNOTS)
         return np.array([np.interp(middles, knots, u[GOALS]) for u in self.numbers])
 
@@ -97,7 +97,7 @@ def step(presets: Array) -> Piece:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Piece:
-    """Piece whose parts are random, or those of a chirp with random frequencies and constant stiffness presets."""
+    """Chirp with random frequencies and constant stiffness presets, some of whose parts are replaced by random numbers."""
     first, last = SLOWEST * (FASTEST / SLOWEST) ** generator.random(2)
     base = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0]))
     for row in base.numbers:
@@ -108,7 +108,7 @@ def fresh(generator: np.random.Generator, presets: Array) -> Piece:
 
 
 def varied(piece: Piece, generator: np.random.Generator) -> Piece:
-    """Piece with some parts changed a little."""
+    """Piece with small random changes of some of its parts."""
     numbers, size = piece.numbers.copy(), 0.6 * 16.0 ** -generator.random()
     for _ in range(1 + generator.poisson(1.0)):
         part = PARTS[generator.choice(len(PARTS), p=CHANCES)]
@@ -122,7 +122,7 @@ def varied(piece: Piece, generator: np.random.Generator) -> Piece:
 
 
 def joined(pieces: Sequence[Piece], step: float, rows: int) -> Array:
-    """Motion (references, rows) of pieces of equal length, one after the other; the last row is at rest."""
+    """Motion (references, rows) of successive pieces of equal length; the last row is at rest."""
     edges = np.round(np.linspace(0, rows - 1, len(pieces) + 1)).astype(int)
     motion = np.zeros((len(pieces[0].scales), rows))
     for piece, first, last in zip(pieces, edges, edges[1:], strict=False):

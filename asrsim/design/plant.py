@@ -77,7 +77,7 @@ class MotionOutcome:
     """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
-    """Largest used fraction (bounds, windows) of each limit over all robots; a limit is exceeded above 1."""
+    """Used fraction (bounds, windows) of each limit, the largest of all robots; above 1 the limit is exceeded."""
     information: Array | None
     """Fisher matrices (robots, n, n); None if not computed, or if a robot is near chaos."""
 
@@ -150,7 +150,7 @@ class DesignPlant:
             return
         if mode.direct or not (mode.spring or mode.controller):
             message = f"a joint in mode {mode.number} ({mode.name}) does not return to rest by itself"
-            self._fault(f"limits.{drive.name}", message, hint="Drive it by a controller: modes 1, 5 and 6")
+            self._fault(f"limits.{drive.name}", message, hint="Choose a mode with a controller: 1, 5 or 6")
             return
         alone = drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2
         for slot, name in enumerate(mode.references[:1] if alone else mode.references):
@@ -162,10 +162,10 @@ class DesignPlant:
             if bound is None:
                 # A preset without a limit stays constant.
                 if not preset:
-                    message = f"the range of {name} is missing: give a limit of it, or of link_position"
+                    message = f"the range of {name} is missing: give a limit of {name}, or of link_position"
                     self._fault(f"limits.{drive.name}.{name}", message)
             elif not bound.low <= home <= bound.high:
-                self._fault(f"limits.{drive.name}.{bound.quantity}", f"the scenario begins outside of this limit, at {home:g}")
+                self._fault(f"limits.{drive.name}.{bound.quantity}", f"the scenario begins outside this limit, at {home:g}")
             else:
                 yield Reference(drive.name, name, slot, mode.units[slot], home, bound.low, bound.high)
 
@@ -231,8 +231,8 @@ class DesignPlant:
         return np.asarray(np.maximum.reduceat(shares, edges[:-1], axis=1))
 
     def _fisher(self, runs: Sequence[Array | None], moves: Sequence[Array], sensor: str) -> Array | None:
-        """Fisher matrix (n, n) from runs of a robot with its own and with slightly changed parameters; None if sensitivities
-        grow too much.
+        """Fisher matrix (n, n) of a robot, from runs with its parameters and with slightly changed parameters; None if a run
+        diverges, or if a sensitivity indicates chaos.
         """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):

@@ -1,4 +1,4 @@
-"""A design: reads the files, adds the information of earlier recordings, tries gains, and searches for the motion."""
+"""Design of an experiment: information of earlier recordings, choice of gains, and search for the motion."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SHORTEST, PROBE = 0.5, 0.2
 TRIED = 12
 """Number of random pieces that are tried, after the chirps, before a parameter is said to have no effect."""
 CHECKS, FACTOR = 24, 2.0
-"""Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
+"""Number of further robots on which a robust design must keep the limits; largest factor by which their parameters differ."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""
 
@@ -90,7 +90,8 @@ def design(
         after: Recordings of earlier experiments.
         robust: Number of further robots for which the motion is designed, too; their parameters differ by up to a factor of 2.
         rounds, seed: Length and random seed of the search.
-        progress: Receives the finished fraction. stop: Is called often; True ends the search with the best motion so far.
+        progress: Receives the finished fraction.
+        stop: Called often; True ends the search with the best motion so far.
         options: Options of `asrsim.identification.task_of`.
 
     Raises:
@@ -109,8 +110,8 @@ def design(
             remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
         with located(path):
             generator = np.random.default_rng(seed)
-            robots = [np.zeros(len(layout)), *(off(layout, generator) for _ in range(robust))]
-            robots += [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
+            robots = [np.zeros(len(layout)), *(altered(layout, generator) for _ in range(robust))]
+            robots += [altered(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
             plant = DesignPlant(ready, robot, layout, read, seconds, robots)
             stack.callback(plant.close)
             choices = [plant.under(dict(zip(read.gains, gains, strict=True))) for gains in product(*read.gains.values())]
@@ -130,7 +131,7 @@ def design(
         unknown = [key for key, half in zip(keys, intervals[DESIGN], strict=True) if half > 1.0]
         remarks += [*tried, *([f"this motion does not identify: {', '.join(unknown)}"] if unknown else [])]
         if best.name != DESIGN:
-            remarks.append(f"no motion was found that is better than: {best.name}")
+            remarks.append(f"no designed motion is better than this plain motion: {best.name}")
         return Design(
             scenario=ready, references=plant.references, step=plant.step, gains=search.plant.gains, keys=keys, found=best,
             intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
@@ -158,13 +159,15 @@ def _read(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     own = [one.key for one in free if one.own or one.key == CLOCK or one.key.rpartition(".")[2] in NOT_THE_ROBOTS]
     free = [one for one in free if one.key not in own]
     if not free:
-        raise InputError("nothing of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free")
-    remarks = [f"{key} belongs to a recording: the design ignores it" for key in own]
+        raise InputError(
+            "no parameter of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free"
+        )
+    remarks = [f"{key} belongs to a recording, so the design ignores it" for key in own]
     return scenario, given, make_layout(free, ties, ["design"], [{}]), remarks
 
 
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of recordings, reduced because parameters of the recordings, such as offsets, are estimated, too."""
+    """Fisher matrix (n, n) of recordings, if parameters of the recordings, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
@@ -173,7 +176,7 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
     return np.asarray(np.linalg.inv(covariance[np.ix_(mine, mine)]) - PRIOR * np.eye(len(mine)))
 
 
-def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
+def altered(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
     """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each parameter is multiplied or divided by
     exactly this factor.
     """

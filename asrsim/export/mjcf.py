@@ -26,8 +26,7 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Springs are fitted up to a multiple of the scenario's largest deflection; the second number is the smallest such range, rad.
-"""
+"""Range of deflections in which springs are fitted, as a multiple of the scenario's largest deflection; smallest range, rad."""
 TINY = 1e-9
 """Smallest mass (kg) and moment of inertia (kg m^2) of a body: MuJoCo rejects bodies without mass. Motors have this mass; their
 inertia is the armature of their joint.
@@ -45,7 +44,7 @@ LACKS = {
     "_integral": "its controllers have no integral action",
     "_stribeck_friction": CONSTANT,
     "_load_friction": CONSTANT,
-    "_friction_torque": "friction of its motors has no bristles: no pre-sliding",
+    "_friction_torque": "the friction of its motors has no pre-sliding",
     "_max_velocity": "its motors have no speed limit",
     "_max_voltage": "the voltage limit of its motors limits their torque at rest",
     "hysteresis_torque": "its springs have no hysteresis",
@@ -55,7 +54,7 @@ LACKS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Mjcf:
-    """A model for MuJoCo, and what the model lacks."""
+    """A model for MuJoCo, and remarks on parts of the scenario that the model lacks."""
 
     spec: Any
     """The model as an MjSpec; `asrsim.engines.mujoco_library.exact_xml` gives its text."""
@@ -87,13 +86,13 @@ def model_of(
     robot, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
     spec = assemble(mujoco, scenario, robot, centre=np.zeros(3), shapes=True)
     spec.modelname, spec.modelfiledir = robot.name, str(path.parent.absolute())
-    spec.comment = " Made by asrsim export. Controls are the motors' own: position, torque, voltage or current. "
+    spec.comment = " Made by asrsim export. Controls are the inputs of the motors: position, torque, voltage or current. "
     spec.compiler.degree = False
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.timestep = timestep or scenario.step
     bodies = {link.name: spec.body(link_body(link.name)) for link in robot.links}
     for link in robot.links:
-        _complete(spec, bodies[link.name], link)
+        _describe(spec, bodies[link.name], link)
     for name, place in merged.places.items():
         if name not in bodies:
             turn = quaternion_wxyz(roll_pitch_yaw(place.pose.rotation))
@@ -108,8 +107,8 @@ def model_of(
         )
         joint, drive = spec.joint(stepped.name), stepped.drive
         joint.stiffness[0], joint.springref = stepped.joint.spring_stiffness, stepped.joint.spring_reference
-        _limit(joint, *stepped.joint.stops)
-        _rub(joint, stepped.constant_damping, stepped.joint.friction)
+        _set_stops(joint, *stepped.joint.stops)
+        _set_losses(joint, stepped.constant_damping, stepped.joint.friction)
         if drive is not None and drive.mode.spring:
             if not drive.mode.motor:
                 raise ScenarioError(
@@ -153,7 +152,7 @@ def motor_name(joint: str, index: int) -> str:
     return f"{joint}/motor_{index}"
 
 
-def _complete(spec: Any, body: Any, link: Link) -> None:
+def _describe(spec: Any, body: Any, link: Link) -> None:
     """Add name, inertia and visuals of a link to its body."""
     # MuJoCo reserves the name "world".
     body.name = "world_link" if link.name == "world" else link.name
@@ -167,14 +166,14 @@ def _complete(spec: Any, body: Any, link: Link) -> None:
         geom.group, geom.contype, geom.conaffinity, geom.rgba = VISUAL_GROUP, 0, 0, shape.colour or geom.rgba
 
 
-def _limit(joint: Any, low: float, high: float) -> None:
+def _set_stops(joint: Any, low: float, high: float) -> None:
     """Add stops to a joint, if it has any."""
     if math.isfinite(low) or math.isfinite(high):
         joint.range = np.clip([low, high], -1e6, 1e6)
         joint.solref_limit, joint.solimp_limit = STOP_SOLREF, STOP_SOLIMP
 
 
-def _rub(joint: Any, damping: float, friction: float) -> None:
+def _set_losses(joint: Any, damping: float, friction: float) -> None:
     """Add damping and friction to a joint."""
     joint.damping[0], joint.frictionloss = damping, friction
     if friction:
@@ -215,8 +214,8 @@ def _motors(spec: Any, drive: Drive, splines: Sequence[Spline]) -> None:
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
         body = spec.worldbody.add_body(name=name, mass=TINY, inertia=[TINY] * 3, ipos=[0.0] * 3, explicitinertial=True)
         joint = body.add_joint(name=name, armature=drive.motor_inertia[i])
-        _limit(joint, *drive.motor_ranges[i])
-        _rub(joint, drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
+        _set_stops(joint, *drive.motor_ranges[i])
+        _set_losses(joint, drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
         for number, (low, high, *stiffness) in enumerate(spline.pieces.tolist(), start=1):
             spring = spec.add_tendon(name=f"{drive.joint}/spring_{i + 1}/{number}", stiffness=stiffness)
             spring.springlength = [low, high]

@@ -23,7 +23,7 @@ FIELDS = {
 WIDTH = 1.96
 """Half-width of a 95 % interval, in standard deviations."""
 HEADING = """\
-# Ranges by asrsim export: 95 % intervals of {}, each with the other parameters at their best values.
+# Ranges by asrsim export: 95 % intervals of {}, each with the other parameters at their estimates.
 # fields: fields of MjModel, by element: values at `low` and at `high`; between them the fields are nearly linear.
 # Draw one number from 0 to 1 for each parameter, and use it for all of its fields.
 """
@@ -49,16 +49,15 @@ def write_ranges(fit: Fit, compiled: Callable[[dict[str, float]], Any], path: Pa
     import yaml
 
     ranges: dict[str, Any] = {}
+    rows = fit.interval(WIDTH)
     for i, key in enumerate(fit.keys):
-        rows = fit.interval(WIDTH)
         ends = [float(row[i]) for row in rows]
         models = [compiled({name: value for name, value in fit.assign(row).items() if name in fit.groups[i]}) for row in rows]
-        fields: dict[str, dict[str, list[Any]]] = {}
+        model, fields = models[0], dict[str, dict[str, list[Any]]]()
         for kind, names in FIELDS.items():
             for field in names:
-                below, above = (getattr(model, field) for model in models)
+                below, above = (getattr(each, field) for each in models)
                 for row in np.flatnonzero((below != above).reshape(len(below), -1).any(axis=1)).tolist():
-                    model = models[0]
                     element = model.joint(int(model.dof_jntid[row])) if kind == "dof" else getattr(model, kind)(row)
                     fields.setdefault(field, {})[element.name] = [below[row].tolist(), above[row].tolist()]
         ranges[key] = {"low": ends[0], "high": ends[1], "fields": fields}

@@ -56,7 +56,7 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
         names = [name for name in worlds.selection.names if name.startswith(kinds)]
         found = {name: values[0] for name, values in worlds.rollout(names).items()}
     if not np.isfinite(found["link_position"]).all():
-        raise SimulationError("the scenario diverges in asrsim itself: run it by `asrsim run` first")
+        raise SimulationError("the scenario diverges in asrsim itself: find the cause by `asrsim run` first")
     return found
 
 

@@ -53,7 +53,7 @@ def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knot
     """
     saturates, edge = limit <= reach, min(limit, reach)
     x, constant = np.linspace(0.0, edge, POINTS), law(0.0)
-    # Torques over positive deflections: of the law, and of the law turned by 180 degrees.
+    # Torques over positive deflections: law(x), and -law(-x) for negative deflections.
     sides = {
         sign: sign * (np.array([law(sign * value) for value in x.tolist()]) - constant * (1.0 + sign * x / FAR))
         for sign in (1.0, -1.0)

@@ -27,14 +27,14 @@ from asrsim.identification.task import Tie
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 
-ASKED = 20.0
+SIGNIFICANT = 20.0
 """Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
 """Largest number of extensions that are refitted in a round, the most promising first; largest number of extensions that are
 adopted.
 """
-LOOK = 1e-3
-"""Step of finite differences along a new entry of the parameter vector, in the vector's units."""
+PROBE_STEP = 1e-3
+"""Step of finite differences for a new entry of the parameter vector, in the vector's units."""
 FAR_OFF = 4.0
 """Mean square residual, relative to the noise, above which a model counts as badly fitting."""
 
@@ -61,24 +61,25 @@ class Extension:
     def accepts(self, before: float, after: float, samples: float) -> bool:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
-        return bool(not far and after <= self.share * before and samples * np.log(before / max(after, 1e-300)) > ASKED)
+        return bool(not far and after <= self.share * before and samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT)
 
 
-class _Place:
-    """The point of the parameter space at which extensions are compared, with residuals and derivatives."""
+class _Optimum:
+    """The parameter vector at which extensions are compared, with its residuals and derivatives."""
 
     def __init__(self, problem: Problem, x: Array) -> None:
-        self.x, self.there = x, residuals(problem, x)
-        self._free = np.linalg.qr(jacobian(problem, x, base=self.there))[0]
-        self._left = self.alone(self.there)
+        self.x, self.residuals = x, residuals(problem, x)
+        self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
+        """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
+        self._left = self.uncompensated(self.residuals)
 
-    def alone(self, change: Array) -> Array:
+    def uncompensated(self, change: Array) -> Array:
         """Part of a change (m,) or (m, k) of the residuals that the free parameters cannot compensate."""
         return np.asarray(change - self._free @ (self._free.T @ change))
 
     def promises(self, extension: Extension) -> Iterator[tuple[float, Extension, Array]]:
-        """Fraction of the squared error that an extension would explain to first order, and start vector for a refit with the
-        extension.
+        """Yield, for each start of an extension, the fraction of the squared error that it would explain to first order, the
+        extension with suitable substeps, and the start vector of a refit.
         """
         from scipy.optimize import lsq_linear
 
@@ -87,11 +88,11 @@ class _Place:
             start, trial = np.append(self.x, begin), extension.problem
             trial = with_own_substeps(trial, start) if extension.restepped else trial
             if extension.begins:
-                change, limits = (residuals(trial, start) - self.there)[:, None], (np.zeros(1), np.full(1, np.inf))
+                change, limits = (residuals(trial, start) - self.residuals)[:, None], (np.zeros(1), np.full(1, np.inf))
             else:
-                change = jacobian(trial, start, LOOK, base=self.there, columns=new)
+                change = jacobian(trial, start, PROBE_STEP, base=self.residuals, columns=new)
                 limits = np.minimum(low[new], -1e-9), high[new]
-            alone = self.alone(change)
+            alone = self.uncompensated(change)
             moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
             entries = extension.problem.layout.entries[new.start :]
             if not extension.begins or not any(entry.parameter.logarithmic for entry in entries):
@@ -103,7 +104,7 @@ class _Place:
     def _share(self, change: Array) -> float:
         """Fraction of the squared error that a change of the residuals explains; 0 if the fraction is not significant."""
         before, after = float(self._left @ self._left), float(np.sum((self._left + change) ** 2))
-        return 1.0 - after / before if (before - after) * len(change) > ASKED * after else 0.0
+        return 1.0 - after / before if (before - after) * len(change) > SIGNIFICANT * after else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +125,13 @@ def extended(
     problem: Problem, x: Array, propose: Propose, *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
     rounds: int = 60,
 ) -> Extended:  # fmt: skip
-    """Problem with added extensions: the most explanatory is added first, until `enough` is true or no further extension is
-    significant.
+    """Problem with added extensions: in each round, the extension with the smallest remaining error is added, until `enough` is
+    true or no further extension is significant.
     """
     found = Extended((), problem, x, huber(residuals(problem, x)))
     while len(found.chosen) < most and not enough(found.problem, found.x):
-        place, proposed = _Place(found.problem, found.x), list(propose(found.problem, found.x))
-        promised = [max(place.promises(one), key=lambda promise: promise[0]) for one in proposed]
+        optimum, proposed = _Optimum(found.problem, found.x), list(propose(found.problem, found.x))
+        promised = [max(optimum.promises(one), key=lambda promise: promise[0]) for one in proposed]
         trials = []
         for share, extension, start in sorted(promised, key=lambda promise: -promise[0])[:TRIED]:
             if not share:
@@ -164,7 +165,7 @@ MUCH = 0.5
 STAIRS = 0.9
 """A command is played as a staircase if at most this fraction of the mean square error then remains."""
 EXPLAINED = 0.9
-"""No further causes are sought if the suspected causes explain this fraction of the squared misfit beyond the noise."""
+"""The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise."""
 PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 FURTHER = 0.8
@@ -175,8 +176,8 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 """Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
-BITES = (0.75, 0.3, 2.0)
-"""Fractions of the largest torque or speed at which another limit is tried."""
+LIMIT_FACTORS = (0.75, 0.3, 2.0)
+"""Limits that are tried, as fractions of the largest simulated torque or speed of the motor."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
@@ -190,8 +191,8 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 def stairs(problem: Problem) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     for key in _commands(problem, hold=False):
-        if key not in problem.playing.held:
-            yield Extension(problem=problem.played(problem.playing.held | {key}), begins=((),), share=STAIRS)
+        if key not in problem.playing.staircases:
+            yield Extension(problem=problem.played(problem.playing.staircases | {key}), begins=((),), share=STAIRS)
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
@@ -227,13 +228,14 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
         problem, x, _causes, most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
     )  # fmt: skip
-    # The fit without the causes may have moved parameters so far that they have no effect. Then their start values are better.
+    # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start values is
+    # tried, too.
     again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
     found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
     rest = mean_square(found.problem, found.x)
     if found.chosen and rest <= base - PARTLY * excess:
         yield _suspected(problem, found, base, rest, complete=rest <= target)
-    yield from _amplitude(problem, x)
+    yield from _varying_springs(problem, x)
 
 
 def _suspected(problem: Problem, found: Extended, base: float, rest: float, *, complete: bool) -> str:
@@ -279,7 +281,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     own = {entry.parameter.key for entry in problem.layout.entries if entry.track is not None}
     channels = problem.tracks[problem.fitted[0]].channels
     for channel, part, off in zip(channels, problem.parts, differences(problem, x), strict=False):
-        # A compared torque is the recorded command.
+        # If a torque is compared, it is the recorded command of the joint.
         key, zeroed = channel.guide.command if channel.guide else channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
         offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
@@ -298,7 +300,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that free springs, friction, damping, hysteresis and motor limits that are not free."""
+    """Extensions that free fixed springs, friction, damping, hysteresis and motor limits."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), _taken(problem)
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
@@ -321,7 +323,7 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 others = [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1)
                 limit = Parameter(key=key, unit=unit, start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
                 text = f"a limit motor_1_max_{what} of {joint}"
-                yield _cause(text, problem, limit, others=others, begins=tuple(np.log(BITES)))
+                yield _cause(text, problem, limit, others=others, begins=tuple(np.log(LIMIT_FACTORS)))
 
 
 def _commands(problem: Problem, *, hold: bool = True) -> list[str]:
@@ -357,21 +359,21 @@ def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
             yield tie, freed(problem.under(without), [parameter])
 
 
-def ties_that_are_none(problem: Problem, x: Array) -> Iterator[str]:
+def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
     """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
     if not problem.layout.ties:
         return
-    place = _Place(problem, x)
+    optimum = _Optimum(problem, x)
     for tie, wider in _without_ties(problem, x):
-        ((share, _, start),) = place.promises(Extension(problem=wider))
+        ((share, _, start),) = optimum.promises(Extension(problem=wider))
         tied, free = (wider.layout.entries[-1].value(move) for move in (0.0, float(start[-1])))
-        significant = -np.log(1.0 - share) * independent_samples(place.there) > ASKED
+        significant = -np.log(1.0 - share) * independent_samples(optimum.residuals) > SIGNIFICANT
         if significant and abs(free - tied) > DIFFERENT * abs(tied):
             yield f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(abs(free / tied - 1.0))}"
 
 
-def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences on springs whose stiffness depends on the deflection: backlash, or a different spring law."""
+def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on springs whose stiffness varies with the amplitude: backlash is missing, or the spring law is wrong."""
     left, numbers = residuals(problem, x), problem.blocks(PARTS)
     for i, entry in enumerate(problem.layout.entries):
         if not entry.parameter.logarithmic or not any(word in entry.name for word in SPRINGS):

@@ -128,7 +128,7 @@ class Data:
     guides: tuple[Channel, ...] = ()
     """Recorded positions that joints follow exactly and that are therefore not compared."""
     remarks: tuple[str, ...] = ()
-    held: bool
+    predicted_only: bool
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
 
@@ -136,10 +136,10 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     """Read all recordings; the fitted recordings come first. Raises InputError with the problems of all recordings."""
     found: list[Data] = []
     problems: list[Problem] = []
-    for held, experiments in ((False, task.experiments), (True, task.validate)):
+    for predicted_only, experiments in ((False, task.experiments), (True, task.validate)):
         for experiment in experiments:
             try:
-                found.append(_read(task, experiment, scenario, robot, held=held))
+                found.append(_read(task, experiment, scenario, robot, predicted_only=predicted_only))
             except InputError as error:
                 problems += error.problems
     if problems:
@@ -147,7 +147,7 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     return found
 
 
-def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, held: bool) -> Data:
+def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, predicted_only: bool) -> Data:
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
     # `init` writes recorded motor positions as references of mode 2.
@@ -157,9 +157,10 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     missing = [joint for joint in idle if joint in recorded - commanded and not scenario.references_of(joint)]
     if missing:
         raise RecordingError(
-            f"the commands of {', '.join(missing)} are missing in the columns and in the scenario; "
-            f"its columns: {', '.join(list(recording.channels)[:30])}", file=recording.path, code="no-command",
-            hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
+            f"the commands of {', '.join(missing)} are missing in the recording and in the scenario; "
+            f"the columns of the recording are {', '.join(list(recording.channels)[:30])}",
+            file=recording.path, code="no-command",
+            hint=f"Name the column: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )  # fmt: skip
     remarks = [*plan.remarks]
     channels = tuple(_channels(task, plan, remarks))
@@ -174,7 +175,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
         name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
-        channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks), held=held,
+        channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
+        predicted_only=predicted_only,
     )  # fmt: skip
 
 
@@ -191,14 +193,14 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
 
 
 def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
-    """Recorded quantities that are compared: those of the task, or all that the simulation computes and that were measured."""
+    """Compared channels: the quantities that the task names, or all measured quantities that the simulation computes."""
     possible = {
         f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in COMPARABLE
     }
     unknown = [key for key in task.compare if key not in possible]
     if unknown:
         problem = Problem(
-            "is not in the recording, or is its command", key=unknown[0], file=plan.recording.path,
+            "is not in the recording, or is a command that is played", key=unknown[0], file=plan.recording.path,
             choices=tuple(possible), code="unknown-key",
         )  # fmt: skip
         raise RecordingError(problem)
@@ -237,8 +239,8 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
-    """Mapped columns that are multiples of another column, with the name of the other column. If both columns are mapped, the
-    column with the position counts as measured.
+    """Mapped columns that are linear functions of another column, each with the name of the other column. If both columns are
+    mapped, the column with the position counts as measured.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]

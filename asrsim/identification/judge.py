@@ -22,7 +22,7 @@ WHITE = 0.3
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
-"""Number of standard deviations of a prediction that noise of the commands and uncertainty of the estimates may explain."""
+"""Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
 EXPLAINED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4

@@ -72,12 +72,12 @@ class Meter:
     evaluations: int = 0
     cost: float = np.inf
     """Smallest mean Huber loss of the present search."""
-    tell: Callable[[], None] = lambda: None
+    observe: Callable[[], None] = lambda: None
 
     def count(self) -> None:
         """Count an evaluation and call the observer."""
         self.evaluations += 1
-        self.tell()
+        self.observe()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +106,16 @@ class Problem:
     @property
     def whole(self) -> Problem:
         """Problem in which the held-out parts are fitted, too."""
-        return replace(self, ends=tuple(0.0 if track.data.held else track.data.duration for track in self.tracks))
+        return replace(self, ends=tuple(0.0 if track.data.predicted_only else track.data.duration for track in self.tracks))
 
     @property
     def everything(self) -> Problem:
         """Problem that covers all recordings to their ends, fitted or not."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
-    def played(self, held: frozenset[str]) -> Problem:
+    def played(self, staircases: frozenset[str]) -> Problem:
         """Problem in which the commands with given keys are played as staircases."""
-        return replace(self, playing=replace(self.playing, held=held))
+        return replace(self, playing=replace(self.playing, staircases=staircases))
 
     def under(self, layout: Layout) -> Problem:
         """Problem with another layout of free parameters."""

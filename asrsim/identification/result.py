@@ -75,7 +75,7 @@ def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Esti
 
 
 def bounds_met(layout: Layout, x: Array) -> list[bool]:
-    """Whether each entry is at one of its bounds."""
+    """Whether each entry of the parameter vector is at its lower or upper bound."""
     low, high = layout.bounds
     near = 1e-4 * np.minimum(np.where(np.isfinite(high - low), high - low, 1.0), 1.0)
     met: list[bool] = ((x - low < near) | (high - x < near)).tolist()
@@ -167,10 +167,15 @@ class Result:
     """Effects that the model may lack."""
     remarks: tuple[str, ...]
     evaluations: int
+    """Number of simulations."""
     seconds: float
+    """Duration of the fit, s."""
     how: str
+    """Name of the start from which the search reached the best fit."""
     attempts: int
+    """Number of starts that were tried."""
     successes: int
+    """Number of starts from which the search reached the smallest error."""
     status: str
     """Status of the fit: complete, unfinished (time limit reached), interrupted or checked."""
     x: Array

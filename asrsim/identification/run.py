@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import missing_causes, ties_that_are_none
+from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square
 from asrsim.identification.result import ACCEPTABLE, Result, bounds_met, doubted, estimates
@@ -51,7 +51,7 @@ UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 
 
 class Watch:
-    """Observer that calls the user's functions between evaluations, and ends the search at its time limit."""
+    """Observer that calls the user's functions between evaluations, and ends the search when its time is over."""
 
     def __init__(
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
@@ -84,7 +84,7 @@ class Watch:
             self._report()
 
     def in_time(self, found: Callable[[], Iterable[str]]) -> list[str]:
-        """Results of an optional computation; empty if the time limit is reached during the computation."""
+        """Results of an optional computation; empty if the time limit is reached before its end."""
         self.limit = self._seconds
         try:
             return list(found())
@@ -154,7 +154,7 @@ def identify(
         if any(np.isnan(left).any() for part, left in parts if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        problem.meter.tell = watch.tick
+        problem.meter.observe = watch.tick
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
         watch.limit = math.inf
@@ -188,7 +188,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
-    misfit += ties_that_are_none(final, x) if complete else ()
+    misfit += contradicted_ties(final, x) if complete else ()
     accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
     found = found.of_a_block if accepted else found
     known, combined = estimates(final, x, found, met)
@@ -203,7 +203,7 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={
-            c.source: "hold" if c.hold or c.key in problem.playing.held else "smooth"
+            c.source: "hold" if c.hold or c.key in problem.playing.staircases else "smooth"
             for track in problem.tracks for c in track.data.commands
         },
     )  # fmt: skip
@@ -252,13 +252,13 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
 def _remarks(setup: Setup, best: Best) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
     keys = {entry.parameter.key for entry in best.problem.layout.entries}
-    for key in sorted(keys - setup.asked):
+    for key in sorted(keys - setup.freed):
         if key.endswith("friction_stiffness"):
             yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
-    if held := best.problem.playing.held:
+    if staircases := best.problem.playing.staircases:
         yield (
-            f"{', '.join(sorted(held))}: played as a staircase, since the recording shows that each sample was held until the "
-            "next (`interpolation: hold` of the scenario's playback)"
+            f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held until "
+            "the next (`interpolation: hold` of the scenario's playback)"
         )
     for track in best.problem.tracks:
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)

@@ -25,8 +25,8 @@ from asrsim.identification.setup import Setup
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
-"""Successive fractions of the training part that are fitted, so that predicted and recorded oscillations differ by less than
-half a period.
+"""Successive fractions of the training part that are fitted. The growth is slow enough that predicted and recorded oscillations
+differ by less than half a period.
 """
 AGREED = 2
 """Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
@@ -35,7 +35,7 @@ SPREAD = 3.0
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
-    """Raised between evaluations when the user stops the fit."""
+    """Raised between evaluations when the user stops the fit, or when its time is over."""
 
 
 @dataclass
@@ -61,10 +61,13 @@ class Best:
             self.successes += 1
 
 
-def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
-    """Search from several starts until the model fits, and store the best fit in `best`."""
+def search(best: Best, setup: Setup, begin: Callable[[str], None]) -> None:
+    """Search from several starts until the model fits, and store the best fit in `best`.
+
+    begin: called with the name of each start.
+    """
     for number, (how, start, horizons) in enumerate(islice(_attempts(best, best.x.copy()), setup.task.starts)):
-        tell(how)
+        begin(how)
         # Far from the solution, staircase commands might fit better by chance.
         problem = best.problem.played(frozenset())
         x = np.append(start, np.zeros(len(problem.layout) - len(start)))

@@ -24,7 +24,7 @@ class Setup:
     task: Task
     scenario: Scenario
     robot: Robot
-    asked: frozenset[str]
+    freed: frozenset[str]
     """Keys of the parameters that the task frees."""
     problem: Problem
 
@@ -49,25 +49,27 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     commands = {command.key: command.unit for one in data for command in one.commands}
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
-    asked = frozenset(parameter.key for parameter in free)
-    trusted = {key.removesuffix(".offset") for key in asked if key.endswith("_position.offset")}
+    freed = frozenset(parameter.key for parameter in free)
+    trusted = {key.removesuffix(".offset") for key in freed if key.endswith("_position.offset")}
     tracks = []
     for one in data:
-        tracks.append(Track(scenario, given, guided(one, robot, asked), trusted))
+        tracks.append(Track(scenario, given, guided(one, robot, freed), trusted))
         stack.callback(tracks[-1].close)
     # Initial states are free for links that start in motion, or at other positions than in the scenario.
-    starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
-    free += [known[key] for key in starts if key not in asked]
+    starts = dict.fromkeys(key for track in tracks if not track.data.predicted_only for key in track.uncertain)
+    free += [known[key] for key in starts if key not in freed]
     # Recordings that are not fitted keep the start values of their separate parameters.
-    layout = make_layout(free, ties, [one.name for one in data], [track.initial for track in tracks if not track.data.held])
+    layout = make_layout(
+        free, ties, [one.name for one in data], [track.initial for track in tracks if not track.data.predicted_only]
+    )
     share = 0.0 if task.validate else task.hold_out
-    ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
+    ends = tuple(0.0 if t.data.predicted_only else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
     problem = Problem(
         tuple(tracks), layout, max((track.playing for track in tracks), key=lambda one: one.substeps), weights, ends, Meter()
     )
     count = problem.parts[-1].rows.stop
     if count <= len(layout):
-        message = f"{count} samples are fewer than the {len(layout)} parameters need"
+        message = f"{count} samples are too few for {len(layout)} parameters"
         raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
-    return Setup(task, scenario, robot, asked, problem)
+    return Setup(task, scenario, robot, freed, problem)

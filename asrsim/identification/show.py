@@ -95,10 +95,8 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     known = [one for one in result.channels if math.isfinite(one.explained)]
     if known:
         worst = min(known, key=lambda one: one.explained)
-        yield (
-            f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}, and more of the other channels",
-            "red",
-        )
+        others = ", and more of the other channels" if len(known) > 1 else ""
+        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}{others}", "red"
     if result.accepted:
         yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:
@@ -135,7 +133,7 @@ LONGEST = 600
 
 @dataclass(frozen=True)
 class _Motion:
-    """Recorded motion of a joint: range of positions (rad, m), largest speed, and bandwidth (Hz)."""
+    """Motion of a joint in the recordings: unit and range of its positions, largest speed, and bandwidth (Hz)."""
 
     unit: str
     low: float = np.inf
@@ -157,8 +155,8 @@ def _moved(result: Result) -> dict[str, _Motion]:
 
 
 def advice(result: Result) -> Iterator[str]:
-    """Sentences that name the motions by which parameters with wide intervals could be identified; none before the causes of a
-    misfit are mended.
+    """Sentences that name the motions by which parameters with wide intervals could be identified; none if causes of a misfit
+    are suspected, which must be mended first.
     """
     if result.causes:
         return
@@ -183,9 +181,9 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
     """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
     unit, speed, band = was.unit, was.speed, was.band
     if "friction" in name:
-        return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
+        return f"move {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
     if "damping" in name:
-        return f"turn {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
+        return f"move {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
     if "inertia" in name or name in ("mass", *INERTIAS):
         return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
     if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
@@ -195,8 +193,8 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
 
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """Path of a limits file, and the command that designs the next experiment within the recorded limits; both are empty
-    if every parameter is identified, or if the causes of a misfit are to be mended first.
+    """Write a limits file with the recorded ranges; return its path, and the command that designs the next experiment within
+    them. Both are empty if every parameter is identified, or if the causes of a misfit must be mended first.
     """
     import yaml
 

@@ -101,7 +101,7 @@ class Playing:
     """How a recording's commands are played, and how many substeps the simulation takes."""
 
     substeps: Substeps
-    held: frozenset[str] = frozenset()
+    staircases: frozenset[str] = frozenset()
     """Keys of commands that are played as staircases: each sample is constant until the next."""
     draw: int | None = None
     """Random seed of the noise that is added to the recorded commands; None: no noise."""
@@ -140,7 +140,7 @@ class Track:
     # -- initial state -------------------------------------------------------------------------------------------------
 
     def _begin(self, trusted: Set[str]) -> None:
-        """Set the initial state to the scenario's, unless the recording contradicts the scenario."""
+        """Set the initial state of the scenario, or of the recording where the recording contradicts the scenario."""
         for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
             keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
@@ -239,7 +239,7 @@ class Track:
     def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         table: dict[str, dict[str, Played]] = {}
         for command in drawn(self.data.commands, playing.draw):
-            one = command.as_stairs if command.key in playing.held else command
+            one = command.as_stairs if command.key in playing.staircases else command
             own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
             step = self.scenario.step / playing.substeps[0]
             table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)

@@ -28,7 +28,7 @@ CORNER = 1e-5
 deviations.
 """
 REACH = 1e-3
-"""Longest step with which a directional derivative is computed, in the vector's units."""
+"""Largest step of a directional derivative, in the vector's units."""
 DRAWS = 100
 """Number of random draws of an encoder's quantisation."""
 AGREES, ROUNDS = 0.3, 4
@@ -194,8 +194,8 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 def uncertainty(
     problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False, quick: bool = False
 ) -> Uncertainty:
-    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: assume that the residuals are white
-    noise; quick: compute derivatives with one simulation for each entry.
+    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: the residuals are assumed to be white
+    noise; quick: derivatives are computed with one simulation for each entry.
     """
     n = len(x)
     left = residuals(problem, x)

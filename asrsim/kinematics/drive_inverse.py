@@ -1,8 +1,8 @@
 """Inverse models of one joint's drive: the input that holds a load at rest, and the input for a torque on a moving link.
 
-The springs' law is inverted numerically, so that this works for every registered actuator. In motion, the lag of the motors
-behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position theta, gains
-P, I and D, inertia J, damping B, friction F and spring torque tau_el:
+The springs' law is inverted numerically, so that the inverse models work for every registered actuator. In motion, the lag of
+the motors behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position
+theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_el:
 
     P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
@@ -25,7 +25,7 @@ from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 SEARCH = 16.0
-"""Largest distance of the equilibrium from the link position in the search, rad or m: a few turns of a motor."""
+"""Largest distance between equilibrium and link position in the search, rad or m: a few turns of a motor."""
 EXACT = 1e-9
 """Largest relative error of the torque at which the spring counts as holding the load."""
 SLOW = 0.02
@@ -83,7 +83,9 @@ def equilibria_for_loads(
     where = f"at position {positions[row]:.4g} rad"
     if missing[row]:
         largest = springs[:, row].sum()
-        message = f"the spring cannot hold {loads[row]:.4g} N m {where}: the most it can hold that way is {largest:.4g} N m"
+        message = (
+            f"the spring cannot hold {loads[row]:.4g} N m {where}: its largest torque in this direction is {largest:.4g} N m"
+        )
         hint, code = "choose a stiffer preset or spring, or another posture", "spring-too-weak"
     else:
         motor = int(np.argmax(overloaded[:, row]))

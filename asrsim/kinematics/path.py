@@ -72,7 +72,7 @@ class PoseTrajectory:
         """Positions (n, 3) and rotations (n, 3, 3) (or None) at `time` (n,)."""
         from scipy.spatial.transform import Rotation, Slerp
 
-        # A single pose is reached at time 0, and kept for ever.
+        # A single pose holds from time 0 to the end.
         times = self.times if len(self.times) > 1 else np.array([0.0, 1.0])
         rows = np.arange(len(times)) % len(self.times)
         inside = np.clip(time, times[0], times[-1])
@@ -123,7 +123,7 @@ def follow(
     time: ascending times (n,), s; the loop takes one step per entry. moving: mask of the joints that may move (None: all).
     gain: gain on position and orientation errors, 1/s. damping: damping factor of the least squares, in m for position rows
     and in rad for orientation rows.
-    No joint passes its stop: it is placed at the stop, and the other joints take over as much of the motion as they can.
+    A joint that would pass its stop is placed at the stop; the other joints take over as much of the motion as they can.
     """
     wanted, turned = trajectory.at(time)
     free = np.ones(len(start), dtype=bool) if moving is None else moving

@@ -157,8 +157,7 @@ def _text(point: Array) -> str:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """Scenario in which references replace the task and the desired motions; unchanged if the scenario has no task and no
-    desired motions.
+    """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither.
 
     robot: the robot with the scenario's modes and parameters. Presets in the scenario's references are kept, and gravity
     compensation accounts for them. Raises ScenarioError for poses that cannot be reached and loads that cannot be held.

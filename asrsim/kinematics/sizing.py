@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
-"""Sag above which a joint is reported as falling, as a fraction of the joint's scale."""
+"""Sag above which a joint counts as falling, as a fraction of the joint's scale."""
 SLIDING = 0.2
 """Displacement of a prismatic joint that counts as much as 1 rad of a revolute joint, m: the tip of a link of this length moves
 as far."""
@@ -47,6 +47,8 @@ TABLE = 401
 """Number of link positions at which the torque of a drive is tabulated."""
 FARTHEST = 4.0
 """Largest tabulated distance from the reference, rad or m."""
+INSTANTS = 8
+"""Largest number of instants of a run that are checked."""
 POSTURES = 64
 """Number of random postures from which the variation of gravity's torque is estimated."""
 
@@ -129,15 +131,16 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
-    """Instants (n,) to check, s: the start, the end, and extremes of the references."""
+    """Instants (n,) to check, s: the start, the end, and a choice of the extremes of the references."""
     grid = np.linspace(0.0, scenario.duration, 101)
     chosen = {0.0, float(scenario.duration)}
     for block in blocks:
         for signal in scenario.references_of(block.joint).values():
             values = signal.values(grid)
             chosen |= {float(grid[int(np.argmin(values))]), float(grid[int(np.argmax(values))])}
-    ordered = sorted(chosen)
-    return np.array(ordered if len(ordered) <= 8 else ordered[:: -(-len(ordered) // 8)])
+    ordered = np.array(sorted(chosen))
+    kept = np.linspace(0, len(ordered) - 1, min(len(ordered), INSTANTS))
+    return np.asarray(ordered[kept.round().astype(int)])
 
 
 class _Joint:

@@ -26,7 +26,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.twin import Twin
 
-MARK = "# asrsim twin: what acted on the robot"
+MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
 """Offset between the clocks of positions and commands above which a note is given, s."""
 LONGEST = 60.0
@@ -81,7 +81,7 @@ def follow(
     lag: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
     progress: Callable[[float], None] = lambda share: None, stop: Callable[[], bool] = lambda: False,
 ) -> Followed:  # fmt: skip
-    """Let a twin follow a recording of positions and commands.
+    """Estimates of a twin that follows a recording of positions and commands.
 
     Args:
         scenario: Scenario of the robot. If the sampling interval of the recording is longer than the scenario's step, it
@@ -106,7 +106,7 @@ def follow(
     plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
     positions = {joint: column for joint, column in plan.compared if column.quantity == "link_position"}
     if not positions:
-        message, hint = "has no position of any link: a twin needs link_position", ", ".join(list(read.channels)[:30])
+        message, hint = "has no position of a link, which a twin needs (link_position)", ", ".join(list(read.channels)[:30])
         raise RecordingError(message, file=recording, hint=f"Columns: {hint}", code="twin-positions")
     stamps = next(iter(positions.values())).time - lag
     step = round(float(np.median(np.diff(stamps))), 6)
@@ -152,13 +152,13 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
         count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
         for slot, reference in enumerate(references_of(drive)[:count]):
             if (one := played.get((drive.name, slot))) is None:
-                notes.append(f"{drive.name}: no command {reference} is recorded: it follows the scenario")
+                notes.append(f"{drive.name}: no command {reference} is recorded, so it follows the scenario")
                 continue
             good = np.isfinite(one.column.values)
             stamps, values = one.column.time[good], one.column.values[good]
             if stamps[0] > time[-1] or stamps[-1] < time[0]:
                 text = f"{stamps[0]:g} to {stamps[-1]:g} s, does not overlap the positions, {time[0]:g} to {time[-1]:g} s"
-                notes.append(f"{drive.name}: its command {reference}, {text}: it follows the scenario")
+                notes.append(f"{drive.name}: its command {reference}, {text}, so it follows the scenario")
                 continue
             if one.hold:
                 # Two samples at each time: the values before and after the jump.
@@ -178,7 +178,7 @@ def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
         if found is not None and abs(found.seconds) > APART:
             when = "later" if found.seconds > 0.0 else "earlier"
             text = f"its positions follow the commands {abs(found.seconds):.3g} s {when} than in the model"
-            yield f"{drive.name}: {text}: are their clocks apart? --lag {found.seconds:.3g} aligns them"
+            yield f"{drive.name}: {text}: do their clocks differ? --lag {found.seconds:.3g} aligns them"
 
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:

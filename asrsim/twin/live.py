@@ -29,7 +29,7 @@ FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 FLOAT64 = struct.Struct("<4sd")
 """Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
 PAUSE = 5.0
-"""Time between the stamps of two messages above which the robot was paused or started anew, s."""
+"""Time between the stamps of two messages above which the robot counts as paused or restarted, s."""
 WAIT = 0.02
 """Time for which a message waits for delayed messages that were published before it, s."""
 MOST_COMMANDS = 1000
@@ -39,7 +39,7 @@ QUIET = 0.5
 
 
 class LiveTwin:
-    """Twin that follows a robot in real time in `run`. `tell` receives messages for the user."""
+    """Twin that follows a robot in real time. `tell` receives messages for the user."""
 
     def __init__(
         self, scenario: Scenario, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
@@ -95,7 +95,7 @@ class LiveTwin:
                             commands.clear()
 
     def _in_order(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Messages in the order of their publication, so that positions meet the commands that the robot had received.
+        """Messages in the order of their publication, so that positions are combined with commands that the robot had received.
 
         On a busy machine messages of one program may arrive later than those of another. A message therefore waits for `WAIT`
         seconds, unless the robot itself publishes the commands that belong to its positions.

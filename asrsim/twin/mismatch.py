@@ -1,9 +1,9 @@
 """Errors of a twin's model, estimated while nothing touches the robot by a regression of the observed torque, with forgetting.
 
-Beside the twin run copies of it, in each of which one kind of parameter differs in all joints. The differences between the
-observed torques of copies and twin are the columns of the regression, so that all effects of the parameter are in them: the
-motion of the motors, the delay of the observer, and the filters. A constant is the last column. The parts of all columns but
-the constant are subtracted from the observed torque.
+Copies of the twin run beside the twin. In each copy one kind of parameter differs in all joints. The columns of the regression
+are the differences between the observed torques of the copies and of the twin. They contain all effects of the parameter: the
+motion of the motors, the delay of the observer, and the filters. The last column is constant. The contributions of all other
+columns are subtracted from the observed torque.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0
-"""Time of motion in which a row loses 63 % of its weight, s."""
+"""Duration of motion after which a row of the regression has lost 63 % of its weight, s."""
 SLOWEST = 0.05
 """Speed below which a link counts as resting, rad/s (m/s)."""
 RIDGE = 1e-3
@@ -27,9 +27,9 @@ RIDGE = 1e-3
 LEAST = 0.03
 """Smallest residual of the regression, as a fraction of the power of the springs' column."""
 CORRELATED = 6.0
-"""Number of neighbouring rows with correlated errors, which count as one independent row."""
+"""Number of successive rows whose errors are correlated; together they count as one independent row."""
 SHARE, SUMMAND = 0.2, 1e-3
-"""In the copies, parameters are larger by this fraction; damping (N m s/rad) and friction (N m) also by the second number."""
+"""Fraction by which parameters are larger in the copies; number added to damping (N m s/rad) and friction (N m) as well."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
 """Kinds of parameters that differ in the copies."""
 

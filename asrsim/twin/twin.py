@@ -26,8 +26,8 @@ from asrsim.twin.observer import Observer, noise_gain
 SIGMAS = 6.0
 """Alarm threshold for noise of the torque, in standard deviations."""
 TOLERANCE, UNLEARNED = 0.08, 0.6
-"""Alarm threshold for errors of the model, as a fraction of the springs' largest recent torque: after the mismatch of the model
-was estimated, and before.
+"""Alarm thresholds for errors of the model, as fractions of the springs' largest recent torque: after and before the
+estimation of these errors.
 """
 FRICTION, STICKING = 0.5, 2.0
 """Alarm threshold for errors of the friction, as a multiple of the friction: in motion, and at rest, where the frictions of
@@ -40,7 +40,7 @@ PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
 SETTLE = 0.5
 """Duration after a start in which no alarms are raised, s."""
 JUMP = 0.25
-"""Distance between a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
+"""Difference of a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
 EVERY = 0.01
 """Interval between rows of the mismatch regression, and between updates of the mass matrix, s."""
 KNOWN = 0.04
@@ -50,7 +50,7 @@ LONGEST_GAP = 0.03
 MISSING = 0.1
 """Time without a measurement after which a note is given, s."""
 EXPECTED = 10**7
-"""Number of substeps of a long run, for which compiled code pays."""
+"""Assumed number of substeps of a run: enough that compiling is worth its time."""
 REPEAT = 1.0
 """Shortest time between two notes with equal text, s."""
 

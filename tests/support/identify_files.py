@@ -86,7 +86,8 @@ class Model:
         channel = Channel(
             joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, quantum=quantum
         )
-        self.channels, self.onset, self.data = (channel,), 0.0, SimpleNamespace(held=False, name="a", duration=1.0, commands=())
+        self.channels, self.onset = (channel,), 0.0
+        self.data = SimpleNamespace(predicted_only=False, name="a", duration=1.0, commands=())
         self._left, self._layout = left, layout
 
     def predictions(self, tables, playing, until):

@@ -107,11 +107,11 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
-        ("limits: {joint_1: {link_position: [0.5, 1.0]}}\n", {}, "begins outside of this limit"),
+        ("limits: {joint_1: {link_position: [0.5, 1.0]}}\n", {}, "begins outside this limit"),
         (WITHIN, {"seconds": 0.2}, "is too short"),
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
-        ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper one"),
+        ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper limit"),
         (WITHIN + "choose: {joint_1.controler_1_proportional: [1, 2]}\n", {}, "2: .* is no parameter of the robot"),
     ],
 )

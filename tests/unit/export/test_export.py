@@ -144,7 +144,7 @@ def test_what_mjcf_does_not_have_is_listed(tmp_path):
     found = export_mjcf(given, tmp_path / "soft.xml", plot=False)
     text = "\n".join(found.remarks)
     for words in (
-        "adjuster stays at 0.01 m", "no speed limit", "reach their speed limit", "bristles", "hysteresis", "speed or load",
+        "adjuster stays at 0.01 m", "no speed limit", "reach their speed limit", "pre-sliding", "hysteresis", "speed or load",
         "integral",
     ):  # fmt: skip
         assert words in text

@@ -53,6 +53,21 @@ def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset,
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
+def test_the_end_of_a_run_is_among_many_instants(tmp_path):
+    def sine(size: float, frequency: float, offset: float = 0.0) -> dict[str, object]:
+        return {"sinusoid": {"amplitude": size, "frequency": frequency, "offset": offset}}
+
+    references = {
+        # A quarter of a period: the arm leans out furthest at the end.
+        "joint_1": {"equilibrium_position": sine(1.2, 1.0 / 16.0), "stiffness_preset": 0.3},
+        "joint_2": {"equilibrium_position": sine(0.05, 0.3), "stiffness_preset": sine(0.05, 0.35, 0.4)},
+        "joint_3": {"equilibrium_position": sine(0.05, 0.4), "stiffness_preset": sine(0.05, 0.45, 0.4)},
+    }
+    robot = write_plain_arm(tmp_path, lengths=(0.2, 0.15, 0.1), masses=(0.2, 0.1, 0.05))
+    scenario = scenario_of(robot, actuators={"*": {"type": "qbmove", "mode": 3}}, references=references)
+    assert judged(scenario, propose=False).joints[0].time == 4.0
+
+
 def test_a_long_hanging_arm_rests_where_its_torques_balance(tmp_path):
     """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
     from scipy.optimize import fsolve

@@ -277,7 +277,7 @@ def test_a_recording_is_followed(tmp_path):
 def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
     notes = follow(scenario, path).notes
-    assert "clocks apart" in notes[0]
+    assert "clocks differ" in notes[0]
     assert "--lag 0.2" in notes[0]
     assert not any("clocks" in note for note in follow(scenario, path, lag=0.2).notes)
 
@@ -286,7 +286,7 @@ def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
     notes = follow(SEA.write(tmp_path), path).notes
-    assert notes[0] == "joint_1: no command equilibrium_position is recorded: it follows the scenario"
+    assert notes[0] == "joint_1: no command equilibrium_position is recorded, so it follows the scenario"
 
 
 def test_a_recording_without_positions_is_an_error(tmp_path):
