@@ -158,7 +158,9 @@ class DesignPlant:
             bound = own.get(name) or (None if preset else own.get("link_position"))
             signal = self.scenario.references_of(drive.name).get(name)
             position = self.door.positions[self.door.joints.index(drive.name)]
-            home = float(signal.values(np.zeros(1))[0]) if signal is not None else 0.0 if preset else position
+            home = 0.0 if preset else position
+            if signal is not None:
+                home = float(signal.values(np.zeros(1))[0])
             if bound is None:
                 # A preset without a limit stays constant.
                 if not preset:

@@ -257,8 +257,8 @@ def _remarks(setup: Setup, best: Best) -> Iterator[str]:
             yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := best.problem.playing.staircases:
         yield (
-            f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held until "
-            "the next (`interpolation: hold` of the scenario's playback)"
+            f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held "
+            "until the next (`interpolation: hold` of the scenario's playback)"
         )
     for track in best.problem.tracks:
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)

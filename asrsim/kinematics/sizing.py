@@ -282,16 +282,19 @@ def problems_of_weight(
     problems = []
     for one in found.weak:
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
-        what = "falls onto its stop" if one.on_stop else "falls" if one.falls else f"sags by {one.sag:.2g} {length}"
-        soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
-        limit = f"its effort limit of {robot.joint(one.joint).effort or 0.0:g} {force} is too low"
-        why = limit if one.overloaded else "its motors are too weak" if one.limited else f"{soft} are too soft"
-        message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
-        code = "falls" if one.falls else "sags"
+        what = "falls onto its stop" if one.on_stop else "falls"
+        if not one.falls:
+            what = f"sags by {one.sag:.2g} {length}"
         if one.overloaded:
+            why = f"its effort limit of {robot.joint(one.joint).effort or 0.0:g} {force} is too low"
             message_hint: str | None = "Raise `effort` in the <limit> of the robot's file"
         else:
+            soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
+            why = "its motors are too weak" if one.limited else f"{soft} are too soft"
+            # One warning gives the parameters of all joints.
             message_hint, hint = hint, None
+        message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
+        code = "falls" if one.falls else "sags"
         problems.append(Problem(message, file=file, key=one.joint, hint=message_hint, code=code))
     return tuple(problems)
 

@@ -106,7 +106,7 @@ def follow(
     plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
     positions = {joint: column for joint, column in plan.compared if column.quantity == "link_position"}
     if not positions:
-        message, hint = "has no position of a link, which a twin needs (link_position)", ", ".join(list(read.channels)[:30])
+        message, hint = "has no position of a link: a twin needs link_position", ", ".join(list(read.channels)[:30])
         raise RecordingError(message, file=recording, hint=f"Columns: {hint}", code="twin-positions")
     stamps = next(iter(positions.values())).time - lag
     step = round(float(np.median(np.diff(stamps))), 6)
@@ -128,9 +128,12 @@ def follow(
     tables = {name: np.full(measured.shape, np.nan) for name in FIELDS}
     done = 0
     with Twin(ready, bandwidth=min(8.0, 0.05 / ready.scenario.step) if bandwidth is None else bandwidth) as twin:
-        while done < len(time) and not (done % 200 == 0 and stop()):
+        while done < len(time):
             if done % 200 == 0:
                 progress(done / len(time))
+                # The files of an interrupted run need at least some steps.
+                if done and stop():
+                    break
             found = twin.step(measured[done], {})
             for name, table in tables.items():
                 table[done] = getattr(found, name)

@@ -274,6 +274,14 @@ def test_a_recording_is_followed(tmp_path):
     assert read.column("joint_1", "external_torque").values == pytest.approx(found.external_torque[:, 0], nan_ok=True)
 
 
+def test_an_interrupted_twin_writes_the_steps_so_far(tmp_path):
+    found = follow(SEA.write(tmp_path), recorded(tmp_path), stop=lambda: True)
+    assert found.interrupted
+    assert 0 < len(found.time) < 4000
+    table, picture = write(found, tmp_path / "out")
+    assert len(np.loadtxt(table, delimiter=",", skiprows=2)) == len(found.time)
+
+
 def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
     notes = follow(scenario, path).notes
