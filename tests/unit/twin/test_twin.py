@@ -278,7 +278,7 @@ def test_an_interrupted_twin_writes_the_steps_so_far(tmp_path):
     found = follow(SEA.write(tmp_path), recorded(tmp_path), stop=lambda: True)
     assert found.interrupted
     assert 0 < len(found.time) < 4000
-    table, picture = write(found, tmp_path / "out")
+    table, _ = write(found, tmp_path / "out")
     assert len(np.loadtxt(table, delimiter=",", skiprows=2)) == len(found.time)
 
 
