@@ -20,8 +20,9 @@ Files = list[Path] | None
 def option(words: str, *names: str, default: str | None = None, **details: Any) -> Any:
     """Option of a command.
 
-    words: help text. names: long and short names; the parameter's name if empty. default: description of the default value,
-    empty for none; None: the help shows the value itself. details: further arguments of `typer.Option`.
+    words: help text. names: long and short names; without any, the parameter's name is used. default: description of the
+    default value; "": the help shows no default; None: the help shows the value itself. details: further arguments of
+    `typer.Option`.
     """
     shown = True if default is None else default or False
     return typer.Option(*names, help=words, show_default=shown, **details)

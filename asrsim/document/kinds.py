@@ -374,6 +374,7 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
         if self.names:
             return f"list [{', '.join(self.names)}]"
         several = re.sub(r"^(whole )?\w+", r"\g<0>s", self.of.text)
+        several = re.sub(r"^names of an? (\w+)$", r"names of \1s", several)
         return f"list of {several}" if self.length is None else f"list of {self.length} {several}"
 
     def fits(self, node: Node) -> bool:

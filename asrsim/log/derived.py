@@ -21,12 +21,12 @@ def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array
     equal the references.
     """
 
-    def of(joint: JointInfo, column: int) -> Array:
+    def equilibrium(joint: JointInfo, column: int) -> Array:
         if joint.mode in _IDEAL_MOTORS and np.isnan(_values(samples, "motor_1_position", column)).all():
             return _reference_position(samples, joint, column)
         return _mapped(samples, joint, "motor_{}_position", column)
 
-    return _by_joint(samples, joints, of)
+    return _by_joint(samples, joints, equilibrium)
 
 
 def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
@@ -39,10 +39,10 @@ def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
 def position_error(samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """Position errors (n, joints), rad: position reference minus link position; NaN in the torque modes (0, 4)."""
 
-    def of(joint: JointInfo, column: int) -> Array:
+    def error(joint: JointInfo, column: int) -> Array:
         return _reference_position(samples, joint, column) - _values(samples, "link_position", column)
 
-    return _by_joint(samples, joints, of)
+    return _by_joint(samples, joints, error)
 
 
 DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = {
@@ -62,13 +62,13 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
 """Logged quantities from which each derived quantity is computed, if the log has them."""
 
 
-def _by_joint(samples: Samples, joints: Sequence[JointInfo], of: Callable[[JointInfo, int], Array]) -> Array:
-    """Values (n, joints) from a function of a joint and its column; NaN for joints that the log does not describe."""
+def _by_joint(samples: Samples, joints: Sequence[JointInfo], law: Callable[[JointInfo, int], Array]) -> Array:
+    """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe."""
     result = np.full((len(samples.time), len(samples.joints)), np.nan)
     described = {joint.name: joint for joint in joints}
     for column, name in enumerate(samples.joints):
         if name in described:
-            result[:, column] = of(described[name], column)
+            result[:, column] = law(described[name], column)
     return result
 
 

@@ -1,4 +1,4 @@
-"""Reads named arrays from MATLAB, NumPy and other files. Vectors of equal length in a struct form a table."""
+"""Reads named arrays from MATLAB, HDF5, NumPy, Parquet and Feather files. Vectors of equal length in a struct form a table."""
 
 from __future__ import annotations
 

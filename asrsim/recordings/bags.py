@@ -277,7 +277,7 @@ def _tables(
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
     findings += [
-        Problem(f"skipped {counted(count, 'message')} that are not as their type defines", key=topics[id_].name,
+        Problem(f"skipped {counted(count, 'message')} that do not match the definition of their type", key=topics[id_].name,
                 value=topics[id_].kind, code="broken-message")
         for id_, count in broken.items()
     ]  # fmt: skip

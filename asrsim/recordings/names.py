@@ -162,9 +162,11 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
     """Index of a column by its header (with or without unit, in any case), or by its number in the file."""
     labels = [column.name for column in columns]
-    for spelt in (str, str.lower):
-        for names in (labels, [split_header(label)[0] for label in labels]):
-            if spelt(wanted) in (spellings := [spelt(name) for name in names]):
-                return spellings.index(spelt(wanted))
+    plain = [split_header(label)[0] for label in labels]
+    for same_case in (str, str.lower):
+        for names in (labels, plain):
+            candidates = [same_case(name) for name in names]
+            if same_case(wanted) in candidates:
+                return candidates.index(same_case(wanted))
     numbers = [column.place or i for i, column in enumerate(columns, start=1)]
     return numbers.index(int(wanted)) if wanted.isdecimal() and int(wanted) in numbers else None

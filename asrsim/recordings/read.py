@@ -238,12 +238,13 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=rank):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        problem = Problem(f"is a second column for {column.meaning}, beside '{first.source}'", key=column.source)
         if rank(column) == rank(first) < 2:
-            problems.append(replace(problem, code="mapped-twice"))
+            message = f"is a second column for {column.meaning}, beside '{first.source}'"
+            problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):
-            message, hint = f"{problem.message}, which is used", f"To use this column: --map '{column.source}={column.meaning}'"
-            findings.append(replace(problem, message=message, hint=hint, code="second-column"))
+            message = f"is a second column for {column.meaning}, beside '{first.source}', which is used"
+            hint = f"To use this column: --map '{column.source}={column.meaning}'"
+            findings.append(Problem(message, key=column.source, code="second-column", hint=hint))
         origin = f"not used: {column.meaning} is '{first.source}'"
         result[column.source] = replace(column, joint=None, quantity=None, origin=origin)
     if problems:

@@ -59,7 +59,7 @@ class TimeKeys:
     """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
-        Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text())),
+        Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text(noun="name of a column"))),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
         "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip

@@ -30,7 +30,7 @@ def is_json(path: Path) -> bool:
 
 
 def read_json(path: Path, reading: Reading) -> Content:
-    """Table of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
+    """Tables of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
 
     Raises RecordingError where the file is not JSON or contains no records.
     """

@@ -145,7 +145,7 @@ class Rows:
         for column in self.columns:
             if column.faults:
                 cells = counted(len(column.faults), "cell")
-                message = f"read as missing, since not a number: {cells}, such as '{column.example}'"
+                message = f"{cells} without a number, such as '{column.example}', read as missing"
                 findings.append(_problem(message, column.faults, "not-a-number", column.name))
         if texts := [column.name for column in self.columns if column.kind == "text"]:
             findings.append(Problem("text is not read", key=listed(texts, 6), code="text-column"))
@@ -199,15 +199,17 @@ def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
 
 def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: str | None) -> Rows:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
-    # Lines such as "Samples 400 400" or "Operator Ada" above the header are no rows of the table, which begins with a time.
+    # The kind of the first cell distinguishes rows of the table from lines above, such as "Samples 400 400" or "Operator Ada".
     shapes = Counter((len(cells), kind_of(cells[0], decimal) == "text") for _, cells in rows[len(rows) // 2 :])
-    (columns, label), _ = shapes.most_common(1)[0]
+    (columns, begins_with_text), _ = shapes.most_common(1)[0]
 
     def share(row: Row) -> float | None:
         """Fraction of the row's cells that are values; None for comments and rows of another shape."""
         line, cells = row
-        whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
-        return share_of_values(cells, decimal) if whole and (kind_of(cells[0], decimal) == "text") == label else None
+        if len(cells) != columns or line <= (reading.header or 0) or cells[0].startswith(COMMENTS):
+            return None
+        same_kind = (kind_of(cells[0], decimal) == "text") == begins_with_text
+        return share_of_values(cells, decimal) if same_kind else None
 
     shares = [*map(share, rows)]
     below = [*shares[1:], None]

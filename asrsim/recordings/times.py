@@ -34,8 +34,7 @@ _GAP = 1.7
 def with_times(content: Content, reading: Reading, findings: list[Problem]) -> Content:
     """Content whose tables have strictly increasing times and no time columns.
 
-    Dates count from the earliest date in the file. Raises RecordingError where no table
-    has a time and a signal.
+    Dates count from the earliest date in the file. Raises RecordingError where no table has a time and a signal.
     """
     faults: list[Problem] = []
     tables: list[RawTable] = []
@@ -131,11 +130,11 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[
 def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:
     """Report a second time column. Raises RecordingError in a table such as `time, q1, time, q2`, which has two clocks."""
     hint = f"State the time of all columns: --map '{names[second]}=time'"
-    message = "is a second time column"
     if second > first + 1 and _stem(names[first]) == _stem(names[second]):
-        message += f"; state one, and ignore the columns with another time: {listed(names, 20)}"
+        message = f"is a second time column; state one, and ignore the columns with another time: {listed(names, 20)}"
         raise RecordingError(message, key=names[second], code="second-time", hint=hint)
-    findings.append(Problem(f"{message}; '{names[first]}' is used", key=names[second], hint=hint, code="second-time"))
+    message = f"is a second time column; '{names[first]}' is used"
+    findings.append(Problem(message, key=names[second], hint=hint, code="second-time"))
 
 
 def _stem(name: str) -> list[str]:

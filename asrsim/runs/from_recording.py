@@ -1,4 +1,4 @@
-"""Makes a scenario from a recording: the recorded commands are played, and the simulated is compared with the recorded motion.
+"""Makes a scenario that plays a recording's commands and compares the simulated motion with the recorded motion.
 
 Writes the files that the scenario needs, and a fit file for `asrsim identify`.
 """
@@ -158,8 +158,10 @@ def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str
 
 
 def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Parameters of motors and controllers with unknown values, by joint: limits that nothing reaches, constants of 1 where the
-    mode needs them, and derivative gains of 0, since these act like damping, which is fitted.
+    """Values by joint for parameters of motors and controllers that are unknown.
+
+    Limits are so wide that no motor reaches them. Constants that the mode needs are 1. Derivative gains are 0, since they act
+    like damping, which is fitted.
     """
     found: dict[str, dict[str, float]] = {}
     for block in robot.actuators:
@@ -197,7 +199,8 @@ def recording_data(
 ) -> tuple[dict[str, Any], Comments]:
     """Scenario as plain data, and its comments.
 
-    mode: from the command line. joints: joints whose actuator the scenario gives, with `parameters` that replace defaults.
+    mode: operation mode from the command line. joints: joints whose actuators the scenario states. parameters: values that
+    replace the defaults of these actuators, by joint.
     """
     data: dict[str, Any] = {"robot": files.robot, "duration": _exact(plan.duration), "step": STEP}
     comments: Comments = {("duration",): "s, of the recording", ("step",): "s"}
@@ -271,7 +274,7 @@ def recording_heading(plan: RecordingPlan, files: Files) -> Iterator[str]:
 
 
 def _is_simulated(quantity: str, mode: Mode | None) -> bool:
-    """Whether a run in this mode has the quantity: ideal motors have a position only, and rigid joints have no motor."""
+    """Whether a run in this mode computes the quantity: ideal motors have a position only, and rigid joints have no motor."""
     if quantity.startswith("motor_") and not quantity.endswith("_position"):
         return mode is not None and mode.motor
     elastic = quantity.startswith(("motor_", "elastic_torque", "stiffness", "deflection", "equilibrium"))

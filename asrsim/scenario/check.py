@@ -33,7 +33,7 @@ PLAIN_FIELDS = (
     "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
     "engine", "stepping", "substeps", "motor_substeps", "substep_cap", "compiled", "velocity_cutoff",
 )  # fmt: skip
-"""Fields of the scenario that hold what the file states: numbers, vectors and choices."""
+"""Fields of the scenario with the values of the file's keys, unchanged: numbers, vectors and choices."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)

@@ -120,8 +120,10 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def undersampled(scenario: Scenario, _robot: Robot | None = None) -> Iterator[Problem]:
-    """Warnings: sines above half the rate of the substeps, which the substeps sample as a slower motion. If the number of
-    substeps is automatic, one substep in each step is assumed."""
+    """Warnings: sines above half the rate of the substeps, which the substeps sample as a slower motion.
+
+    If the number of substeps is automatic, one substep in each step is assumed.
+    """
     most = 0.5 * (scenario.substeps or 1) / scenario.step
     for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
         frequency = 0.0
