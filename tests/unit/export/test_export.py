@@ -209,7 +209,7 @@ def test_moments_of_a_lamina_survive_the_file(tmp_path):
     assert model.body("link_1").inertia[2] == 0.0003999999999999
 
 
-def test_a_step_that_is_too_long_is_told(tmp_path):
+def test_a_step_that_is_too_long_is_reported(tmp_path):
     stiff = {"spring_stiffness": 5000.0, "max_deflection": 1e3}
     found = export_mjcf(scenario("sea", parameters={"joint_1": stiff}), tmp_path / "soft.xml", timestep=1e-3, plot=False)
     assert found.replay.diverged_at is not None

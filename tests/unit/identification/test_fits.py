@@ -69,7 +69,7 @@ def test_ratios_are_named_where_single_parameters_are_unidentifiable(lab):
     assert all(min(abs(value / truth - 1.0) for truth in known) < 0.02 for value in ratios.values()), ratios
 
 
-def test_what_has_no_effect_is_told_with_its_reason(lab):
+def test_a_parameter_without_effect_has_a_reason(lab):
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
     one = result.find("joint_1.motor_1_inertia")
     assert (one.verdict, one.reason) == ("no effect", "no compared channel depends on it in mode 3 (SpringEqPres)")
@@ -87,7 +87,7 @@ STEPS = "{waypoints: {points: [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.25]]
 
 
 @pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 40)])
-def test_a_simulation_s_own_log_is_explained_whole(tmp_path, reference, substeps):
+def test_a_simulated_log_is_explained_completely(tmp_path, reference, substeps):
     """It has no noise. The very substeps that it was made with explain it to the last digits, though finer ones would be
     nearer the truth; what the input does between samples, or was made with finer ones, is no fault of the model.
     """
@@ -126,7 +126,7 @@ def test_recordings_of_equal_name_have_a_picture_each(lab, tmp_path):
     assert list(figures(result)) == ["overlay_a", "overlay_a_2"]
 
 
-def test_two_recordings_share_what_is_the_robots(lab):
+def test_two_recordings_share_the_parameters_of_the_robot(lab):
     free = ["joint_1.spring_stiffness", "joint_1.damping", "clock"]
     result = identify(lab / "lab.yaml", [lab / "a.csv"], validate=[lab / "b.csv"], free=free[:2])
     assert [one.recording for one in result.channels] == ["a.csv", "b.csv"]
@@ -154,7 +154,7 @@ def test_wrong_input_is_one_clear_error(lab, free, ties, message):
     assert message in str(found.value)
 
 
-def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
+def test_uninformative_recordings_are_refused(tmp_path, lab):
     time = np.arange(0.0, 1.0, 0.01)
     noise = 1e-3 * np.random.default_rng(0).normal(size=100)
     for name, columns, message in (
@@ -177,7 +177,7 @@ def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
         identify(tmp_path / "torque.yaml", [tmp_path / "none.csv"], free=["joint_1.damping"])
 
 
-def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
+def test_the_command_writes_all_files_and_keeps_the_robots_layout(lab, tmp_path):
     arguments = ["identify", str(lab / "lab.yaml"), "-e", str(lab / "a.csv"), "--free", "joint_1.spring_stiffness"]
     arguments += ["--free", "joint_1.damping", "--out", str(tmp_path / "fit")]
     done = CliRunner().invoke(app, arguments)
@@ -251,7 +251,7 @@ def test_a_sweep_over_a_fit_runs_the_fitted_robot(lab, fitted, tmp_path):
     assert np.ptp(moved[0]) > 0.1
 
 
-def test_a_fit_file_says_all_of_it(lab, tmp_path):
+def test_a_fit_file_contains_the_whole_task(lab, tmp_path):
     path = tmp_path / "fit.yaml"
     path.write_text(
         f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nfree:\n  joint_1.spring_*: 3.5\n"
@@ -317,7 +317,7 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, idle=()).modes == modes
 
 
-def test_the_best_so_far_survives_the_wish_to_stop(lab):
+def test_stopping_keeps_the_best_fit_so_far(lab):
     calls = 0
 
     def stop():
@@ -333,7 +333,7 @@ def test_the_best_so_far_survives_the_wish_to_stop(lab):
 
 
 @pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
-def test_a_judgement_ends_at_the_wish_to_stop(lab, stage):
+def test_stopping_ends_the_judgement(lab, stage):
     """With little more than one simulation for each parameter, and with the searched values."""
     told, asked = [], []
 
@@ -359,7 +359,7 @@ def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     assert identify(task, seconds=600.0).status == "complete"
 
 
-def test_progress_tells_a_time_that_remains(lab, monkeypatch):
+def test_progress_estimates_the_remaining_time(lab, monkeypatch):
     monkeypatch.setattr(run, "OFTEN", 0.0)
     told = []
     identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, progress=told.append)
@@ -384,7 +384,7 @@ def test_a_weakly_damped_swing_is_fitted_from_a_distant_stiffness(tmp_path, fact
         assert found.find(key).low < truth < found.find(key).high
 
 
-def test_a_tie_that_is_none_is_suspected_and_no_offset(tmp_path):
+def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
     def tags(k_1, k_2):
         return f"<spring_k1>{k_1}</spring_k1><spring_k2>{k_2}</spring_k2><spring_a1>6.7</spring_a1><spring_a2>6.7</spring_a2>"
 

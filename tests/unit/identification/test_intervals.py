@@ -87,7 +87,7 @@ def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
 
 
 @pytest.mark.parametrize("met", [True, False])
-def test_blocks_that_pull_apart_widen_what_they_tell(met):
+def test_blocks_that_disagree_widen_the_intervals(met):
     """Of the first number each tenth of the recording tells another value, of the second all tell the same: that it should be
     larger, which it may not where its bound is met."""
     slopes, signs = np.zeros((400, 2)), np.random.default_rng(0).choice([-1.0, 1.0], 400)
@@ -194,12 +194,12 @@ def test_a_combination_without_a_relative_interval_is_left_out():
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_combination_beyond_all_numbers_is_left_out():
+def test_a_combination_that_overflows_is_left_out():
     """Only a^8 b is known, and a is 1e40."""
     assert known([positive("a", 1e40), positive("b", 2.0)], (8.0, 1.0)) == []
 
 
-def test_where_a_joint_sticks_nothing_is_known_that_is_not():
+def test_a_sticking_joint_gives_no_false_information():
     """Two entries of which only the difference is told, at a corner that lies in their difference."""
     time = np.linspace(0.0, 1.0, 200)
     shown = 1e3 * np.outer(np.sin(7.0 * time), [1.0, -1.0])

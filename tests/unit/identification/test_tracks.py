@@ -93,7 +93,7 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path, seen):
+def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
     swing = 0.2 * np.sin(10.0 * np.maximum(TIME - 0.2, 0.0))
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.7 + swing, "joint_1.reference_2 [rad]": 0.1 + swing}
     columns |= {

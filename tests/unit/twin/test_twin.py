@@ -134,7 +134,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
     assert "not corrected" in notes[1]
 
 
-def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
+def test_a_twin_far_from_its_robot_is_set_to_it(tmp_path):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
         before = [twin.step({"joint_1": 0.0}, goal(0.0)) for _ in range(600)][-1]
         jump = twin.step({"joint_1": 0.6}, {})
@@ -159,7 +159,7 @@ def test_a_robot_on_its_stop_raises_no_alarm():
     assert abs(steps[-1].external_torque[0]) < 0.1
 
 
-def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
+def test_a_twin_that_diverges_continues(tmp_path, monkeypatch):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
         twin.step({"joint_1": 0.1}, goal(0.1))
         with monkeypatch.context() as patch:
@@ -282,7 +282,7 @@ def test_an_interrupted_twin_writes_the_steps_so_far(tmp_path):
     assert len(np.loadtxt(table, delimiter=",", skiprows=2)) == len(found.time)
 
 
-def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
+def test_clocks_that_differ_are_noted_and_aligned(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
     notes = follow(scenario, path).notes
     assert "clocks differ" in notes[0]
