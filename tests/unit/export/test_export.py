@@ -1,4 +1,4 @@
-"""Exported models: plain MuJoCo moves as asrsim and as an independent solution do, and what it cannot have is listed."""
+"""Exported models: motion in plain MuJoCo, compared with asrsim and with an independent solution; remarks on missing parts."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_five_coupled_joints_move_within_a_milliradian_of_asrsim(tmp_path):
 
 
 def plain(run):
-    """The run without what MJCF does not have."""
+    """The run without the effects that MJCF lacks."""
     joints = []
     for joint in run.joints:
         integrals = {name: 0.0 for name in joint.parameters if name.endswith("_integral")}

@@ -1,4 +1,4 @@
-"""Whether 95 % intervals hold the truth, on recordings of an integrator that is not asrsim's."""
+"""Coverage of 95 % intervals, on recordings from an independent integrator."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_the_independent_integrator_is_exact_within_the_noise(joint):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path, kind):
-    """Of all parameters, and of those of friction: 8 fits of a qbMove and 8 of a pendulum, each joint other than the guess."""
+    """Fits of a qbMove and of a pendulum on an SEA, each with parameters that differ from the guess."""
     held: dict[bool, list[bool]] = {True: [], False: []}
     for nominal in (QBMOVE, SEA):
         for seed in range(SEEDS):
@@ -46,7 +46,7 @@ def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path, kind):
             for key, value in true.keys.items():
                 one = result.find(key)
                 held["friction" in key].append(one.low <= value <= one.high)
-    # Of 120 intervals, with a chance of 95 % each, between 90 and 98 % hold; of 32 of friction's, at least 27.
+    # At a probability of 95 % each, 90 to 98 % of 120 intervals contain the truth, and at least 27 of 32 of friction.
     everything = np.mean(held[True] + held[False])
     assert 0.90 <= everything <= 0.985
     assert np.mean(held[True]) >= 0.84
@@ -62,20 +62,20 @@ def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path):
         result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties)
         assert not result.fits
         assert any("spring_k_2" in text for text in (*result.misfit, *result.causes)), result.misfit
-        # Equal ones are not said to differ.
+        # A tie of equal springs is not reported.
         recording = record(QBMOVE, tmp_path / "a.csv", seed=seed, noise=3e-3)
         result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties)
         assert not any("to which it is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
 
 
 def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path):
-    """A joint with five times the friction of the model, of which the spring alone is free."""
+    """A joint with five times the friction of the model; only the spring is free."""
     true = SEA.scaled(lambda name: 5.0 if name == "friction" else 1.0)
     recording = record(true, tmp_path / "a.csv", seed=0)
     guess, free = SEA.write(tmp_path), ["joint_1.spring_stiffness"]
     result, accepted = (identify(guess, [recording], free=free, starts=1, accept=way) for way in (False, True))
     assert not result.fits
-    # An accepted robot has intervals as wide as estimates from tenths of the recording differ.
+    # The intervals of an accepted robot show the spread of estimates from tenths of the recording.
     assert (result.accepted, accepted.accepted) == (False, True)
     widths = [one.high - one.low for one in (*result.estimates, *accepted.estimates)]
     assert widths[1] > 1.5 * widths[0]
@@ -91,8 +91,8 @@ def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.02])
 def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path, memory):
-    """A linear joint that is at 0.25 rad and moves at 5 rad/s where the scenario says 0: its exact motion, with white noise or
-    noise that correlates over 20 ms.
+    """A linear joint that starts at 0.25 rad and 5 rad/s instead of 0; exact motion with white noise, or noise correlated over
+    20 ms.
     """
     truth = {"spring_stiffness": 4.0, "damping": 0.02, "initial_position": 0.25, "initial_velocity": 5.0}
     stiffness, damping, inertia, fine = 4.0, 0.02, 0.009, np.arange(0.0, 2.00005, 1e-4)

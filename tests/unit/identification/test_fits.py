@@ -1,4 +1,4 @@
-"""`asrsim identify` on recordings whose truth is known. All run compiled, by one kind of kernel."""
+"""`asrsim identify` on recordings with known true parameters."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    """A folder with a recording of the true robot, and a guess of it."""
+    """Folder with a recording of the true robot, and the scenario of a guess."""
     folder = tmp_path_factory.mktemp("lab")
     true = write(folder, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     record(true, folder / "a.csv")
@@ -88,8 +88,8 @@ STEPS = "{waypoints: {points: [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.25]]
 
 @pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 40)])
 def test_a_simulated_log_is_explained_completely(tmp_path, reference, substeps):
-    """It has no noise. The very substeps that it was made with explain it to the last digits, though finer ones would be
-    nearer the truth; what the input does between samples, or was made with finer ones, is no fault of the model.
+    """A log without noise is explained to the last digits with the substeps of its run. Finer substeps of the run, and the
+    input between samples, cause no misfit.
     """
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {reference}}}")
     log = asrsim.run(true, out=tmp_path / "made", overrides=[f"substeps={substeps}"]).log
@@ -104,7 +104,7 @@ def test_delay_and_offset_are_found(tmp_path):
     write(tmp_path, "lab", GUESS)
     free = ["joint_1.spring_stiffness", "joint_1.damping", "clock", "joint_1.link_position.offset"]
     result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free)
-    # What the recording shows at its start is an offset then, and no start of the link's.
+    # The difference at the start counts as an offset, not as another initial position.
     assert [one.name for one in result.estimates] == free
     assert result.find("clock").value == pytest.approx(0.006, abs=3e-4)
     assert result.find("joint_1.link_position.offset").value == pytest.approx(0.05, abs=3e-4)
@@ -201,7 +201,7 @@ def test_the_command_writes_all_files_and_keeps_the_robots_layout(lab, tmp_path)
 
 
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
-    """Where only ratios are known, a torque sensor is worth a try."""
+    """If only ratios are identified, a torque sensor is proposed."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
     assert design_line(result, tmp_path) == design_line(result, tmp_path)
     (path,), line = design_line(result, tmp_path)
@@ -216,7 +216,7 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
 
 @pytest.mark.parametrize("every", [2, 10])
 def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
-    """Delays of commands too, which are no numbers of the robot; and what commands are between coarse samples."""
+    """The scenario contains delays of commands, and the interpolation of commands between coarse samples."""
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     (tmp_path / "data").mkdir()
     recording = record(true, tmp_path / "data/a.csv", late=6, every=every)
@@ -233,7 +233,7 @@ def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
 
 
 def test_a_sweep_over_a_fit_runs_the_fitted_robot(lab, fitted, tmp_path):
-    """With what is tied, and with the moments of inertia that a larger one asks for."""
+    """Tied parameters are included, and moments of inertia are adjusted to a larger moment."""
     ties = (
         Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
         Tie(key="link_1.izz", to="joint_1.damping", factor=5.0),
@@ -334,7 +334,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab):
 
 @pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
 def test_stopping_ends_the_judgement(lab, stage):
-    """With little more than one simulation for each parameter, and with the searched values."""
+    """The result has the values of the search, and the judgement takes little more than one simulation for each parameter."""
     told, asked = [], []
 
     def stop():
@@ -373,7 +373,7 @@ def test_progress_estimates_the_remaining_time(lab, monkeypatch):
 def test_a_weakly_damped_swing_is_fitted_from_a_distant_stiffness(tmp_path, factor):
     numbers = {**SEA, "damping": 0.002, "mode": 2, "tags": "<spring_k>20.0</spring_k>"}
     true = write(tmp_path, "true", numbers, "{reference_1: {step: {at: 0.1, from: 0, to: 0.3}}}", duration=4.0)
-    # In steps of 1 ms the simulated swing itself is off by more than the interval.
+    # With steps of 1 ms, the error of the simulated swing is larger than the interval.
     true.write_text(true.read_text() + "substeps: 16\n")
     record(true, tmp_path / "a.csv")
     guess = {**numbers, "damping": 0.05, "tags": f"<spring_k>{20.0 * factor}</spring_k>"}
@@ -448,7 +448,7 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
 @pytest.mark.parametrize("hold", [True, False])
 @pytest.mark.parametrize("delay", [0.0, 0.0123])
 def test_a_played_command_jumps_where_the_recording_does(hold, delay):
-    """Large jumps are told of, at their samples; beside them the played command has the recorded values."""
+    """Large jumps are reported at their samples; near the jumps the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
     values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
     command = PlayedCommand(

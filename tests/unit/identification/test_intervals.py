@@ -1,4 +1,4 @@
-"""Intervals where slopes have corners, encoders have steps, and starts were measured."""
+"""Intervals, derivatives and combinations of linear problems with known solutions; extensions of a model."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def linear(slopes, left=0.0, corner=0.0):
 
 
 def test_differences_are_never_taken_beyond_bounds():
-    """Wherever the vector lies: at either bound, or nearer to one than a step."""
+    """The vector is at a bound, or nearer to a bound than a step."""
     step, tried = 1e-3, []
     slopes = np.random.default_rng(0).normal(size=(50, 5))
     low, high = np.array([0.0, -1.0, 0.0, -1.0, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 1.0])
@@ -48,12 +48,12 @@ def test_differences_are_never_taken_beyond_bounds():
     for found in (jacobian(problem, x, step), with_faint_directions(problem, x, jacobian(problem, x, step))):
         assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
         np.testing.assert_allclose(found, slopes + 2.0 * x.sum(), atol=1.01 * step)
-    # From both sides a parabola's slope is exact.
+    # Central differences of a parabola are exact.
     np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 2.0 * x.sum(), atol=1e-9)
 
 
 def test_white_noise_gives_the_deviation_of_least_squares():
-    """sqrt(r'r / (m - n) diag(A'A)^-1), and 1.96 of it, where blocks tell nothing else."""
+    """Deviation sqrt(r'r / (m - n) diag(A'A)^-1); the half width is 1.96 times this if blocks do not differ."""
     generator = np.random.default_rng(2)
     slopes = generator.normal(size=(60, 4))
     noise = generator.normal(size=60)
@@ -68,7 +68,7 @@ def test_white_noise_gives_the_deviation_of_least_squares():
 
 @pytest.mark.parametrize(("memory", "quantum"), [(0.0, 0.0), (0.9, 0.0), (0.97, 0.0), (0.0, 4.0)])
 def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
-    """Noise of an autoregression, or an encoder's steps over a slow motion: in 90 to 98 % of 100 draws of 4 numbers."""
+    """Noise of an autoregression, or quantisation of a slow motion; 90 to 98 % of 400 intervals contain the truth."""
     generator, time, hits = np.random.default_rng(7), np.linspace(0.0, 1.0, 1500), []
     slopes = np.stack([np.sin(9.0 * time), np.cos(23.0 * time), time, np.sign(np.sin(14.0 * time))], axis=1)
     truth = 30.0 * np.sin(5.0 * time)
@@ -88,8 +88,8 @@ def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
 
 @pytest.mark.parametrize("met", [True, False])
 def test_blocks_that_disagree_widen_the_intervals(met):
-    """Of the first number each tenth of the recording tells another value, of the second all tell the same: that it should be
-    larger, which it may not where its bound is met."""
+    """Tenths of the recording give different values of the first number. For the second number all give the same larger value,
+    which a bound forbids."""
     slopes, signs = np.zeros((400, 2)), np.random.default_rng(0).choice([-1.0, 1.0], 400)
     slopes[::2, 0], slopes[1::2, 1] = signs[::2], signs[1::2]
     apart = np.repeat(np.tile([1.0, -1.0], 5), 40)
@@ -100,7 +100,7 @@ def test_blocks_that_disagree_widen_the_intervals(met):
     assert found.quantile[0] == pytest.approx(2.262157, rel=1e-5)
     ordinary = math.sqrt(float(left @ left) / (400 - 2) / 200)
     assert found.deviation[1] == pytest.approx(ordinary if met else 20 * 0.3 / 200 * math.sqrt(10 * 10 / 9), rel=1e-5)
-    # Each tenth alone moves the first number by 0.4: so wide are intervals of a model that is accepted all the same.
+    # Each tenth alone moves the first number by 0.4, which is the deviation for an accepted model.
     assert found.of_a_block.deviation[0] == pytest.approx(0.4, rel=1e-5)
 
 
@@ -121,7 +121,7 @@ def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
 
 
 def known(parameters, slopes, x=None):
-    """Combinations that a recording with noise shows which depends on one linear combination of the vector x."""
+    """Combinations that are identified by a noisy recording of one linear combination of the vector x."""
     x = np.zeros(len(parameters)) if x is None else x
     shape = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), slopes)
     problem = modelled(lambda there: shape @ (there - x), parameters, 200)
@@ -147,8 +147,8 @@ def test_an_identifiable_product_of_three_parameters_is_found(values, powers):
 
 @pytest.mark.parametrize("angle", [0.0, 0.2])
 def test_a_parameter_that_another_imitates_is_not_without_effect(angle):
-    """Unit noise, columns of norm 3 at an angle: together 1.96 / (3 sin(angle)) > 1, one alone 1.96 / 3. A norm of 1 is no
-    effect.
+    """Unit noise and columns of norm 3 at an angle: the half width is 1.96 / (3 sin(angle)) > 1 if both are free, and 1.96 / 3
+    if one is free. A column of norm 1 counts as no effect.
     """
     columns = np.zeros((100, 3))
     columns[0] = 3.0, 3.0 * math.cos(angle), 0.0
@@ -172,7 +172,7 @@ def test_equal_changes_give_sums_of_masses_and_products_of_gains(unit, text, val
 
 
 def of_two(values, slopes, start=None):
-    """Combinations of two angles with these values, of which a recording shows slopes[0] a + slopes[1] b."""
+    """Combinations of two angles a and b, of which a recording shows slopes[0] a + slopes[1] b."""
     starts = values if start is None else (start, start)
     parameters = [Parameter(key=key, unit="rad", start=one, low=-5.0, high=5.0) for key, one in zip("ab", starts, strict=True)]
     sizes = np.array([one.size for one in parameters])
@@ -200,7 +200,7 @@ def test_a_combination_that_overflows_is_left_out():
 
 
 def test_a_sticking_joint_gives_no_false_information():
-    """Two entries of which only the difference is told, at a corner that lies in their difference."""
+    """The residuals depend only on the difference of two entries, and have a corner at this difference."""
     time = np.linspace(0.0, 1.0, 200)
     shown = 1e3 * np.outer(np.sin(7.0 * time), [1.0, -1.0])
     problem = linear(shown, corner=30.0 * np.outer(time, [1.0, -1.0]))
@@ -219,7 +219,7 @@ def test_a_parameter_at_its_bound_leaves_others_uncertain(met):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_extension_promises_what_it_would_explain(seed):
-    """Of residuals that are linear: its own number in the least squares of all, and the share of the error that goes."""
+    """Linear residuals: the start is the new number in the least-squares solution; the fraction is the explained error."""
     generator = np.random.default_rng(seed)
     matrix, x = generator.normal(size=(40, 4)), generator.normal(size=3)
     begin = 9.0 * matrix[:, 3] + 0.1 * generator.normal(size=40)
@@ -228,7 +228,7 @@ def test_an_extension_promises_what_it_would_explain(seed):
     found = extended(problem, x, lambda *_: [Extension(problem=wider)], most=1, enough=lambda *_: False)
     assert [one.problem for one in found.chosen] == [wider]
     np.testing.assert_allclose(found.x, np.linalg.lstsq(matrix, -begin, rcond=None)[0], atol=1e-4)
-    # What explains nothing is not adopted.
+    # An extension that explains nothing is not adopted.
     noise = modelled(lambda x: matrix[:, :3] @ x[:3] + begin, 4, 40)
     assert extended(problem, x, lambda *_: [Extension(problem=noise)], most=1, enough=lambda *_: False).chosen == ()
 
@@ -262,8 +262,8 @@ AXIS = """<robot name="axis"><link name="world"/>
 
 
 def locked_joint(folder):
-    """A motor against its spring whose far end is locked, under a chirp of force: 360 kg, 3.5e5 N/m, 2200 N s/m, 30 N, by an
-    integration of its own."""
+    """Write a recording of a mass of 360 kg on a spring of 3.5e5 N/m with 2200 N s/m and 30 N, moved by a chirp of force, and
+    its scenario; return the scenario's path. The integration is independent of asrsim."""
     mass, stiffness, damping, friction = 360.0, 3.5e5, 2200.0, 30.0
     step, every, rate = 2e-5, 100, math.log(12.0 / 0.1) / 20.0
     x = v = 0.0
@@ -296,7 +296,7 @@ def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path):
     assert float(suspected) == pytest.approx(3.5e5, rel=0.02)
     found = identify(scenario, [tmp_path / "chirp.csv"], free=[*free, "motor.passive_stiffness=1e5"], mapping=maps)
     assert found.fits
-    # Runs with a step of a millisecond would be further off than the sensor.
+    # The time-step error at 1 ms would be larger than the error of the sensor.
     for key, true in (("carriage.mass", 360.0), ("motor.damping", 2200.0), ("motor.passive_stiffness", 3.5e5)):
         assert found.find(key).value == pytest.approx(true, rel=2e-3)
     for key in ("carriage.mass", "motor.damping", "motor.friction", "motor.passive_stiffness"):
@@ -304,9 +304,8 @@ def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path):
 
 
 @pytest.mark.parametrize(("noise", "late", "offset"), [(3e-6, 0.0, 0.0), (1e-7, 0.0051, -40.0)])
-def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path, noise, late, offset):
-    """A motion that is a formula, and the force that it takes: by their balance alone, with noise of places that accelerations
-    magnify, and with a force that acts later than it is recorded, beside an offset."""
+def test_a_mass_moved_by_a_recorded_force_is_identified(tmp_path, noise, late, offset):
+    """A motion in closed form, and its force: with noise of the positions, or with a delay and an offset of the force."""
     mass, damping, friction, generator = 360.0, 2200.0, 30.0, np.random.default_rng(0)
     time = np.arange(0.0, 4.0, 0.002)
     waves = np.array([[0.03, 2.0 * math.pi * 0.6], [0.01, 2.0 * math.pi * 1.9]])
@@ -333,7 +332,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path, noise, lat
 
 @pytest.mark.parametrize("tied", range(4))
 def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
-    """A stiffness that is free, or given, is left alone."""
+    """A stiffness that is free or given is not changed."""
     robot = load_robot(ROOT / "examples/urdf/dof2_horizontal.urdf")
     motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]
     ties = [Tie(key=f"{motors[n + 1]}_friction_torque", to=f"{motors[0]}_friction_torque") for n in range(tied)]
@@ -348,7 +347,7 @@ def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
 
 
 def _freed(robot, free=(), ties=()):
-    """Key of a stiffness that would be free -> keys that would be tied to it."""
+    """Keys of stiffnesses that would be tied, by the key of the stiffness that would be free."""
     problem = Problem((), make_layout(free, ties, ["lab"], [{}]), (), (), (), Meter())
     layouts = [one.problem.layout for one in presliding(problem, robot)]
     return {

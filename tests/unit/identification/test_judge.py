@@ -1,4 +1,4 @@
-"""Whether a model fits, what is said of it, and which files remain."""
+"""Judgement of a fit, its texts, and its files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_residuals_beyond_the_noise_are_faults_by_name():
     ):
         (fault,) = faults(one, left)
         assert words in fault
-    # Noise of the played commands may make a swing.
+    # Noise of the played commands may cause an oscillation.
     assert list(faults(one, white + sine, 0.3 * (white + sine))) == []
 
 
@@ -59,7 +59,7 @@ def test_the_held_out_error_may_reach_its_predicted_size():
     assert "the held-out error is 2 times" in reason
     assert verdict([large], lambda: [1.0]) == []
     assert verdict([replace(large, shaken=1.0)], lambda: [0.0]) == []
-    # Another recording does not outvote a fault.
+    # A recording without a fault does not hide the fault of another recording.
     (reason,) = verdict([GOOD, replace(GOOD, recording="b", faults=("a swing",))], lambda: [0.0, 0.0])
     assert reason == "j.q: a swing"
 

@@ -1,4 +1,4 @@
-"""Parts of `asrsim identify`, each against what it must be: balances of torques, limits that bite, friction's bristles."""
+"""Torque-driven joints, differences between recordings, and bounds of parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from support.identify_files import CHIRP, SEA, record, write
 
 
 def setup_of(stack, folder, columns, numbers, free):
-    """A fit to a table, before it begins."""
+    """Prepared fit to a table."""
     table = np.column_stack(list(columns.values()))
     np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
     scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
@@ -41,7 +41,7 @@ LAWS = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path):
-    """A link whose torque follows from its motion in closed form; with half of each parameter as a start."""
+    """A link whose torque follows from its motion in closed form; the fit starts with half of each parameter."""
     numbers = dict.fromkeys(("damping", "friction", "load_friction", "stribeck_friction", "reference_1.offset"), 0.0)
     numbers |= {"stribeck_velocity": 1.0, "reference_1.gain": 1.0} | LAWS[law]
     moments = SWEEP + numbers.pop("reference_1.delay", 0.0)
@@ -66,7 +66,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
         (channel,) = problem.tracks[0].channels
         assert channel.quantity == "link_torque"
         found = problem.layout.values(solve(problem, np.zeros(len(free))))
-    # Filtered positions round the motion off where friction changes quickly.
+    # The filter of the positions smooths the motion where friction changes quickly.
     assert found == pytest.approx(list(LAWS[law].values()), rel=0.1 if law in ("stribeck", "load") else 0.02)
 
 
@@ -84,7 +84,7 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
 
 
 def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
-    """Damping below its least value, stiffness beyond its largest; given from Python as in a file."""
+    """The true damping is below its lower bound, the true stiffness above its upper bound."""
     recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.06})
     free = {

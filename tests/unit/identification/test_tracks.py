@@ -1,4 +1,4 @@
-"""Recordings beside their simulations: where these begin, what sensors make of them, and torques whose places are noisy."""
+"""Recordings with their simulations: initial states, effects of sensors, and derivatives on several threads."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ TIME = np.arange(0.0, 0.8005, 1e-3)
 
 
 def test_predictions_include_the_effects_of_the_sensor(tmp_path):
-    """Later by the sensor's delay and the clock's, through its gain, then its zero; a part is that of the whole."""
+    """Delay of sensor and clock, gain and zero; a shorter prediction equals the beginning of a longer one."""
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
     with ExitStack() as stack:
@@ -85,7 +85,7 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
         assert initial[2:] == pytest.approx([speed, 0.0], abs=0.05)
         wanted = ["joint_1.initial_position", *(["joint_1.initial_velocity"] if speed else []), "joint_2.initial_position"]
         assert [entry.parameter.key for entry in setup.layout.entries[1:]] == wanted
-        # Where a zero of its sensor is free, the link begins where the scenario says; the others as before.
+        # If the zero of a link's sensor is free, the link starts as in the scenario; other links start as before.
         free = ["joint_1.link_position.offset"]
         (track,) = setup_of(stack, tmp_path, columns, free, joints=2, keys=keys).tracks
         assert [track.initial[f"joint_{i}.initial_position"] for i in (1, 2)] == pytest.approx([0.15, 0.2], abs=1e-3)

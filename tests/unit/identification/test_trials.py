@@ -1,4 +1,4 @@
-"""Recordings as other laboratories have them, from laws of our own: benches, coarse encoders, gains that nobody gave."""
+"""Recordings of kinds that laboratories have, from independent laws: benches, coarse encoders, unknown gains."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin
 
 
 def table(folder, header, *columns):
-    """A recording, and the robot beside it."""
+    """Write a recording and the robot into a folder; return the path of the recording."""
     (folder / "rig.urdf").write_text(ARM)
     np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
     return folder / "a.csv"
@@ -82,7 +82,7 @@ def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path):
     result = identify(tmp_path / "lab.yaml", [recorded], mapping=maps, free=free)
     for key, true, near in (("elbow.reference_1.gain", 1.6, 0.005), ("elbow.damping", 1.2, 0.005), ("arm.iyy", 0.01, 0.05)):
         assert result.find(key).value == pytest.approx(true, rel=near)
-    # Its encoder counts up to where it is: half a step of zero, and steps' own correlation, are no faults of the model.
+    # The encoder rounds down: an offset of half a step, and the correlation of quantisation, are no faults of the model.
     assert result.fits, result.misfit
 
 
@@ -93,7 +93,7 @@ def test_steps_and_a_zero_within_one_are_no_faults(phase):
     beyond, borne = beyond_steps(motion - recorded, recorded, 0.01)
     assert np.sqrt(np.mean(beyond**2)) < 1.1 * 0.01 / math.sqrt(12.0)
     assert abs(lag_correlation(beyond) - borne) < 0.1
-    # A model that is off by more than that is so still.
+    # An error of the model beyond quantisation is still found.
     beyond, borne = beyond_steps(1.02 * motion - recorded, recorded, 0.01)
     assert lag_correlation(beyond) - borne > 0.3
 
@@ -110,7 +110,7 @@ def test_an_identifiable_sum_of_unidentifiable_parts_is_named(tmp_path):
 
 
 def test_spring_over_inertia_about_the_joint_is_identifiable(tmp_path):
-    """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
+    """All pairs of stiffness and inertia with equal k / (izz + m r^2) give the same motion."""
 
     def arm(name, numbers, references=None):
         scenario = write(tmp_path, name, numbers, references)

@@ -82,7 +82,7 @@ def random_drive(generator):
 
 
 def test_springs_at_their_deflection_limit_still_have_statics():
-    """All loads from none to the most that the springs hold, and the ends themselves, with the motors' droop."""
+    """Loads from zero to the largest torque of the springs, with the steady-state error of the motors."""
     generator = np.random.default_rng(11)
     for _ in range(12):
         drive, preset = random_drive(generator)
@@ -98,7 +98,7 @@ def test_springs_at_their_deflection_limit_still_have_statics():
 
 @pytest.mark.parametrize("wanted", [0.5, 3.0, 90.0])
 def test_motors_rest_in_balance_however_far_their_references_are(wanted):
-    """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
+    """sinh(11 x 90) overflows; the motor yields until its torque equals the spring's, in both directions."""
     spring = (11.0, 0.02, 11.0, 0.02, 300.0)
     drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
     found = [rest(drive, 0.0, (side * wanted, side * wanted)) for side in (1.0, -1.0)]

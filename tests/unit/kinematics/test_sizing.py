@@ -1,4 +1,4 @@
-"""Springs and motors against the arm's own weight: what is foretold is what the simulation does."""
+"""Sag under the arm's own weight, compared with simulations; proposed parameters."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def judged(scenario, **options):
     [("sea", 0.3, 3), ("bavs", 0.45, 6), *(pytest.param(*case, marks=pytest.mark.slow) for case in FURTHER_RESTS)],
 )
 def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset, mode):
-    """Ideal motors, or weak controllers, which droop: the run, strongly damped, ends at rest, and sags as it was foretold."""
+    """Ideal motors, or weak controllers with a steady-state error; a strongly damped run ends with the predicted sag."""
     weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0}
     motors = (1,) if actuator == "sea" else (1, 2)
     scenario = scenario_of(
@@ -69,7 +69,7 @@ def test_the_end_of_a_run_is_among_many_instants(tmp_path):
 
 
 def test_a_long_hanging_arm_rests_where_its_torques_balance(tmp_path):
-    """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
+    """Upward gravity is far stiffer than the springs, and its torque on the first joint depends on all joints."""
     from scipy.optimize import fsolve
 
     lengths = (0.3, 0.3, 0.3, 0.3)
@@ -168,7 +168,7 @@ def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
 
 @pytest.mark.parametrize("travel", [0.31, 0.6])
 def test_a_slider_on_its_stop_is_lifted(tmp_path, travel):
-    """PR2's torso: 1200 N on springs of 10 N/m, .05 m above the stop, so that the sag says nothing of what is lacking."""
+    """PR2's torso: 1200 N on springs of 10 N/m, 0.05 m above the stop, which hides how far the springs would sag."""
     robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(120.0,), effort=10000.0)
     lift = robot.read_text().replace('type="revolute"', 'type="prismatic"').replace('xyz="0 1 0"', 'xyz="0 0 1"')
     robot.write_text(lift.replace('lower="-2.0"', 'lower="0"').replace('upper="2.0"', f'upper="{travel}"'))
@@ -182,7 +182,7 @@ def test_a_slider_on_its_stop_is_lifted(tmp_path, travel):
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 def test_a_heavy_arm_is_held_too(tmp_path, actuator):
-    """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
+    """60 N m at the shoulder: ten times the torque of the default motors, a thousand times that of the springs."""
     preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
     keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
     robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=500.0)
@@ -193,7 +193,7 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
 
 
 def test_init_proposes_damping_with_which_an_arm_settles(tmp_path):
-    """Upright axes carry no weight, so that the default springs would be too soft for what they turn."""
+    """Joints with vertical axes carry no weight, but the default springs would be too soft for their inertia."""
     robot = write_plain_arm(tmp_path, lengths=(0.4, 0.3, 0.1), masses=(3.0, 2.0, 1.0), effort=500.0)
     lying = re.sub(r'xyz="0 0 ([\d.]+)"', r'xyz="\1 0 0"', robot.read_text())
     robot.write_text(lying.replace('xyz="0 1 0"', 'xyz="0 0 1"'))
@@ -207,7 +207,7 @@ def test_init_proposes_damping_with_which_an_arm_settles(tmp_path):
 
 
 def test_an_effort_limit_below_the_weight_is_warned_of(tmp_path):
-    """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
+    """An effort limit of 20 N m under a load of 40 N m: no spring or motor helps, so no parameters are proposed."""
     robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
     (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
     told = [(note.key, "effort limit of 20 N m" in note.message) for note in notes if note.code != "swings-on"]
@@ -220,8 +220,8 @@ def test_an_effort_limit_below_the_weight_is_warned_of(tmp_path):
 
 @pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])
 def test_a_starter_scenario_starts_at_rest_and_reaches_its_goal(tmp_path, seed):
-    """Sliders under their weight, without any damping: nothing moves before the step, and in the mean they then are within
-    0.06 m of where they are sent, which would be little of a radian."""
+    """Sliders under their weight, without damping: nothing moves before the step, and the mean error afterwards is below
+    0.06 m."""
     source = np.random.default_rng([seed, 17])
     moving, fixed = int(source.integers(1, 5)), int(source.integers(0, 5))
     robot, out = tmp_path / "arm.urdf", tmp_path / "arm.yaml"

@@ -87,9 +87,9 @@ def test_an_arm_of_six_joints_reaches_the_orientation():
         reached = [model.pose(q, "tool", point) for q in path.positions]
         error = np.array([np.r_[p - w, (r - m).ravel()] for (p, r), w, m in zip(reached, wanted, rotations, strict=True)])
         worst.append(np.abs(error).max())
-        # Away from singular postures only one posture near the last has the pose.
+        # Away from singular postures, only one posture near the previous posture has the pose.
         assert path.positions[-1] == pytest.approx(knots[3.0], abs=1e-6)
-        # What it says of itself is true: two rotations that are an angle apart differ by 2 sqrt(2) sin(angle / 2) as matrices.
+        # Matrices of two rotations with an angle between them differ by 2 sqrt(2) sin(angle / 2).
         chord = 2.0 * np.sqrt(2.0) * np.sin(0.5 * path.orientation_error)
         assert path.position_error == pytest.approx(np.linalg.norm(error[:, :3], axis=1), abs=1e-12)
         assert chord == pytest.approx(np.linalg.norm(error[:, 3:], axis=1), abs=1e-12)

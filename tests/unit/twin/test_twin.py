@@ -1,4 +1,4 @@
-"""Twins: what they find on a robot that is not asrsim's and differs from its model, and that bad measurements stop nothing."""
+"""Twins of an independently simulated robot that differs from its model; wrong measurements."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from support.paths import EXAMPLES
 from support.soft_arm import QBMOVE, SEA, record
 
 NOISE = 1e-3
-"""rad, of the positions."""
+"""Standard deviation of the noise of positions, rad."""
 
 
 def goal(value):
@@ -34,7 +34,7 @@ def wrong(joint):
 
 
 def motion(time, seed, *, rests):
-    """rad, of the link's goal."""
+    """Goal of the link, rad."""
     generator = np.random.default_rng(seed)
     waves = zip(generator.uniform(0.2, 2.5, 8), generator.uniform(0.0, 6.0, 8), strict=True)
     moves = sum(0.16 * np.sin(2.0 * np.pi * rate * time + phase) for rate, phase in waves)
@@ -43,7 +43,7 @@ def motion(time, seed, *, rests):
 
 
 def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
-    """Each step of a wrong twin of an independent robot, which is hit with 1 N m for 0.15 s; and the robot's positions."""
+    """Steps of a wrong twin, and positions of the independent robot, on which 1 N m acts for 0.15 s at the times `hits`."""
     time, step = 1e-3 * np.arange(round(1e3 * seconds) + 1), 1e-4
     outer = np.zeros((round(seconds / step), 1))
     for number, at in enumerate(hits):
@@ -145,7 +145,7 @@ def test_a_twin_far_from_its_robot_is_set_to_it(tmp_path):
 
 
 def test_a_robot_on_its_stop_raises_no_alarm():
-    """Its encoder reads 5 mrad beyond the stop; nothing but the stop acts on the link."""
+    """The encoder reads 5 mrad beyond the stop; only the stop acts on the link."""
     beyond = {"joint_1": {"equilibrium_position": 2.5}}
     arm = asrsim.make_scenario(EXAMPLES / "urdf" / "two_elastic_joints.urdf", engine="mujoco", duration=2.0, references=beyond)
     with asrsim.Simulation(arm) as robot, asrsim.Twin(arm) as twin:
@@ -188,7 +188,7 @@ def test_wrong_names_and_bandwidths_are_errors(five):
 
 
 class Robot:
-    """A transport beside a softer arm, which is simulated a step a poll, commanded by topics, and pushed after 0.9 s."""
+    """Transport with a simulated softer arm, which does one step for each poll, obeys topics, and is pushed after 0.9 s."""
 
     def __init__(self, burst, late, *, applies):
         """burst: number of steps whose positions arrive together; late: number of steps by which the twin's commands are late;
@@ -238,7 +238,7 @@ class Robot:
 
 @pytest.mark.parametrize(("burst", "late", "applies"), [(20, 0, False), (1, 15, False), (20, 200, True)])
 def test_a_live_twin_finds_a_push_whatever_the_delays(monkeypatch, burst, late, applies):
-    """Commands jump by 0.6 rad: a command that counted a few steps late would be an alarm."""
+    """Commands jump by 0.6 rad, so a command that is applied a few steps late would raise an alarm."""
     robot, told = Robot(burst, late, applies=applies), []
     monkeypatch.setattr(TRANSPORTS, "_entries", dict(TRANSPORTS._entries))
     TRANSPORTS.add("robot", TransportEntry(make=robot.make, doc="", module="json"))
@@ -253,7 +253,7 @@ def test_a_live_twin_finds_a_push_whatever_the_delays(monkeypatch, burst, late, 
 
 
 def recorded(folder, *, late=0.0):
-    """A recording of an independent SEA, whose positions come late by so many s."""
+    """Recording of an independent SEA. late: delay of the positions, s."""
     path = record(SEA, folder / "lab.csv", seed=0, duration=4.0)
     if late:
         table = np.loadtxt(path, delimiter=",", skiprows=1)
