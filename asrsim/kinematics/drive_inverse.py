@@ -79,7 +79,7 @@ def equilibria_for_loads(
     if not (missing.any() or overloaded.any()):
         return found
     row = int(np.argmax(missing | overloaded.any(axis=0)))
-    when = "" if time is None else f"at {time[row]:.4g} s: "
+    when = "" if time is None else f" at {time[row]:.4g} s"
     where = f"at position {positions[row]:.4g} rad"
     if missing[row]:
         largest = springs[:, row].sum()
@@ -94,7 +94,7 @@ def equilibria_for_loads(
             f"{loads[row]:.4g} N m and preset {presets[row]:.4g}, but its limit is {limits[motor]:.4g} N m"
         )
         hint, code = "raise the motor's maximum torque or lower the stiffness preset", "motor-too-weak"
-    raise ScenarioError(f"gravity cannot be compensated {when}{message}", key=f"task.{drive.joint}", hint=hint, code=code)
+    raise ScenarioError(f"gravity cannot be compensated{when}: {message}", key=f"task.{drive.joint}", hint=hint, code=code)
 
 
 # -- in motion -------------------------------------------------------------------------------------------------------

@@ -40,7 +40,9 @@ def test_the_spring_carries_exactly_the_load(name):
 def test_too_large_a_load_names_what_can_be_held():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     for side in (9.0, -9.0):
-        with pytest.raises(ScenarioError, match=rf"elbow: .*spring cannot hold {side:g} N m .* way is {side - side / 9:g} N m"):
+        with pytest.raises(
+            ScenarioError, match=rf"compensated: the spring cannot hold {side:g} N m .* is {side - side / 9:g} N m"
+        ):
             equilibrium_for_load(drive, 0.0, side, 0.0)
 
 

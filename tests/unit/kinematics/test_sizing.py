@@ -59,7 +59,7 @@ def test_the_end_of_a_run_is_among_many_instants(tmp_path):
 
     references = {
         # A quarter of a period: the arm leans out furthest at the end.
-        "joint_1": {"equilibrium_position": sine(1.2, 1.0 / 16.0), "stiffness_preset": 0.3},
+        "joint_1": {"equilibrium_position": sine(0.5, 1.0 / 16.0), "stiffness_preset": 0.3},
         "joint_2": {"equilibrium_position": sine(0.05, 0.3), "stiffness_preset": sine(0.05, 0.35, 0.4)},
         "joint_3": {"equilibrium_position": sine(0.05, 0.4), "stiffness_preset": sine(0.05, 0.45, 0.4)},
     }
