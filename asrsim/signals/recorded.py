@@ -47,7 +47,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
             [Problem(message, file=path, key=key, choices=choices, meant=wanted, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
-    # Of messages with equal stamps the first is played; their other faults belong to single topics.
+    # Of messages with equal stamps, the first is played. Findings about other topics of a bag do not concern this column.
     faults = _FAULTS[:3] if table.name else _FAULTS
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))
