@@ -87,8 +87,10 @@ class CellColumn:
 
     def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
         """Convert cells; text becomes NaN and is reported with its line."""
+        # Python reads 1_000 as a number, but no instrument writes numbers like this.
+        plain = self.kind == "number" and not any("_" in cell for cell in cells)
         try:
-            values = [*map(float, cells)] if self.kind == "number" else []
+            values = [*map(float, cells)] if plain else []
         except ValueError:
             values = []
         values = values or [self._value(cell, line, decimal) for cell, line in zip(cells, lines, strict=True)]
@@ -296,7 +298,7 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):
-        name = printable(name.strip(" ,;")) or f"column_{i + 1}"
+        name = printable(name.strip(" \t,;")) or f"column_{i + 1}"
         seen[name] += 1
         result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(result)

@@ -32,6 +32,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
             increase. Each problem states file, line and column.
     """
     from asrsim.recordings.names import find_raw
+    from asrsim.recordings.read import LARGEST
     from asrsim.recordings.reading import modified
 
     content, recording = _read(path, time_column, modified(path))
@@ -52,7 +53,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))
     if len(bad):
-        message = f"cells must contain finite numbers, unlike {table.places(bad)}"
+        message = f"cells must contain numbers up to {LARGEST:g}, unlike {table.places(bad)}"
         problems.append(Problem(message, file=path, line=table.line(bad[0]), key=found.source, code="missing-numbers"))
     if problems:
         raise RecordingError(problems)
