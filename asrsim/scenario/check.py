@@ -210,7 +210,7 @@ def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             key = joint.name if joint.name in table or not block else "*"
             values = table.get(key)
             if values is not None and len(values) != motors:
-                message = f"has {len(values)} values, but '{joint.name}' has {counted(motors, 'motor')}"
+                message = f"has {len(values)} values, but '{joint.name}' has {motors} motor{'' if motors == 1 else 's'}"
                 yield Problem(message, key=f"initial.{key}.{name}", value=list(values), code="initial-motors")
 
 
