@@ -140,7 +140,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[i] += room.change[i]
         if resting == -1:
             break
-        # The velocity is 0 up to rounding, unless another joint strikes its stop in this part.
+        # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
         if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
             room.velocity[resting] = 0.0
         length -= part

@@ -51,7 +51,7 @@ class ChannelFit:
     correlation: float
     """Lag-1 correlation of the training residuals after the fit."""
     explained: float
-    """Fraction of the recorded variance that the fit explains, over the whole recording."""
+    """Fraction of the recorded variance that the fit explains, over the whole recording; nan if the simulation diverges."""
     faults: tuple[str, ...] = ()
     """Reasons why the training residuals are not noise."""
     shaken: float = 0.0
@@ -70,10 +70,15 @@ class ChannelFit:
     """
 
     @property
+    def diverges(self) -> bool:
+        """Whether the simulation of the recording diverges with the fitted parameters."""
+        return bool(np.isnan(self.explained))
+
+    @property
     def is_exact(self) -> bool:
         """Whether the errors are negligible: far below the noise, as for a simulated log, or below any sensor's accuracy."""
         left = float(np.nanmax([self.after, self.held_after, 0.0]))
-        return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
+        return not self.diverges and (is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2)
 
 
 def faults(channel: Channel, left: Array, moved: Array | float = 0.0) -> Iterator[str]:
@@ -163,7 +168,8 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
     """Reasons why the model does not fit; empty if the model fits. unsure: RMS change of each channel's held-out prediction
     within the intervals of the estimates.
     """
-    reasons = []
+    lost = dict.fromkeys(one.recording for one in fits if one.diverges)
+    reasons = [f"the simulation of {recording} diverges with the fitted parameters" for recording in lost]
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
         mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
         reasons += [f"{key}: {fault}" for _, one in mine for fault in one.faults][:1]
@@ -177,7 +183,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
                 ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
-    if all(np.isnan(one.after) for one in fits):
+    if not lost and all(np.isnan(one.after) for one in fits):
         reasons.append("nothing was fitted")
     return reasons
 
@@ -193,7 +199,7 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     some = any(one.explained > EXPLAINED for one in fits)
     found: dict[str, str] = {}
     for one in fits:
-        if one.explained >= (0.0 if some else EXPLAINED):
+        if one.diverges or one.explained >= (0.0 if some else EXPLAINED):
             continue
         if one.opposed:
             found[one.key] = f"{one.key} moves opposite to its prediction: is its sign wrong? (--map COLUMN=-{one.key})"

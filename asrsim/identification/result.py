@@ -202,8 +202,8 @@ class Result:
 
     @property
     def explained(self) -> float:
-        """Smallest explained fraction of a channel's variance."""
-        return min((one.explained for one in self.channels if not math.isnan(one.explained)), default=0.0)
+        """Smallest explained fraction of a channel's variance; a simulation that diverges explains nothing."""
+        return min((0.0 if one.diverges else one.explained for one in self.channels), default=0.0)
 
     def find(self, key: str) -> Estimate:
         """Estimate of the parameter with a key; if each recording has a separate value, the estimate for the first recording.

@@ -189,11 +189,11 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += ties_that_are_none(final, x) if complete else ()
-    accepted = accept and bool(misfit) and min(one.explained for one in fits) >= ACCEPTABLE
+    accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
     found = found.of_a_block if accepted else found
     known, combined = estimates(final, x, found, met)
     if misfit:
-        missed, channel = max((max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
+        missed, channel = max((1.0 if one.diverges else max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
         known = doubted(known, missed, channel)
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined),

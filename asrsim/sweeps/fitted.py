@@ -59,7 +59,9 @@ class Joint:
 
     def _values(self, rows: Array) -> Array:
         """Values (m, n) of the keys within their bounds, from values or logarithms (m, n)."""
-        return np.clip(np.where(self.logarithmic, np.exp(rows), rows), self.low, self.high)
+        values = rows.copy()
+        values[:, self.logarithmic] = np.exp(rows[:, self.logarithmic])
+        return np.clip(values, self.low, self.high)
 
     def assign(self, row: Array) -> dict[str, float]:
         """Value of each key, tied keys included, from the values (n,) of the drawn keys."""

@@ -55,20 +55,21 @@ def numeric_keys(table: Table) -> list[str]:
 
 
 def influences(table: Table, result: str) -> list[Influence]:
-    """Influence of every key on a result, the largest swing first; empty if too few runs have the result."""
+    """Influence of every key on a result, sorted by the change of its mean, the largest first; empty if too few runs have the
+    result."""
     there = np.isfinite(table[result])
     values = table[result][there]
     if len(values) < FEWEST or np.ptp(values) == 0.0:
         return []
     indices = found.indices if (found := sobol(table, result)) else {}
-    swings = []
+    found_influences = []
     for key in numeric_keys(table):
         numbers = table[key][there]
         if np.ptp(numbers):
             low, high = np.quantile(numbers, (0.2, 0.8))
             ends = float(values[numbers <= low].mean()), float(values[numbers >= high].mean())
-            swings.append(Influence(key, *ends, indices.get(key)))
-    return sorted(swings, key=lambda one: -abs(one.high - one.low))
+            found_influences.append(Influence(key, *ends, indices.get(key)))
+    return sorted(found_influences, key=lambda one: -abs(one.high - one.low))
 
 
 @dataclass(frozen=True)

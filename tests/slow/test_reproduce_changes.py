@@ -42,13 +42,7 @@ def scaled(robot, factor, *names):
     return varied_robot(robot, changes)
 
 
-def failing(
-    figure,
-    monkeypatch,
-    folder,
-    change,
-    overrides=(),
-):
+def failing(figure, monkeypatch, folder, change, overrides=()):
     """Claims of a figure that fail if every robot is changed, or with overrides, without compilation and pictures."""
     original, changes = Lab.run, overrides
 
@@ -88,7 +82,7 @@ CASES = [
     *((figure, names, "the links move") for figure in ARMS for names in CHANGES.values()),
     *((figure, names, "the motors move") for figure in ARMS for names in MOTORS.values()),
 ]
-"""Figures with the names of the changed numbers, and with a part of the claim that fails."""
+"""Figure, names of the changed numbers, and a part of the text of the claim that must fail."""
 
 
 @pytest.mark.parametrize(

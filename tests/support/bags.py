@@ -14,11 +14,9 @@ Make = Callable[[Any, int, int], Any]
 """Function of the message classes, the number of the message, and its time in ns that returns a message."""
 
 
-def write_bag(
-    path, kind, topics, times, *,
-    definitions = None, version = 9,
-):  # fmt: skip
-    """Write a bag. kind: ros1, sqlite3 or mcap. topics: type and maker of the messages. definitions: of the lab's own types."""
+def write_bag(path, kind, topics, times, *, definitions=None, version=9):
+    """Write a bag. kind: ros1, sqlite3 or mcap. topics: type and maker of the messages, by topic. definitions: texts of further
+    message types, by name."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2

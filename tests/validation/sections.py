@@ -79,8 +79,8 @@ SECTIONS: tuple[Section, ...] = (
             "of springs, motors and controllers written anew from the paper, integrated by DOP853 to 1e-11. The order is "
             "two, also if inputs jump on a step or between steps. The order of a single robot may be lower, because a "
             "torque that reaches its limit within a step adds an error that depends on the phase of the step. Dry "
-            "friction of joints and Dahl friction of motors keep the second order: a step is cut where a link stops or "
-            "reverses. With contacts, the engines' own solvers compute friction, and its order is one."
+            "friction of joints and Dahl friction of motors keep the second order: a step is split where the velocity of a "
+            "link becomes 0. With contacts, the engines' own solvers compute friction, and its order is one."
         ),
         measures=(order.smooth, order.first_order_schemes, order.friction_orders),
         slow=frozenset({"smooth", "first_order_schemes", "friction_orders"}),

@@ -76,6 +76,14 @@ def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still):
         assert ("no channel moves" in praise([found])) == still
 
 
+def test_a_diverging_validation_does_not_fit():
+    lost = replace(GOOD, recording="b", after=NAN, held_after=NAN, explained=NAN)
+    (reason,) = verdict([GOOD, lost], lambda: [0.0, 0.0])
+    assert reason == "the simulation of b diverges with the fitted parameters"
+    assert not lost.is_exact
+    assert foreign([GOOD, lost]) == []
+
+
 def test_channels_that_the_fit_does_not_follow_are_named():
     lost = replace(GOOD, key="j.tau", explained=-0.4)
     assert foreign([GOOD]) == []
