@@ -262,6 +262,16 @@ def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
+def test_an_archive_with_a_damaged_directory_is_refused(tmp_path, name):
+    with zipfile.ZipFile(tmp_path / name, "w") as target:
+        target.writestr("t.npy", bytes(1000))
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data.replace(b"PK\x01\x02", b"PK\x01\x00"))
+    with pytest.raises(RecordingError, match=rf"{name}: is a damaged archive"):
+        read_recording(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
 def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, name):
     monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)
     with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as target:
