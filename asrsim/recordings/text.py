@@ -127,7 +127,8 @@ class Rows:
         """Convert rows. Blank lines and comments are skipped, and rows of another length are skipped and reported."""
         whole: list[Row] = []
         for line, row in rows:
-            if any(row) and not row[0].startswith(COMMENTS):
+            # A power failure may leave zero bytes at the end of a file.
+            if "".join(row).strip("\0 \t") and not row[0].startswith(COMMENTS):
                 (whole if len(row) == len(self.columns) else self.ragged).append((line, row))
         if not whole:
             return
