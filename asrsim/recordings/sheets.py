@@ -41,8 +41,8 @@ def read_json(path: Path, reading: Reading) -> Content:
         data = _of_lines(text, error)
     try:
         return _content(data, reading)
-    except RecursionError:
-        raise RecordingError("is nested too deeply", code="bad-json") from None
+    except RecursionError as error:
+        raise RecordingError(f"cannot be read as JSON: {error}", code="bad-json") from None
 
 
 def _content(data: Any, reading: Reading) -> Content:
