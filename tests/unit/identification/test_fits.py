@@ -159,7 +159,7 @@ def test_uninformative_recordings_are_refused(tmp_path, lab):
     noise = 1e-3 * np.random.default_rng(0).normal(size=100)
     for name, columns, message in (
         ("still.csv", (time, 0 * time, noise), "no channel moves"),
-        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "fewer than"),
+        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "are too few for"),
     ):
         header = "time,joint_1.reference_1,joint_1.link_position"
         np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=header, comments="")
