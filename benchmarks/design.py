@@ -39,6 +39,7 @@ ROBOTS = {
 }  # fmt: skip
 """Robots by name: free spring parameters, fixed parameters, limits in addition to the common ones, references."""
 SECONDS = 4.0
+"""Duration of the motions, s."""
 
 
 def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Path, Path, dict]:

@@ -84,7 +84,7 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
     slowest, largest = -fastest, fastest
-    # Most motors are far from their stops: without a division.
+    # Most motors are far from their stops, so that their bounds need no division.
     if position - step * fastest < low and step > 0.0:
         slowest = (low - position) / step if low < position else 0.0
     if position + step * fastest > high and step > 0.0:

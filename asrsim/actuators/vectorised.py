@@ -24,7 +24,7 @@ GAUSS = tuple(
 _ARRAY_MATH: dict[str, Any] = {
     name: law for name in vars(math) if name != "remainder" and isinstance(law := getattr(np, name, None), np.ufunc)
 }
-"""NumPy's functions by the names of `math`; `remainder` means another function in NumPy."""
+"""Functions of NumPy by their names in `math`, without `remainder`, which has another meaning in NumPy."""
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
 
 

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt, merge_items
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
-from asrsim.errors import InputError, nearest
+from asrsim.errors import InputError, Problem, nearest
 
 T = TypeVar("T")
 
@@ -122,14 +122,24 @@ class Block(Kind[T], Generic[T]):
             return self.build(**arguments)
         except InputError as error:
             for problem in error.problems:
-                name = next((key.name for key in self.keys if problem.key in (key.argument, key.name)), "")
-                item = dict(node.items()).get(name, node)
+                item, place = node, path
+                for name in self._place(problem):
+                    item, place = dict(item.items()).get(name, item), (*place, name)
                 # A problem of another file keeps its key in the message.
                 own = problem.key if problem.file is not None else None
                 message = str(dataclasses.replace(problem, key=own, choices=(), hint=None, value=None))
-                key = ".".join((*path, name) if name else path) or None
+                key = ".".join(place) or None
                 reading.problems.append(dataclasses.replace(problem, message=message, file=item.file, line=item.line, key=key))
             raise Rejected from None
+
+    def _place(self, problem: Problem) -> list[str]:
+        """Path inside the block of the value with a problem; empty if the problem is about the whole block."""
+        head, *inner = (problem.key or "").split(".")
+        name = next((key.name for key in self.keys if head in (key.argument, key.name)), None)
+        if name is None:
+            return []
+        # Keys inside another file are no keys of this document.
+        return [name] if problem.file is not None else [name, *inner]
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -390,7 +390,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
 
     of: Kind[T]
     noun: str = "joint"
-    """Noun for what the names refer to."""
+    """Noun for the things that have these names, for messages."""
     star: bool = True
     """True: the name `*` may stand for all names."""
     bare: bool = False

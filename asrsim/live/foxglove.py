@@ -114,7 +114,7 @@ class FoxgloveTransport:
 
 
 def decoded(inlet: int, data: bytes) -> Received:
-    """Content of a message in JSON."""
+    """Content of a message in JSON; invalid JSON gives a message with a fault."""
     missing = {"position": (), "effort": (), "velocities": ()}
     try:
         return received(inlet, json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields})))

@@ -13,6 +13,9 @@ from asrsim.errors import InputError
 from asrsim.extras import install
 from asrsim.registry import Registry
 
+LATEST = 2.0**32
+"""Bound of the time stamps in messages, s since 1970; the seconds of ROS have 32 bits."""
+
 
 @dataclass(frozen=True)
 class LiveTopic:
@@ -57,10 +60,12 @@ def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
         if hasattr(message, "name"):
             values = message.position if len(message.position) else message.effort
             stamp = getattr(getattr(message, "header", None), "stamp", None)
-            seconds = getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0)
+            seconds = float(getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0))
+            if not abs(seconds) < LATEST:
+                raise ValueError("the time stamp is out of range")
             return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=seconds, sent=sent)
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         return unreadable(inlet, error)
 
 

@@ -124,8 +124,11 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
 
 def _check_unpacked(path: Path) -> None:
     """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
-    with zipfile.ZipFile(path) as archive:
-        size = sum(member.file_size for member in archive.infolist())
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+    except Exception as error:  # on damaged archives zipfile raises errors of many types
+        raise RecordingError(f"is a damaged archive: {error}", code="damaged") from None
     if size > max(LEAST, RATIO * path.stat().st_size):
         message = (
             f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"

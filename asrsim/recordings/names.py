@@ -116,7 +116,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
 
 
 def _joint_called(name: str, joints: Sequence[str] | None) -> str:
-    """Joint with the name that stands before a quantity. Raises DoubtError."""
+    """Joint whose name precedes the quantity in a column's name. Raises DoubtError."""
     called = find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
     place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
@@ -125,7 +125,7 @@ def _joint_called(name: str, joints: Sequence[str] | None) -> str:
 
 
 def _fitting(quantity: str, unit: Unit | None) -> str:
-    """The quantity. Raises DoubtError if the unit does not fit it."""
+    """Quantity, after checking that the unit fits the quantity. Raises DoubtError."""
     if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
         raise DoubtError(f"its name means {quantity}, but its unit is {unit.symbol}")
     return quantity

@@ -158,7 +158,7 @@ def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
 def _column(
     raw: RawColumn, time: Array, explicit: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, *, repeated: bool
 ) -> Column:
-    """Column in SI units, by its mapping, or else by the file or the column's name. repeated: other columns have its name."""
+    """Column in SI units, by its mapping, or else by the file or the column's name. repeated: the name is not unique."""
     if explicit is not None:
         return in_si(raw, time, explicit)
     if reading.columns is not None:

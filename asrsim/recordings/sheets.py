@@ -39,6 +39,14 @@ def read_json(path: Path, reading: Reading) -> Content:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
         data = _of_lines(text, error)
+    try:
+        return _content(data, reading)
+    except RecursionError as error:
+        raise RecordingError(f"cannot be read as JSON: {error}", code="bad-json") from None
+
+
+def _content(data: Any, reading: Reading) -> Content:
+    """Content made of JSON data. Raises RecordingError where the data contain no records and no arrays."""
     if isinstance(data, dict):
         lists = [one for one in data.values() if isinstance(one, list) and one and isinstance(one[0], dict)]
         if not lists:
@@ -55,13 +63,15 @@ def read_json(path: Path, reading: Reading) -> Content:
 
 
 def _arrays(data: Any) -> Any:
-    """JSON data in which lists of numbers are arrays; null becomes NaN."""
+    """JSON data in which lists of numbers are arrays, with NaN for null. Text and lists of unequal length become None."""
     if isinstance(data, dict):
         return {name: _arrays(one) for name, one in data.items()}
+    if isinstance(data, list) and data and all(isinstance(one, dict) for one in data):
+        return [_arrays(one) for one in data]
     try:
         return np.array(data, dtype=float)
-    except (ValueError, TypeError):
-        return data
+    except (ValueError, TypeError, OverflowError):
+        return None
 
 
 def _of_lines(text: str, whole: Exception) -> list[Any]:

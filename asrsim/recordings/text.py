@@ -87,8 +87,10 @@ class CellColumn:
 
     def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
         """Convert cells; text becomes NaN and is reported with its line."""
+        # Python reads 1_000 as a number, but no instrument writes numbers like this.
+        plain = self.kind == "number" and not any("_" in cell for cell in cells)
         try:
-            values = [*map(float, cells)] if self.kind == "number" else []
+            values = [*map(float, cells)] if plain else []
         except ValueError:
             values = []
         values = values or [self._value(cell, line, decimal) for cell, line in zip(cells, lines, strict=True)]
@@ -125,7 +127,8 @@ class Rows:
         """Convert rows. Blank lines and comments are skipped, and rows of another length are skipped and reported."""
         whole: list[Row] = []
         for line, row in rows:
-            if any(row) and not row[0].startswith(COMMENTS):
+            # A power failure may leave zero bytes at the end of a file.
+            if "".join(row).strip("\0 \t") and not row[0].startswith(COMMENTS):
                 (whole if len(row) == len(self.columns) else self.ragged).append((line, row))
         if not whole:
             return
@@ -296,7 +299,7 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):
-        name = printable(name.strip(" ,;")) or f"column_{i + 1}"
+        name = printable(name.strip(" \t,;")) or f"column_{i + 1}"
         seen[name] += 1
         result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(result)

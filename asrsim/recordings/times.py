@@ -114,7 +114,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[
     if not places:
         raise RecordingError(
             f"none of the columns is a time: {listed(names, 20)}", code="no-time",
-            hint="Name the time with --map COLUMN=time [unit], or give the sampling rate with --rate",
+            hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )  # fmt: skip
     if len(named) > 1 and not stated:
         _check_second_time(names, named[0], named[1], findings)

@@ -36,7 +36,7 @@ _NOT_OF_THE_RUN = {
 
 
 _OTHER_FORM = ("log_every", "world")
-"""Fields whose value has another form than the value of their key."""
+"""Fields of a scenario whose values differ in form from the values of their keys in a file."""
 
 
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:

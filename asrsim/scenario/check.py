@@ -74,7 +74,7 @@ def check_against_robot(
         return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
     if not scenario.unread and (wrong := [*_fields(scenario)]):
         return [*robot.faults, *wrong], []
-    changed, faults = laid_on(scenario, robot)
+    changed, faults = changed_robot(scenario, robot)
     errors = [*robot.faults, *faults]
     # Only actuators with a known mode can be checked.
     driven = replace(changed, actuators=tuple(block for block in changed.actuators if block.joint not in changed.unread))
@@ -95,13 +95,13 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
 
     Raises ScenarioError with every unknown joint, mode or parameter and every value out of range.
     """
-    changed, problems = laid_on(scenario, robot)
+    changed, problems = changed_robot(scenario, robot)
     if problems:
         raise ScenarioError(problems)
     return changed
 
 
-def laid_on(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
+def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
     """Robot with the valid changes of the scenario, and the problems of the other changes."""
     given = scenario.actuators
     own = {joint: one.parameters for joint, one in given.items() if one.parameters}

@@ -78,9 +78,9 @@ class RecordingPlan:
 def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence[str] | None = None) -> RecordingPlan:
     """Columns of the recording that are played into the robot, and columns that are compared.
 
-    idle: play only commands, or the recorded motor positions of these joints, and accept a recording without commands. None:
-    replace a missing command by any recorded quantity. Raises RecordingError, with the columns of the recording,
-    where it has no joint of the robot or no command.
+    idle: joints whose recorded motor positions may replace a missing command. Other joints play commands only, and a recording
+    without commands is accepted. None: any recorded quantity may replace a missing command. Raises RecordingError, with the
+    columns of the recording, if it has no joint of the robot or no command.
     """
     pairing, found = match_joints([joint.name for joint in robot.moving_joints], recording)
     remarks = [problem.message for problem in found]

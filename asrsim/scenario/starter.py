@@ -355,7 +355,7 @@ def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:
     paths: dict[int, object] = {
         id(node): relative_path(reading.locate(str(node.value), folder=kind.folder), folder)
         for _, kind, node in walk(SCENARIO, root)
-        if isinstance(kind, File)
+        if isinstance(kind, File) and node.value is not None
     }
     # Robot and packages are not among the attachments.
     return {

@@ -32,6 +32,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
             increase. Each problem states file, line and column.
     """
     from asrsim.recordings.names import find_raw
+    from asrsim.recordings.read import LARGEST
     from asrsim.recordings.reading import modified
 
     content, recording = _read(path, time_column, modified(path))
@@ -47,12 +48,12 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
             [Problem(message, file=path, key=key, choices=choices, meant=wanted, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
-    # Of messages with equal stamps the first is played; their other faults belong to single topics.
+    # Of messages with equal stamps, the first is played. Findings about other topics of a bag do not concern this column.
     faults = _FAULTS[:3] if table.name else _FAULTS
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))
     if len(bad):
-        message = f"cells must contain finite numbers, unlike {table.places(bad)}"
+        message = f"cells must contain numbers up to {LARGEST:g}, unlike {table.places(bad)}"
         problems.append(Problem(message, file=path, line=table.line(bad[0]), key=found.source, code="missing-numbers"))
     if problems:
         raise RecordingError(problems)

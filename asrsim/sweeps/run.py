@@ -88,8 +88,9 @@ def sweep(
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         missing = store.missing
-        # A single worker is a process too, so that a run that crashes its process becomes a row.
-        executor = Cluster(cluster, plugins) if cluster else Processes(workers or cores(), plugins)
+        # A single worker is a process too, so that a run that crashes its process becomes a row. A complete study needs no
+        # cluster.
+        executor = Cluster(cluster, plugins) if cluster and missing else Processes(workers or cores(), plugins)
         try:
             with executor:
                 for found in executor.results(Runner(payload), missing, stop=stop):

@@ -87,7 +87,7 @@ class Pool(Executor, ABC):
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Cancel these futures."""
+        """Cancel the pieces of work that these futures stand for."""
 
     def renew(self) -> None:
         """Send the task again, because workers may have lost it."""

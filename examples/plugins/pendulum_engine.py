@@ -64,7 +64,9 @@ class PendulumEngine(RigidEngine):
 
     def __init__(self, scenario, robot):
         if len(robot.moving_joints) != 1 or not scenario.fixed_base or not scenario.world.empty:
-            raise RobotError("the engine 'pendulum' takes robots of one joint on a base that is held, without a world")
+            raise RobotError(
+                "the engine 'pendulum' needs a robot with one joint on a fixed base, in a world without ground and objects"
+            )
         self.model, self.robot, self.joints = PendulumModel(scenario, robot), robot, (robot.moving_joints[0].name,)
         places = {"qpos": np.zeros(1), "qvel": np.zeros(1), "joint_q": [0], "joint_v": [0]}
         super().__init__(make_room(robot, free=False, **places), np.zeros(1))

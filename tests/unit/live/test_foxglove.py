@@ -37,8 +37,13 @@ def test_messages_in_json():
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"{", b"[]", b'{"data": "high"}', b"\xff\xfe", b"[" * 100_000, b"\x00\x01\x00\x00", b'{"position": [1]}']
-)
+    "data",
+    [
+        b"", b"{", b"[]", b'{"data": "high"}', b"\xff\xfe", b"[" * 100_000, b"\x00\x01\x00\x00", b'{"position": [1]}',
+        b'{"data": 1' + b"0" * 400 + b"}",
+        *(b'{"name": [], "position": [], "effort": [], "header": {"stamp": {"sec": %b}}}' % sec for sec in (b"1e308", b"NaN")),
+    ],
+)  # fmt: skip
 def test_unreadable_messages_have_a_fault(data):
     found = decoded(1, data)
     assert found.fault

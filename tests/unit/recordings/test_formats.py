@@ -261,6 +261,30 @@ def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path):
             read_recording(path)
 
 
+@pytest.mark.parametrize("other", [[[1, 2], [1]], [10**400, 1, 2], "text", [{"a": [[1], [1, 2]]}] * 2, None])
+def test_other_values_of_json_are_left_out(tmp_path, other):
+    path = tmp_path / "lab.json"
+    path.write_text(json.dumps({"t": [0.0, 0.01, 0.02], "q1": [1, 2, 3], "run": {"other": other}}))
+    assert [*read_recording(path).channels] == ["q1"]
+
+
+def test_deeply_nested_json_is_refused(tmp_path):
+    path = tmp_path / "lab.json"
+    path.write_text('{"a":' * 900 + "1" + "}" * 900)
+    with pytest.raises(RecordingError, match=r"lab\.json"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
+def test_an_archive_with_a_damaged_directory_is_refused(tmp_path, name):
+    with zipfile.ZipFile(tmp_path / name, "w") as target:
+        target.writestr("t.npy", bytes(1000))
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data.replace(b"PK\x01\x02", b"PK\x01\x00"))
+    with pytest.raises(RecordingError, match=rf"{name}: is a damaged archive"):
+        read_recording(tmp_path / name)
+
+
 @pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
 def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, name):
     monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)

@@ -78,6 +78,24 @@ def test_every_layout_gives_the_same_numbers(tmp_path, layout):
     check(write(tmp_path / "lab.csv", LAYOUTS[layout]))
 
 
+@pytest.mark.parametrize("separator", [",\t", "\t", " , "])
+def test_blanks_beside_separators_are_left_out(tmp_path, separator):
+    path = write(tmp_path / "lab.csv", [separator.join(["time", "q1", "q2"]), *rows(separator=separator)])
+    assert [*read_recording(path).channels] == ["q1", "q2"]
+
+
+@pytest.mark.parametrize("end", [b"\n", b" \n", b"\t\n", b"\0\0\0"])
+def test_blank_lines_are_no_bad_rows(tmp_path, end):
+    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()])
+    path.write_bytes(path.read_bytes() + end)
+    assert not read_recording(path).findings
+
+
+def test_digits_joined_by_an_underscore_are_no_number(tmp_path):
+    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()[:4], "0.04,1_0,0", *rows()[5:]])
+    assert finding(read_recording(path).findings, "not-a-number").line == 6
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
 def test_encodings(tmp_path, encoding):
     check(write(tmp_path / "lab.csv", ["t [s];q1 [°];q2 [°]", *rows(scale=DEGREES, separator=";")], encoding))

@@ -150,6 +150,7 @@ expect:
         ("variant: a\nvariants: {a: {}}", 3, "variant", "not allowed in a file"),
         ("world: {objects: {b: {shape: box, size: 1}}}", 3, "world.objects.b.size", "[x, y, z]"),
         ("world: {objects: {b: {shape: mesh}}}", 3, "world.objects.b.mesh", "needs the key 'mesh'"),
+        ("world: {objects: {robot: {shape: sphere, size: 1}}}", 3, "world.objects.robot", "cannot have the name"),
         (
             "task: {link: a, poses: [{time: 1, position: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
             3,

@@ -211,6 +211,8 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].done >= 3}
     assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
+    # No scheduler listens at this address, and a complete study needs none.
+    assert asrsim.sweep(study, out=tmp_path / "one", cluster="tcp://127.0.0.1:1", resume=True).missing == 0
 
 
 def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
