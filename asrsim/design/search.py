@@ -20,6 +20,8 @@ FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
 """First and last frequencies of chirps, Hz; number of chirps with each preset that are tried as whole motions."""
 FULL, ENOUGH = 0.97, 0.93
 """Fraction of a limit to which a motion is scaled; fraction of its goal with which a motion is large enough."""
+MARGIN = 0.92
+"""Fraction of each limit that a robust design uses at most on the robots that are tried, since other robots may use more."""
 TRIES, SHRINKING = 8, 4
 """Largest number of simulations in which a motion is scaled into the limits; number of those, at the end, in which it only
 shrinks.
@@ -83,6 +85,11 @@ class Search:
         """Number of pieces of the motion."""
         return min(MOST, max(1, round((self.plant.rows - 1) * self.plant.step / LENGTH)))
 
+    @property
+    def allowed(self) -> float:
+        """Fraction of each limit that the motion may use."""
+        return MARGIN if len(self.plant.robots) > 1 else 1.0
+
     def deviations(self, information: Array) -> Array:
         """Standard deviations (..., robots, n) for Fisher matrices (..., robots, n, n)."""
         matrices = information + self.known + PRIOR * np.eye(len(self.known))
@@ -109,7 +116,7 @@ class Search:
             outcome = self.plant.play(self.plant.motion(pieces, rows), robots, windows=goals.shape[1])
             factors = np.full(goals.shape, 0.5)
             if outcome is not None:
-                use = np.maximum(outcome.use, 1e-6)
+                use = np.maximum(outcome.use / self.allowed, 1e-6)
                 own = np.array([use[mine].max(axis=0, initial=1e-6) for mine in self.plant.own])
                 filled = float(np.minimum(own / goals, 1.0)[~presets].mean())
                 if use.max(initial=0.0) <= 1.0 and filled > most:
