@@ -34,7 +34,7 @@ SHORTEST, PROBE = 0.5, 0.2
 """Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
 TRIED = 12
 """Number of random pieces that are tried, after the chirps, before a parameter is said to have no effect."""
-CHECKS, FACTOR = 24, 2.0
+CHECKS, FACTOR = 48, 2.0
 """Number of further robots on which a robust design must keep the limits; largest factor by which their parameters differ."""
 WANTED = 0.05
 """Half-width of the interval for which the necessary time is computed, relative to the value."""

@@ -20,7 +20,7 @@ FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
 """First and last frequencies of chirps, Hz; number of chirps with each preset that are tried as whole motions."""
 FULL, ENOUGH = 0.97, 0.93
 """Fraction of a limit to which a motion is scaled; fraction of its goal with which a motion is large enough."""
-MARGIN = 0.92
+MARGIN = 0.88
 """Fraction of each limit that a robust design uses at most on the robots that are tried, since other robots may use more."""
 TRIES, SHRINKING = 8, 4
 """Largest number of simulations in which a motion is scaled into the limits; number of those, at the end, in which it only
