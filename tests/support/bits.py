@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
 from asrsim.samples import Samples, concatenate
-from asrsim.simulation.simulation import Simulation
-from support.random_runs import RandomRun
 
 
 class Tape:
     """Sink that keeps all samples."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.chunks: list[Samples] = []
 
-    def write(self, samples: Samples) -> None:
+    def write(self, samples):
         self.chunks.append(samples)
 
-    def of(self, simulation: Simulation, end: int | None = None) -> Samples:
+    def of(self, simulation, end=None):
         """Samples of `simulation` from now to the substep `end`, by default to the end of the scenario."""
         simulation.advance_to(simulation.total if end is None else end)
         simulation.flush()
@@ -29,7 +26,7 @@ class Tape:
         return concatenate(chunks)
 
 
-def assert_same(first: Samples, second: Samples, *, moves: bool = True) -> None:
+def assert_same(first, second, *, moves=True):
     np.testing.assert_array_equal(first.time, second.time)
     assert first.values.keys() == second.values.keys()
     for name, values in first.values.items():
@@ -39,7 +36,7 @@ def assert_same(first: Samples, second: Samples, *, moves: bool = True) -> None:
     assert not moves or np.nanmax(np.abs(first.values["link_velocity"])) > 0.01
 
 
-def busy_keys(run: RandomRun) -> dict[str, Any]:
+def busy_keys(run):
     """Keys of the scenario, with late and noisy sensors, a wrench that jumps, and damping that follows the stiffness."""
     last = re.findall(r'<child link="(\w+)"', run.urdf)[-1]
     force = [{"step": {"at": 0.0503, "to": 1.0}}, 0, {"sinusoid": {"amplitude": 1.0, "frequency": 3.0}}]

@@ -7,8 +7,6 @@ import os
 import shutil
 import subprocess
 import time
-from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
@@ -17,7 +15,7 @@ CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrom
 class Browser:
     """A page in a headless browser. It collects console messages, exceptions and requests."""
 
-    def __init__(self, profile: Path) -> None:
+    def __init__(self, profile):
         assert CHROMIUM is not None
         from_us, self._write = os.pipe()
         self._read, to_us = os.pipe()
@@ -41,16 +39,16 @@ class Browser:
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
-    def __enter__(self) -> Browser:
+    def __enter__(self):
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind, error, trace):
         self._process.terminate()
         self._process.wait(timeout=10)
         os.close(self._read)
         os.close(self._write)
 
-    def call(self, method: str, params: dict[str, Any] | None = None, session: str | None = "page") -> dict[str, Any]:
+    def call(self, method, params=None, session="page"):
         """Answer to a DevTools command."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": params or {}}
@@ -62,7 +60,7 @@ class Browser:
         assert "error" not in answer, answer
         return dict(answer.get("result", {}))
 
-    def open(self, path: Path, *, width: int, height: int = 900) -> None:
+    def open(self, path, *, width, height=900):
         """Load a file in a window of `width` x `height` pixels, and wait until it is loaded."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
@@ -73,14 +71,14 @@ class Browser:
         if not any(event["method"] == "Page.loadEventFired" for event in self.events):
             self._until(lambda m: m.get("method") == "Page.loadEventFired")
 
-    def evaluate(self, expression: str) -> Any:
+    def evaluate(self, expression):
         """Value of a JavaScript expression, after its promises are resolved."""
         result = self.call("Runtime.evaluate", {"expression": expression, "awaitPromise": True, "returnByValue": True})
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
     @property
-    def complaints(self) -> list[str]:
+    def complaints(self):
         """Console messages, uncaught exceptions and log entries of the page."""
         said = []
         for event in self.events:
@@ -95,12 +93,12 @@ class Browser:
         return said
 
     @property
-    def requests(self) -> list[str]:
+    def requests(self):
         """Addresses that the page requested, without data addresses."""
         urls = [e["params"]["request"]["url"] for e in self.events if e["method"] == "Network.requestWillBeSent"]
         return [url for url in urls if not url.startswith("data:")]
 
-    def _until(self, wanted: Any, patience: float = 30.0) -> dict[str, Any]:
+    def _until(self, wanted, patience=30.0):
         end = time.monotonic() + patience
         while time.monotonic() < end:
             while b"\0" in self._buffer:

@@ -16,7 +16,7 @@ VALUES = (
 )  # fmt: skip
 
 
-def damaged(text: str, source: random.Random) -> bytes:
+def damaged(text, source):
     """Text with one to four random faults."""
     for _ in range(source.randint(1, 4)):
         text = source.choice(DAMAGES)(text, source)
@@ -27,10 +27,10 @@ def damaged(text: str, source: random.Random) -> bytes:
     return data
 
 
-def _replaced(pattern: str, new: Callable[[str, random.Random], str]) -> Callable[[str, random.Random], str]:
+def _replaced(pattern, new):
     """Function that replaces a random match of the pattern in a text, if there is a match."""
 
-    def damage(text: str, source: random.Random) -> str:
+    def damage(text, source):
         spots = list(re.finditer(pattern, text))
         if not spots:
             return text
@@ -40,7 +40,7 @@ def _replaced(pattern: str, new: Callable[[str, random.Random], str]) -> Callabl
     return damage
 
 
-def _other_attribute(old: str, source: random.Random) -> str:
+def _other_attribute(old, source):
     return source.choice(["", old + ' other="1"', old.replace("=", "s=", 1), old * 2])
 
 
@@ -49,7 +49,7 @@ _digit = _replaced(r"(?<=[\" \d])[\d.e-](?=[\" \d])", lambda _, source: source.c
 _attribute = _replaced(r'\s[\w:]+="[^"<>]*"', _other_attribute)
 
 
-def _tree(text: str, source: random.Random) -> str:
+def _tree(text, source):
     """Text in which an element is removed, duplicated, renamed, or copied into another element."""
     try:
         root = etree.fromstring(text.encode(), etree.XMLParser(resolve_entities=False))
@@ -72,7 +72,7 @@ def _tree(text: str, source: random.Random) -> str:
     return str(etree.tostring(root, encoding="unicode"))
 
 
-def _line(text: str, source: random.Random) -> str:
+def _line(text, source):
     lines = text.splitlines()
     if lines:
         lines.insert(source.randrange(len(lines)), lines.pop(source.randrange(len(lines))))

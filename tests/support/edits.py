@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1e308, "x", "", [], {}, [None], {"
 """Values that replace the original value."""
 
 
-def places(data: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def places(data, way=()):
     """Yield the path (keys and indices) to every value in plain data."""
     yield way
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
@@ -20,7 +19,7 @@ def places(data: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from places(value, (*way, key))
 
 
-def changed(data: Any, way: tuple[Any, ...], value: Any) -> Any:
+def changed(data, way, value):
     """Copy of the data with another value at the path `way`. If `value` is the function `places`, the entry is deleted."""
     if not way:
         return value
@@ -35,7 +34,7 @@ def changed(data: Any, way: tuple[Any, ...], value: Any) -> Any:
     return found
 
 
-def edits(data: Any, *, seed: int, most: int | None) -> Iterator[Any]:
+def edits(data, *, seed, most):
     """Yield edited copies of the data: at most `most` of all single edits, or one edit of every value if `most` is None."""
     generator = np.random.default_rng(seed)
     if most is None:

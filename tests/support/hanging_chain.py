@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import asrsim
-from asrsim.samples import Samples
 from asrsim.simulation.run import simulate
 from support.independent_ode import solve
 from support.random_runs import JointSpec, RandomRun, Wave
@@ -22,15 +18,13 @@ NEVER = Wave(offset=0.0, amplitude=0.0, frequency=1.0, at=np.inf, jump=0.0)
 """Reference that stays at 0."""
 
 
-def joint(*, start: float = 0.0, speed: float = 0.0, damping: float = 0.0, effort: float = np.inf, **keys: Any) -> JointSpec:
+def joint(*, start=0.0, speed=0.0, damping=0.0, effort=np.inf, **keys):
     return JointSpec(
         name="", kind="revolute", damping=damping, effort=effort, spring=0.0, rest=0.0, start=start, speed=speed, **keys
     )  # fmt: skip
 
 
-def plan(
-    joints: Sequence[JointSpec], duration: float, *, jumps: tuple[float, ...] = (), axes: Sequence[str] | None = None
-) -> RandomRun:
+def plan(joints, duration, *, jumps=(), axes=None):
     """Run of a hanging chain with these joints, which are named `joint_1`, `joint_2`, ... axes: by default, all are y."""
     bodies = [
         Body(
@@ -45,11 +39,11 @@ def plan(
     )  # fmt: skip
 
 
-def samples(given: RandomRun, folder: Path, **keys: Any) -> Samples:
+def samples(given, folder, **keys):
     result = simulate(asrsim.make_scenario(given.write(folder), compiled=False, **given.keys(), **keys))
     assert result.samples is not None
     return result.samples
 
 
-def truth(given: RandomRun, time: np.ndarray) -> np.ndarray:
+def truth(given, time):
     return np.asarray(solve(given, time)["positions"])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import Layout, make_layout
+from asrsim.identification.layout import make_layout
 from asrsim.identification.problem import Meter, Problem
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
@@ -41,7 +40,7 @@ SEA = {"actuator": "sea", "mode": 3, "damping": 0.02, "friction": 0.0, "izz": 0.
 CHIRP = "{chirp: {amplitude: 0.3, from: 0.5, to: 6, duration: 2}}"
 
 
-def write(folder: Path, name: str, numbers: dict[str, object], references: str | None = None, duration: float = 2.0) -> Path:
+def write(folder, name, numbers, references=None, duration=2.0):
     """Write a robot and its scenario, and return the path of the scenario."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.urdf").write_text(ROBOT.format(**numbers))
@@ -53,9 +52,9 @@ def write(folder: Path, name: str, numbers: dict[str, object], references: str |
 
 
 def record(
-    scenario: Path, path: Path, quantities: tuple[str, ...] = ("link_position",), *, noise: float = 1e-3, seed: int = 0,
-    every: int = 2, offset: float = 0.0, late: int = 0,
-) -> Path:  # fmt: skip
+    scenario, path, quantities = ("link_position",), *, noise = 1e-3, seed = 0,
+    every = 2, offset = 0.0, late = 0,
+):  # fmt: skip
     """Write a run of a scenario as a noisy recording. late: delay of the measured columns relative to the commands, samples."""
     samples = simulate(load_scenario(scenario)[0]).samples
     assert samples is not None
@@ -79,9 +78,7 @@ Left = Callable[[np.ndarray], np.ndarray | None]
 class Model:
     """Replacement for the simulation of a recording: one channel whose residuals (m,) are a function of the vector (n,)."""
 
-    def __init__(
-        self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float
-    ) -> None:
+    def __init__(self, left, layout, recorded, quantum):
         time = np.linspace(0.0, 1.0, len(recorded))
         channel = Channel(
             joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, quantum=quantum
@@ -100,9 +97,9 @@ class Model:
 
 
 def modelled(
-    left: Left, entries: int | list[Parameter], samples: int, *,
-    recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0,
-) -> Problem:  # fmt: skip
+    left, entries, samples, *,
+    recorded = None, quantum = 0.0, weight = 1.0,
+):  # fmt: skip
     """Problem whose residuals are a function of the parameter vector. entries: parameters, or a number of unit parameters."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from asrsim.learning.plant import Plant, make_plant
+from asrsim.learning.plant import make_plant
 from asrsim.scenario import load_scenario
 from asrsim.signals.recorded import read_column
-from support.soft_arm import SoftArm
 
 
-def plant_of(folder: Path, arm: SoftArm, motion: dict[str, dict[str, object]], duration: float, **ilc: object) -> Plant:
+def plant_of(folder, arm, motion, duration, **ilc):
     """Model of an arm that learns a motion. ilc: further keys of the block `ilc`."""
     block = {"trajectory": motion, "tolerance": 0.005, "max_iterations": 15, **ilc}
     return make_plant(load_scenario(arm.write(folder, duration=duration, initial="equilibrium", ilc=block))[0])
 
 
-def play(robot: SoftArm, plant: Plant, inputs: np.ndarray) -> np.ndarray:
+def play(robot, plant, inputs):
     """Link positions (n, joints) of the robot under equilibrium positions (n, joints)."""
     return robot.move(
         plant.time, lambda at: np.column_stack([np.interp(at, plant.time, column) for column in inputs.T]), step=1e-4
     )[:, :, 0]  # fmt: skip
 
 
-def record(path: Path, plant: Plant, robot: SoftArm, inputs: np.ndarray, *, seed: int = 0) -> float:
+def record(path, plant, robot, inputs, *, seed=0):
     """Write a recording of the robot at 200 Hz with 1 mrad of noise, and return the largest noise-free error in rad."""
     outputs = play(robot, plant, inputs)
     noisy = outputs[::5] + np.random.default_rng(seed).normal(0.0, 1e-3, outputs[::5].shape)
@@ -34,6 +31,6 @@ def record(path: Path, plant: Plant, robot: SoftArm, inputs: np.ndarray, *, seed
     return float(np.abs(plant.reference - outputs).max())
 
 
-def inputs_in(path: Path, plant: Plant) -> np.ndarray:
+def inputs_in(path, plant):
     """Inputs (n, joints) read from a file."""
     return np.column_stack([read_column(path, joint, None)[1] for joint in plant.joints])

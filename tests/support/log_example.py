@@ -41,9 +41,7 @@ INFO = RunInfo(
 )
 
 
-def example_samples(
-    count: int, *, start: int = 0, info: RunInfo = INFO, bodies: tuple[str, ...] = (), contacts: tuple[str, ...] = ()
-) -> Samples:
+def example_samples(count, *, start=0, info=INFO, bodies=(), contacts=()):
     """Random samples with NaN, infinities, negative zeros and denormals. Equal arguments give equal samples."""
     rng = np.random.default_rng([count, start])
     joints = info.joints
@@ -66,7 +64,7 @@ def example_samples(
     )
 
 
-def part(samples: Samples, rows: slice) -> Samples:
+def part(samples, rows):
     """Samples in the given rows."""
     return Samples(
         time=samples.time[rows],
@@ -77,7 +75,7 @@ def part(samples: Samples, rows: slice) -> Samples:
     )
 
 
-def assert_same(left: Samples, right: Samples) -> None:
+def assert_same(left, right):
     """Assert that both samples are equal bit for bit, including names and shapes."""
     assert left.joints == right.joints
     assert left.time.tobytes() == right.time.tobytes()

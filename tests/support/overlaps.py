@@ -6,14 +6,13 @@ from itertools import combinations
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 PART = 0.02
 """Tolerated overlap as a fraction of the smaller text box, since letters do not fill their boxes."""
 
 
-def overlapping(figure: Figure) -> list[str]:
+def overlapping(figure):
     """Pairs of texts that overlap in the drawn figure."""
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -15,13 +13,13 @@ from asrsim.simulation.run import simulate
 from support.paths import EXAMPLES
 
 
-def simulated_log(scenario: str, path: Path, *, variant: str | None = None, duration: float = 0.2) -> Path:
+def simulated_log(scenario, path, *, variant=None, duration=0.2):
     """Write the log of a short run of an example scenario."""
     found = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml", variant=variant, overrides=[f"duration={duration}"])
     path.parent.mkdir(parents=True, exist_ok=True)
     writers: list[LogWriter] = []
 
-    def sinks(info: RunInfo) -> list[LogWriter]:
+    def sinks(info):
         writers.append(LogWriter(path, info))
         return writers
 
@@ -35,15 +33,15 @@ def simulated_log(scenario: str, path: Path, *, variant: str | None = None, dura
 
 
 def made_up_log(
-    path: Path,
+    path,
     *,
-    joints: int = 1,
-    count: int = 1001,
-    step: float = 0.001,
-    variant: str = "soft",
-    expect: tuple[dict[str, object], ...] = (),
-    values: Mapping[str, np.ndarray] | None = None,
-) -> Path:
+    joints=1,
+    count=1001,
+    step=0.001,
+    variant="soft",
+    expect=(),
+    values=None,
+):
     """Write the log of a qbMove in mode 6 that follows a sine of 1 Hz and 0.5 rad with a gain of 0.8 and a delay of 50 ms."""
     time = np.arange(count) * step
     reference = 0.5 * np.sin(2 * np.pi * time)

@@ -7,7 +7,7 @@ import numpy as np
 Array = np.ndarray
 
 
-def random_urdf(seed: int, *, moving: int = 5, fixed: int = 6, square: bool = True, massless_root: bool = False) -> str:
+def random_urdf(seed, *, moving=5, fixed=6, square=True, massless_root=False):
     """URDF of a random tree. moving, fixed: numbers of joints; square: some angles are quarter turns, rounded as 1.5708."""
     source = np.random.default_rng(seed)
     kinds = ["moving"] * moving + ["fixed"] * fixed
@@ -28,7 +28,7 @@ def random_urdf(seed: int, *, moving: int = 5, fixed: int = 6, square: bool = Tr
     return f'<robot name="r{seed}">{"".join(links)}{"".join(joints)}</robot>'
 
 
-def _link(name: str, source: np.random.Generator, *, massless: bool) -> str:
+def _link(name, source, *, massless):
     if massless:
         return f'<link name="{name}"/>'
     # The inertia of a set of point masses is physically valid.
@@ -41,15 +41,15 @@ def _link(name: str, source: np.random.Generator, *, massless: bool) -> str:
     return f'<link name="{name}"><inertial><origin {place}/>{mass}<inertia {values}/></inertial></link>'
 
 
-def _angles(source: np.random.Generator, square: bool) -> Array:
+def _angles(source, square):
     turned = source.choice([0.0, 1.5708, -1.5708, np.pi / 2, 3.14159], size=3)
     return turned if square and source.random() < 0.6 else source.uniform(-np.pi, np.pi, 3)
 
 
-def _unit(source: np.random.Generator) -> Array:
+def _unit(source):
     axis = source.normal(size=3)
     return axis / np.linalg.norm(axis)
 
 
-def _text(values: Array) -> str:
+def _text(values):
     return " ".join(repr(float(value)) for value in values)

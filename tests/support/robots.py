@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-from asrsim.actuators import MODES, Actuator
+from asrsim.actuators import MODES
 from asrsim.actuators.drive import Drive
 
 PLAIN_ARM = {"lower": -2.0, "upper": 2.0}
 """Position limits of every joint, rad."""
 
 
-def write_plain_arm(
-    folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses: Sequence[float] = (0.8, 0.5), effort: float = 20.0
-) -> Path:
+def write_plain_arm(folder, lengths=(0.3, 0.25), masses=(0.8, 0.5), effort=20.0):
     """Write an upright chain of rods with joints `joint_1`, `joint_2`, ... about y, and return its path.
 
     Lengths in m, masses in kg, effort limit in N m.
@@ -39,9 +34,7 @@ def write_plain_arm(
     return path
 
 
-def drive_with(
-    actuator: type[Actuator], spring: Sequence[float], mode: int = 3, joint: str = "j", **motors: Sequence[float]
-) -> Drive:
+def drive_with(actuator, spring, mode=3, joint="j", **motors):
     """Actuator on a joint. Spring parameters are given in order, motor parameters by name, as `proportional=(...)`."""
     values = {parameter.name: parameter.default for parameter in actuator.all_parameters()}
     values |= dict(zip((parameter.name for parameter in actuator.parameters), spring, strict=True))

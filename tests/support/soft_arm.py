@@ -8,9 +8,8 @@ Runge-Kutta.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import yaml
@@ -115,20 +114,20 @@ class SoftArm:
     """Delay of the commands, s. Until the first arrives, motors rest at their presets."""
 
     @property
-    def motors(self) -> int:
+    def motors(self):
         """Number of motors of a joint."""
         return 2 if self.actuator == "qbmove" else 1
 
-    def values(self, name: str) -> Array:
+    def values(self, name):
         """Values (joints,) of a parameter."""
         return np.array([joint.get(name, DEFAULTS[name]) for joint in self.joints])
 
-    def scaled(self, factor: Callable[[str], float]) -> SoftArm:
+    def scaled(self, factor):
         """Arm whose stated parameters are multiplied by `factor(name)`."""
         joints = tuple({name: value * factor(name) for name, value in joint.items()} for joint in self.joints)
         return replace(self, joints=joints)
 
-    def move(self, time: Array, goals: Callable[[Array], Array], *, outer: Array | None = None, step: float = FINE) -> Array:
+    def move(self, time, goals, *, outer=None, step=FINE):
         """Positions (n, joints, 1 + motors) of links and motors at `time`, rad.
 
         goals: equilibrium positions (n, joints) at times (n,); outer: external torques (steps, joints), N m.
@@ -155,17 +154,17 @@ class SoftArm:
         return np.asarray(found).reshape(-1, n, 1 + motors)
 
     @property
-    def keys(self) -> dict[str, float]:
+    def keys(self):
         """Stated parameters of the first joint by the keys of identification."""
         return {f"{'link' if name == 'iyy' else 'joint'}_1.{name}": value for name, value in self.joints[0].items()}
 
     @property
-    def ties(self) -> list[str]:
+    def ties(self):
         """Ties that give the second motor of the first joint the parameters of its first motor."""
         both = [name for name in self.joints[0] if "_1" in name] if self.motors == 2 else []
         return [f"joint_1.{name.replace('_1', '_2', 1)} = joint_1.{name}" for name in both]
 
-    def write(self, folder: Path, **keys: object) -> Path:
+    def write(self, folder, **keys):
         """Write robot and scenario, and return the scenario. keys: further keys of the scenario."""
         folder.mkdir(parents=True, exist_ok=True)
         parts, parameters, references = ['<link name="link_0"/>'], {}, {}
@@ -211,16 +210,16 @@ SEA = SoftArm("sea", ({
 },), gravity=9.81)  # fmt: skip
 
 
-def command(time: Array, duration: float) -> Array:
+def command(time, duration):
     """Link setpoints (n, 1), rad: a chirp up to 6 Hz and a sine, both faded in."""
     phase = 2.0 * np.pi * (0.5 * time + 0.5 * 5.5 / duration * time**2)
     return np.asarray(0.35 * (1.0 - np.exp(-time / 0.1)) * (np.sin(phase) + 0.4 * np.sin(2.3 * time)))[:, None]
 
 
 def record(
-    arm: SoftArm, path: Path, *, seed: int, duration: float = 2.0, every: int = 1, noise: float = 1e-3, memory: float = 0.0,
-    quantum: float = 0.0,
-) -> Path:  # fmt: skip
+    arm, path, *, seed, duration = 2.0, every = 1, noise = 1e-3, memory = 0.0,
+    quantum = 0.0,
+):  # fmt: skip
     """Write a recording of link and motor positions of an arm with one joint.
 
     every: sampling interval, ms; noise, memory: standard deviation (rad) and correlation time (s) of the noise;
@@ -238,7 +237,7 @@ def record(
     return path
 
 
-def random_arm(seed: int, joints: int | None = None) -> tuple[SoftArm, dict[str, dict[str, object]], float]:
+def random_arm(seed, joints=None):
     """Arm number `seed` with two or three joints, a motion for each joint, and the duration of the motions in s."""
     draw = np.random.default_rng([31, seed])
     n = joints or 2 + seed % 2
@@ -268,7 +267,7 @@ def random_arm(seed: int, joints: int | None = None) -> tuple[SoftArm, dict[str,
     return SoftArm(actuator, numbers, gravity, preset=0.25), motions, round(duration, 2)
 
 
-def perturbed(arm: SoftArm, seed: int) -> SoftArm:
+def perturbed(arm, seed):
     """Robot that differs from its model: masses and stiffnesses by up to 25 %, losses by up to 50 %, and a delay of 10 ms."""
     draw = np.random.default_rng([5, seed])
     spread = {"mass": 0.25, "spring_k_1": 0.25, "spring_stiffness": 0.25}

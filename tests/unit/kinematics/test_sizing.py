@@ -54,7 +54,7 @@ def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset,
 
 
 def test_the_end_of_a_run_is_among_many_instants(tmp_path):
-    def sine(size: float, frequency: float, offset: float = 0.0) -> dict[str, object]:
+    def sine(size, frequency, offset=0.0):
         return {"sinusoid": {"amplitude": size, "frequency": frequency, "offset": offset}}
 
     references = {
