@@ -241,7 +241,9 @@ class StartTables(Either):
         return tables
 
 
-INITIAL = StartTables((Choice((EQUILIBRIUM,)), MapOf(of=START)))
+INITIAL = StartTables((
+    Choice((EQUILIBRIUM,), missing="A mapping from joint to state is valid too"), MapOf(of=START),
+))  # fmt: skip
 
 
 # -- surroundings ------------------------------------------------------------------------------------------------------
