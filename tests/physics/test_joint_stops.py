@@ -98,7 +98,7 @@ def test_a_damped_link_reverses_at_second_order(engine, late):
             chain(replace(STICKING, damping=damping)), engine=engine, gravity=0.0, duration=end, step=step,
             external={"joint_1": Constant(value=-1.0)}, initial_velocities={"joint_1": speed},
         )  # fmt: skip
-        # A jump of friction by 0.6 N m, half a step from the kick, gives half of this bound; damping adds a part of second order.
+        # A jump of friction by 0.6 N m, half a step from the kick, gives half of this bound; damping adds to the error.
         assert abs(column(result, "link_position")[-1] - there) < 0.25 * 0.6 / inertia * step**2
 
 
