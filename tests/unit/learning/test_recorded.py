@@ -87,6 +87,13 @@ def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):
     assert not take(write(path, plant, "time [s],joint_1 [rad],joint_2 [rad]"), plant).findings
 
 
+def test_a_recording_with_a_long_gap_is_refused(plant, tmp_path):
+    """Linear interpolation would hide the motion in a gap of 0.2 s."""
+    path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))
+    with pytest.raises(InputError, match="of the whole motion"):
+        take(path, plant)
+
+
 @pytest.mark.parametrize("lacking", [0.7, 1.6])
 @pytest.mark.parametrize("at", ["start", "end"])
 def test_a_recording_may_lack_some_samples_at_its_ends(plant, tmp_path, at, lacking):
