@@ -26,7 +26,7 @@ _FOOTER_SIZE = 29
 CHUNK_TIMES = struct.Struct("<QQ")
 """First fields of a chunk record: first and last log time, ns."""
 _CHUNK_INDEX = struct.Struct("<QQQQI")
-"""First fields of a chunk index: first and last log time, offset and length of the chunk's record, length of a map."""
+"""First fields of a chunk index: first and last log time, offset and length of the chunk's record, size of the next field."""
 _LARGEST_CHUNK = 1 << 30
 """Largest accepted size of a chunk, bytes; in a damaged file, the stated size may have any value."""
 
