@@ -65,7 +65,7 @@ class Design:
     @property
     def needed(self) -> Array:
         """Durations of repeated motion, s, after which the half-width of each parameter is `WANTED`; at least `SHORTEST`."""
-        return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals["design"] / WANTED) ** 2))
+        return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 
 def design(
