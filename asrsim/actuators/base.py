@@ -1,7 +1,8 @@
 """The interface of an actuator: named parameters and three laws as functions of numbers, independent of the engine.
 
-The laws are static methods that take floats and use only the module `math`, so that the interpreted and the compiled loop run
-the same source with identical bits. A law receives `parameters` as a tuple of floats, in the order of the class attribute.
+The laws are static methods that take floats and use only the module `math` and the functions of this module, so that the
+interpreted and the compiled loop run the same source with identical bits. A law receives `parameters` as a tuple of floats, in
+the order of the class attribute.
 
     class MyVsa(Actuator):
         name = "my_vsa"                     # found by libmy_vsa_plugin.so

@@ -19,7 +19,7 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 def check(
     files: Annotated[Files, argument("[FILE]...", "URDF, xacro and scenario files.")] = None,
     actuator: Annotated[str | None, option("Check this actuator's laws instead of files.")] = None,
-    argument: Arguments = None,
+    arg: Arguments = None,
     package: Packages = None,
     *,
     quiet: bool,
@@ -43,9 +43,9 @@ def check(
         )
     if not files:
         raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
-    if (argument or package) and all(map(_is_scenario, files)):
+    if (arg or package) and all(map(_is_scenario, files)):
         raise typer.BadParameter("belongs to robots; a scenario states it under `robot`", param_hint="--arg or --package")
-    arguments, packages = pairs(argument, "--arg"), folders(package, "--package")
+    arguments, packages = pairs(arg, "--arg"), folders(package, "--package")
     reports = [
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)
         for path in files

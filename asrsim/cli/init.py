@@ -47,7 +47,7 @@ def init(
     mapping: ColumnMap = None,
     rate: Rate = None,
     overwrite: Annotated[bool, option("Replace the file if it is there.", "--overwrite", "--force", "-f")] = False,
-    argument: Arguments = None,
+    arg: Arguments = None,
     package: Packages = None,
     *,
     plugin: list[Path],
@@ -73,7 +73,7 @@ def init(
         return _done([written], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {
-        "mode": mode, "actuators": mounted, "force": overwrite, "arguments": pairs(argument, "--arg"),
+        "mode": mode, "actuators": mounted, "force": overwrite, "arguments": pairs(arg, "--arg"),
         "packages": folders(package, "--package"),
     }  # fmt: skip
     run = f"run it: {command_line('run', target, plugin)}"

@@ -92,21 +92,21 @@ def check_window(start: float | None, end: float | None) -> None:
         raise typer.BadParameter(f"must be after --start {start:g}", param_hint="--end")
 
 
-def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
-    """Values by name, parsed from the texts NAME=VALUE of `option`. Raises typer's BadParameter."""
+def pairs(texts: Sequence[str] | None, flag: str) -> dict[str, str]:
+    """Values by name, parsed from the texts NAME=VALUE of the option `flag`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
         # ROS uses `:=` instead of `=`.
         name, separator, value = text.replace(":=", "=", 1).partition("=")
         if not separator or not name:
-            raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
+            raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=flag)
         found[name] = value
     return found
 
 
-def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
-    """Folders by name, parsed from the texts NAME=FOLDER of `option`. Raises typer's BadParameter."""
-    return {name: Path(folder) for name, folder in pairs(texts, option).items()}
+def folders(texts: Sequence[str] | None, flag: str) -> dict[str, Path]:
+    """Folders by name, parsed from the texts NAME=FOLDER of the option `flag`. Raises typer's BadParameter."""
+    return {name: Path(folder) for name, folder in pairs(texts, flag).items()}
 
 
 def lag_of(text: str) -> LagChoice:

@@ -399,10 +399,11 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> dict[str, T]:
         if node.value is None:
             return {}
-        if self.bare and not isinstance(node.value, dict):
-            return {"*": self.of.read(node, path, reading)}
         if not isinstance(node.value, dict):
-            raise reading.fault(node, path, f"must be a {self.text}", code="type")
+            if self.bare and self.of.chosen(node).fits(node):
+                return {"*": self.of.read(node, path, reading)}
+            article = "" if self.bare else "a "
+            raise reading.fault(node, path, f"must be {article}{self.text}", code="type")
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
             raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)

@@ -19,7 +19,17 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, S
 from asrsim.engines.bullet_model import BASE, BulletModel, connect, inertial_frame, load_body
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.exact_friction import STICKING
-from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, find_change, make_room
+from asrsim.engines.rigid import (
+    BEFORE,
+    IMPLICITNESS,
+    NOW,
+    STEP,
+    Calculation,
+    find_change,
+    make_room,
+    set_scheme,
+    store_diagonal,
+)
 from asrsim.errors import SimulationError
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
@@ -55,8 +65,7 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
     for i in range(len(room.regime)):
         room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
-    for j in range(len(room.joint_v)):
-        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
+    store_diagonal(room)
     find_change(room, exchange, 0, lengths[0])
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]
@@ -164,7 +173,7 @@ class BulletContacts:
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
         """Begin a run; see `asrsim.engines.base.Engine`."""
-        self._room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
+        set_scheme(self._room, step=step, staggered=staggered, implicitness=implicitness)
         self._p.setTimeStep(step, physicsClientId=self._client)
         for body, pose in self._home.items():
             self._p.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)

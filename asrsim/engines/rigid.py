@@ -101,6 +101,11 @@ def make_room(
     )  # fmt: skip
 
 
+def set_scheme(room: Room, *, step: float, staggered: bool, implicitness: float) -> None:
+    """Set the constants of the integration scheme; the arguments are those of `asrsim.engines.base.Engine.start`."""
+    room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
+
+
 def plain(record: Any) -> Any:
     """The record with memoryviews of its arrays, since Python reads single numbers from memoryviews several times faster."""
     kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
@@ -127,8 +132,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     sticks or slides in the other direction.
     """
     count = len(room.joint_v)
-    for j in range(count):
-        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
+    store_diagonal(room)
     for splits in range(count + 1):
         find_change(room, exchange, piece, length)
         resting = first_standstill(room) if splits < count else -1
@@ -146,6 +150,12 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         length -= part
     for j in range(count):
         room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
+
+
+def store_diagonal(room: Any) -> None:
+    """Store the diagonal of the mass matrix, to which `find_change` adds damping, in `room.inertia`."""
+    for j in range(len(room.joint_v)):
+        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -329,7 +339,7 @@ class RigidEngine:
         """Begin a run; see `asrsim.engines.base.Engine`."""
         room, state = self._room, self._state
         first, size = len(room.qpos), len(room.qvel)
-        room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
+        set_scheme(room, step=step, staggered=staggered, implicitness=implicitness)
         state[:first] = self._home
         state[first:] = 0.0
         state[room.joint_q] = positions

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError, listed
+from asrsim.errors import Problem, RecordingError, counted, listed
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
 from asrsim.recordings.names import find_raw, tokens_of
 from asrsim.recordings.reading import Reading
@@ -200,30 +200,33 @@ def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
     time = table.time
     keep = np.ones(len(time), dtype=bool)
 
-    def leave_out(bad: NDArray[np.intp], what: str, code: str, most: float, why: str) -> None:
-        """Remove the samples `bad`. Raises RecordingError where more than the fraction `most` of all samples is bad."""
+    def leave_out(bad: NDArray[np.intp], noun: str, code: str, most: float, why: str) -> None:
+        """Remove the samples `bad`. Raises RecordingError where more than the fraction `most` of all samples is bad.
+
+        noun: Name of one bad sample, for messages.
+        """
         if not len(bad):
             return
         keep[bad] = False
-        message, line = f"{len(bad)} {what}", table.line(bad[0])
+        message, line = counted(len(bad), noun), table.line(bad[0])
         if len(bad) > max(2, most * len(time)):
             message += f", the first is {table.places(bad[:1])} with {time[bad[0]]:g} s: {why}"
             raise RecordingError(message, key=name, line=line, hint="Split the file, or give --rate", code=code)
         findings.append(Problem(f"{message}, left out: {table.places(bad)}", key=name, code=code, line=line))
 
-    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "times are not numbers", "bad-time", 1.0, "")
+    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "non-numeric time stamp", "bad-time", 1.0, "")
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
     why = "too few digits, a row for each of several joints, or a time in two columns (state both: `time: [sec, nanosec]`)"
-    leave_out(repeated, "repeated time stamps", "repeated-time", 0.5, why)
+    leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]
     # A stamp that falls back is below an earlier stamp. A stamp that jumps ahead is above a later stamp.
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "time stamps that do not rise", "falling-time", 0.1, "two time bases, or two recordings")
+    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:
         message = f"{int(keep.sum())} samples have increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")

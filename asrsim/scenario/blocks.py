@@ -47,6 +47,8 @@ Keys = dict[str, Any]
 POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
 RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))
 SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
+JOINT = Text(noun="name of a joint")
+LINK = Text(noun="name of a link")
 ORIGIN = (0.0, 0.0, 0.0)
 """Default of positions (m) and orientations (rad)."""
 
@@ -241,7 +243,9 @@ class StartTables(Either):
         return tables
 
 
-INITIAL = StartTables((Choice((EQUILIBRIUM,)), MapOf(of=START)))
+INITIAL = StartTables((
+    Choice((EQUILIBRIUM,), missing="A mapping from joint to state is valid too"), MapOf(of=START),
+))  # fmt: skip
 
 
 # -- surroundings ------------------------------------------------------------------------------------------------------
@@ -254,7 +258,7 @@ Axes = tuple[Signal | None, Signal | None, Signal | None]
 class Wrench:
     """Force and torque on a link, given by signals."""
 
-    link: str = declare(Text(noun="name of a link"), doc="the link on which the wrench acts")
+    link: str = declare(LINK, doc="the link on which the wrench acts")
     force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal an axis, `null` for none", shown="none")
     torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal an axis, `null` for none", shown="none")
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
@@ -365,9 +369,6 @@ WORLD = Block(keys=declared_keys(World), build=_world, noun="world")
 
 
 # -- goals -------------------------------------------------------------------------------------------------------------
-
-JOINT = Text(noun="name of a joint")
-LINK = Text(noun="name of a link")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ from asrsim.document.kinds import (
     ListOf,
     MapOf,
     Optional,
+    Schema,
     Text,
 )
 from asrsim.document.reading import KeyPath
@@ -322,8 +323,21 @@ KEYS: tuple[Key, ...] = declared_keys(
 SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False, read_before=("variants",))
 """Block of one variant."""
 
+
+@dataclass(frozen=True)
+class Change(AnyData):
+    """Kind of value: what a variant changes in a key. A mapping may be incomplete, as it is merged into the common mapping."""
+
+    key: str
+
+    def schema(self) -> Schema:
+        return {"anyOf": [{"$ref": f"#/properties/{self.key}"}, {"type": "object"}]}
+
+
 VARIANT: Block[Keys] = Block(
-    keys=tuple(replace(key, kind=AnyData(), default=None, spread=False) for key in KEYS if key.name not in ("name", "variant")),
+    keys=tuple(
+        replace(key, kind=Change(key.name), default=None, spread=False) for key in KEYS if key.name not in ("name", "variant")
+    ),
     build=dict,
     noun="keys that differ",
 )

@@ -138,15 +138,15 @@ def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
     elif "variant" in items:
         fault("is not allowed in a file with the key 'variants'", items["variant"], "variant")
     for name, changes in node.value.items() if isinstance(node.value, dict) else ():
-        keys = changes.value if isinstance(changes.value, dict) else {}
+        keys = dict(changes.value) if isinstance(changes.value, dict) else {}
         for key in ("variants", "variant", "name"):
             if key in keys:
-                fault("is not allowed in a variant", keys[key], f"variants.{name}.{key}")
+                fault("is not allowed in a variant", keys.pop(key), f"variants.{name}.{key}")
         if not names_a_folder(name):
             fault("must be valid as the name of a folder", changes, f"variants.{name}")
         if changes.value is not None and not isinstance(changes.value, dict):
             fault("must be a mapping of the keys that differ", changes, f"variants.{name}")
-        merged[name] = SCENARIO.merge(common, changes) if keys else common
+        merged[name] = SCENARIO.merge(common, replace(changes, value=keys)) if keys else common
     claims = items.get("expect")
     for index, claim in enumerate(claims.value if claims is not None and isinstance(claims.value, list) else ()):
         named = claim.value.get("variant") if isinstance(claim.value, dict) else None

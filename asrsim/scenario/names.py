@@ -32,13 +32,10 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
-    found = [
-        *_names(scenario),
-        *((("manager",), name, "joint") for name in scenario.joint_order),
-    ]
+    found = [*_names(scenario), *((("manager",), name, "joint") for name in scenario.joint_order)]
     for field, key in TABLES.items():
-        found += [entry for name in getattr(scenario, field) if (entry := ((key, name), name, "joint")) not in found]
-    for path, name, noun in found:
+        found += (((key, name), name, "joint") for name in getattr(scenario, field))
+    for path, name, noun in dict.fromkeys(found):
         all_moving = path[0] in (*MOVING, "manager")
         known = links if noun == "link" else moving if all_moving else actuated
         if path[0] not in CHECKED_WITH_VALUES and name != "*" and name not in known:

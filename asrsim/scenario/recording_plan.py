@@ -226,12 +226,12 @@ def _initial(
     return initial
 
 
-def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> RecordingError:
-    """Error for a recording without a command. idle: joints without actuator whose command was recorded."""
-    if idle:
+def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> RecordingError:
+    """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
+    if undriven:
         return RecordingError(
-            f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
-            hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
+            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot", file=recording.path,
+            hint=f"Put one there: --actuator {undriven[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
     columns = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
                         for c in list(recording.channels.values())[:30])  # fmt: skip

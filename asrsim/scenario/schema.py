@@ -13,7 +13,7 @@ URL = "https://json-schema.org/draft/2020-12/schema"
 def json_schema() -> dict[str, Any]:
     """Schema as plain data (draft 2020-12). Only `robot` is required, as `duration` may be in every variant instead.
 
-    In variants, the schema checks only the names of the keys, since their values may be incomplete.
+    In variants, the schema checks the names of the keys and their values, except inside mappings, which may be incomplete.
     """
     schema = SCENARIO.schema()
     return {

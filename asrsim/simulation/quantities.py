@@ -94,7 +94,7 @@ class QuantitySelection:
         """Numbers of the joints that do not record a quantity, by quantity."""
         absent = [(j, column) for name, column in self._stated.items() for j in self.lacking[name]]
         self._absent = np.array(absent, dtype=np.int64).reshape(-1, 2).T
-        """Joints and columns of the rows that contain no quantity of the joint, shape (2, n)."""
+        """Cells of a row that hold no recorded quantity, shape (2, n): numbers of the joints, then of the columns."""
 
     def of(self, drives: Sequence[SteppedJoint]) -> QuantitySelection:
         """This selection for joints with other parameters; such joints may record other quantities."""
@@ -112,8 +112,8 @@ class QuantitySelection:
         """Quantities (rows, joints) by name, all or only the named quantities; NaN where a joint does not record a quantity.
         The arrays may be views of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
         wanted = self.names if names is None else names
-        joints, columns = self._absent
-        if len(joints):
+        if any(self.lacking[name] for name in wanted):
+            joints, columns = self._absent
             out = out.copy()
             out[:, joints, columns] = np.nan
         return {name: self._values_of(name, out, references) for name in wanted}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -81,6 +82,24 @@ def test_a_sliding_link_reverses_within_a_step(engine, compiled, late):
     off = min(late, 1.0 - late) * step
     there = 0.5 * (speed * reversal - 0.7 / 0.02 * (0.1 - reversal) ** 2 - 0.6 / 0.02 * off**2)
     assert column(result, "link_position")[-1] == pytest.approx(there, abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("late", [0.1, 0.45, 0.8])
+def test_a_damped_link_reverses_at_second_order(engine, late):
+    """I v' = -1 N m - 0.2 N m s/rad v -+ 0.3 N m of friction is solved by exponentials before and after the reversal."""
+    inertia, damping, reversal, end = 0.02, 0.2, 0.03 + late * 1e-3, 0.1
+    rate, faster, slower = damping / inertia, 1.3 / damping, 0.7 / damping
+    speed = faster * math.expm1(rate * reversal)
+    furthest = (speed + faster) * -math.expm1(-rate * reversal) / rate - faster * reversal
+    there = furthest - slower * (end - reversal + math.expm1(-rate * (end - reversal)) / rate)
+    for step in STEPS:
+        result = run(
+            chain(replace(STICKING, damping=damping)), engine=engine, gravity=0.0, duration=end, step=step,
+            external={"joint_1": Constant(value=-1.0)}, initial_velocities={"joint_1": speed},
+        )  # fmt: skip
+        # A jump of friction by 0.6 N m, half a step from the kick, gives half of this bound; damping adds to the error.
+        assert abs(column(result, "link_position")[-1] - there) < 0.25 * 0.6 / inertia * step**2
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

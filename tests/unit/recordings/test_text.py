@@ -227,6 +227,7 @@ def test_samples_with_rising_times_are_kept_and_others_reported(tmp_path, odd):
     assert finding(recording.findings, "repeated-time").line == 13
     assert finding(recording.findings, "falling-time").line == 32
     assert finding(recording.findings, "bad-time").line == 49
+    assert finding(recording.findings, "bad-time").message.startswith("1 non-numeric time stamp, left out")
 
 
 @pytest.mark.parametrize(

@@ -127,6 +127,12 @@ expect:
     assert set(scenario.attachments) == {"manager.yaml", "hand.stl"}
 
 
+@pytest.mark.parametrize("key", ["name", "variant", "variants"])
+def test_forbidden_key_of_a_variant_is_one_fault(load, key):
+    (problem,) = faults(load, BASE + f"variants: {{a: {{{key}: x}}}}\n")
+    assert problem.key == f"variants.a.{key}"
+
+
 @pytest.mark.parametrize(
     ("text", "line", "key", "message"),
     [
@@ -141,6 +147,12 @@ expect:
         ("gravity: 9.81", 3, "gravity", "must be a list [x, y, z]"),
         ("compiled: 1", 3, "compiled", "must be true or false"),
         ("modes: {a: 9}", 3, "modes.a", "whole number >= 0 and <= 8"),
+        ("modes: 9", 3, "modes", "must be a whole number >= 0 and <= 8"),
+        ("modes: [1]", 3, "modes", "must be whole number >= 0 and <= 8, or mapping from joint"),
+        ("actuators: [1]", 3, "actuators", "or mapping from joint"),
+        ("inverse_dynamics: [1]", 3, "inverse_dynamics", "must be true or false, or mapping from joint"),
+        ("initial: equilibrum", 3, "initial", "Did you mean 'equilibrium'?"),
+        ("initial: foo", 3, "initial", "choose from equilibrium. A mapping from joint to state"),
         ("motion: {a: 1}", 3, "motion", "needs 'engine: bench'"),
         ("references:\n  a:\n    x: {stp: 1}", 5, "references.a.x.stp", "Did you mean 'step'?"),
         ("references: {a: {'*': 1}}", 3, "references.a.*", "cannot stand for a reference"),

@@ -111,6 +111,12 @@ def test_entries_for_unknown_parts_are_errors_with_lines(load, text, line, key, 
     assert any((e.line, e.key) == (line, key) and message in str(e) and e.file is not None for e in errors), errors
 
 
+def test_unknown_joint_in_a_list_twice_is_one_error(load):
+    task = "task: {link: vsa_link, joints: [x, x], poses: [{time: 1, position: [0, 0, 0]}]}\n"
+    errors, _ = check_against_robot(load(GOOD + task), arm())
+    assert [error.key for error in errors] == ["task.joints"]
+
+
 @pytest.mark.parametrize(
     ("references", "message"),
     [

@@ -74,6 +74,8 @@ def _numbers(data):
         ({"references": {"a": {"b": {"stp": {"to": 1}}}}}, False),
         ({"references": {"a": {"b": {"step": {"to": 1}, "ramp": {"to": 1, "duration": 1}}}}}, False),
         ({"variants": {"a": {"duratoin": 1}}}, False),
+        ({"variants": {"a": {"duration": "long"}}}, False),
+        ({"variants": {"a": {"gravity": [0, 0]}}}, False),
     ],
 )
 def test_schema_and_reader_agree(validator, tmp_path, keys, valid):
