@@ -145,7 +145,7 @@ class Pool(Executor, ABC):
 
 
 def executor(processes: int) -> Executor:
-    """Executor with this number of processes on this machine. 1: work in this process. The number does not change the results."""
+    """Executor with this number of processes on this machine; 1: this process. The number does not change the results."""
     if processes <= 1:
         return Executor()
     from asrsim.workers.local import Processes
