@@ -23,7 +23,7 @@ import asrsim
 from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import DesignPlant
-from asrsim.design.run import _read, _task, altered
+from asrsim.design.run import altered, design_task, read_task
 from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
 
@@ -73,7 +73,7 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
 def searcher(scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS) -> Search:
     """Design search for motions of the robot within its limits."""
     read = read_limits(limits)
-    ready, given, layout, _ = _read(_task(scenario, (), options))
+    ready, given, layout, _ = read_task(design_task(scenario, (), options))
     plant = DesignPlant(ready, given, layout, read, seconds, [np.zeros(len(layout))])
     stack.callback(plant.close)
     return Search(plant.under({}), 1, np.zeros((len(layout), len(layout))), np.random.default_rng(99))

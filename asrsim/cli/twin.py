@@ -47,15 +47,18 @@ def twin(
     files, rows = write(found, out, plot=plot), found.rows()
 
     def text() -> None:
+        torque, stiffness, length = (
+            " or ".join(dict.fromkeys(found.units(field))) for field in ("external_torque", "stiffness", "residual")
+        )
         heads = {
-            "external torque\nrms, N m": "external_torque_rms", "largest\nN m": "largest", "at\ns": "largest_at",
-            "residual\nrms, rad": "residual_rms",
+            f"external torque\nrms, {torque}": "external_torque_rms", f"largest\n{torque}": "largest", "at\ns": "largest_at",
+            f"residual\nrms, {length}": "residual_rms",
         }  # fmt: skip
         say_table([
             ("joint", [row["joint"] for row in rows], False),
             *((head, [f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
             ("alarms", [str(len(row["alarms"])) for row in rows], True),
-            ("stiffness\nN m/rad", [_range(row["stiffness"]) for row in rows], True),
+            (f"stiffness\n{stiffness}", [_range(row["stiffness"]) for row in rows], True),
         ])  # fmt: skip
         for note in found.notes[:20]:
             say(note)

@@ -65,7 +65,7 @@ class Design:
     @property
     def needed(self) -> Array:
         """Durations of repeated motion, s, after which the half-width of each parameter is `WANTED`; at least `SHORTEST`."""
-        return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals["design"] / WANTED) ** 2))
+        return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 
 def design(
@@ -101,9 +101,9 @@ def design(
     if not seconds >= SHORTEST:
         message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
         raise InputError(message, key="seconds", value=seconds, code="seconds")
-    task = _task(Path(scenario), after, options)
+    task = design_task(Path(scenario), after, options)
     with one_thread(), ExitStack() as stack:
-        ready, robot, layout, remarks = _read(task)
+        ready, robot, layout, remarks = read_task(task)
         known = np.zeros((len(layout), len(layout)))
         if task.experiments:
             known = _of_recordings(set_up(task, stack).problem, layout)
@@ -138,7 +138,8 @@ def design(
         )  # fmt: skip
 
 
-def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
+def design_task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
+    """Task of `identify` with the free parameters of a scenario or fit file, and with earlier recordings. Raises InputError."""
     files = tuple(Experiment(file=Path(one).absolute()) for one in after)
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
@@ -147,7 +148,7 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
-def _read(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
+def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.design.run import WANTED, Design
+from asrsim.design.search import DESIGN
 from asrsim.outfile import csv_text, write_text
 from asrsim.plots.output import save_figure, styled
 from asrsim.scenario.starter import relocated
@@ -44,7 +45,7 @@ def columns(found: Design) -> list[tuple[str, list[str], bool]]:
     """Columns of the table of intervals: heading, a cell for each parameter, and whether the cells are right-aligned."""
     cells = [("parameter", list(found.keys), False)]
     for name, halves in found.intervals.items():
-        cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
+        cells.append(("promised" if name == DESIGN else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
     return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
 
 

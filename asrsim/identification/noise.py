@@ -113,7 +113,9 @@ def swing(residuals: Array) -> float:
     if n < 4 * AROUND or not np.any(residuals):
         return 0.0
     centred = residuals - residuals.mean()
-    power = np.abs(np.fft.rfft(whiten(centred, np.array([lag_correlation(centred)]))))[1:] ** 2
+    # An autoregression of order 1 whitens the noise; the first sample has no past and becomes 0.
+    white = np.append(0.0, centred[1:] - lag_correlation(centred) * centred[:-1])
+    power = np.abs(np.fft.rfft(white))[1:] ** 2
     around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
     # The power of noise at a frequency is exponentially distributed, so its median is log 2 times its mean.
     height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
@@ -148,18 +150,6 @@ def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
         if criterion < best:
             best, chosen = criterion, (coefficients, power)
     return chosen
-
-
-def whiten(values: Array, coefficients: Array) -> Array:
-    """Values (n,) or (n, m) whitened by the inverse of the model; the first p rows, whose past is unknown, are 0."""
-    p = len(coefficients)
-    if not p:
-        return values
-    result = values.copy()
-    for i, c in enumerate(coefficients, start=1):
-        result[p:] -= c * values[p - i : len(values) - i]
-    result[:p] = 0.0
-    return result
 
 
 def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:

@@ -220,11 +220,9 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
         with suppress(RobotError, UnresolvedSpringError):
             needed.append(track.door.substeps_of(numbers_of(problem.layout.table(x, number))))
     substeps = max(needed, default=problem.playing.substeps)
-    return (
-        problem
-        if substeps == problem.playing.substeps
-        else replace(problem, playing=replace(problem.playing, substeps=substeps))
-    )
+    if substeps == problem.playing.substeps:
+        return problem
+    return replace(problem, playing=replace(problem.playing, substeps=substeps))
 
 
 def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:

@@ -19,7 +19,7 @@ from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.noise import bandwidth
 from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, NO_EFFECT, RATIO, WEAK, Estimate, Result
-from asrsim.outfile import written
+from asrsim.outfile import write_text
 from asrsim.robot.model import INERTIAS
 
 CORRELATED = 0.95
@@ -215,9 +215,8 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
     data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
     path, task = folder / LIMITS, result.task
-    with written(path, "limits") as stream:
-        head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
-        stream.write((head + yaml.safe_dump(data, sort_keys=False)).encode())
+    head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
+    write_text(path, head + yaml.safe_dump(data, sort_keys=False), "limits")
     duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
     words = ["asrsim", "design", str(task.file or task.scenario)]
     if task.file is None:

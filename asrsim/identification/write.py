@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.identification.track import numbers_of
-from asrsim.outfile import written
+from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.output import save_figure, styled
 from asrsim.robot.edit import edited_urdf
@@ -97,8 +97,7 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
 def write_fit(result: Result, folder: Path) -> Path:
     """Write fit.json, and return its path. Raises OutputError."""
     path = folder / FIT
-    with written(path, "json") as stream:
-        stream.write((json.dumps(as_dict(result), indent=1, allow_nan=False) + "\n").encode())
+    write_text(path, json.dumps(as_dict(result), indent=1, allow_nan=False) + "\n", "json")
     return path
 
 
@@ -120,7 +119,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     in_file = {owner: {k: v for k, v in own.items() if k not in mounted.get(owner, {})} for owner, own in changes.items()}
     edited = edited_urdf(data, result.robot, {owner: own for owner, own in in_file.items() if own}).rstrip(b"\n") + b"\n"
     path, scenario = folder / name, folder / SCENARIO
-    with written(path, "robot", replace=False) as stream:
+    with written(path, "robot") as stream:
         stream.write(edited if edited.endswith(MARK) else edited + MARK)
     delays: dict[str, float] = {}
     for block in result.robot.actuators:
@@ -130,8 +129,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
             said.append(f"{names[0]}.delay is not written: delays of the references of a joint differ")
         elif any(late):
             delays[block.joint] = late.pop()
-    with written(scenario, "fitted scenario") as stream:
-        stream.write(_scenario_text(result, changes, delays, scenario, path).encode())
+    write_text(scenario, _scenario_text(result, changes, delays, scenario, path), "fitted scenario")
     return [path, scenario], said
 
 

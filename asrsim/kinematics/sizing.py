@@ -51,6 +51,26 @@ INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 POSTURES = 64
 """Number of random postures from which the variation of gravity's torque is estimated."""
+SAG = 0.3
+"""Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
+fraction of the joint's scale (see `Holding.scale`)."""
+ENOUGH = 0.15
+"""Sag with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for neglected effects."""
+HOLDING_SHARE = 0.5
+"""Largest fraction of a motor's torque that holds an arm with proposed parameters. The rest moves the arm.
+(Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
+errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
+TRIES = 40
+"""Largest number of attempts to find parameters."""
+SLOWEST = 5.0
+"""Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
+a few seconds, even with good damping."""
+STEP_SHARE = 0.6
+"""Fraction of a motor's largest torque that a step of its reference needs with proposed parameters."""
+LONGEST_DECAY = 8.0
+"""Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
+RATIO = 0.3
+"""Proposed damping ratio of a joint. In an overdamped arm, the effect of the springs would not be visible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,28 +210,6 @@ class _Joint:
         )  # fmt: skip
 
 
-SAG = 0.3
-"""Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
-fraction of the joint's scale (see `Holding.scale`)."""
-ENOUGH = 0.15
-"""Sag with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for neglected effects."""
-RESERVE = 0.5
-"""Largest fraction of a motor's torque that holds an arm with proposed parameters. The rest moves the arm.
-(Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
-errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
-TRIES = 40
-"""Largest number of attempts to find parameters."""
-SLOW = 5.0
-"""Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
-a few seconds, even with good damping."""
-STEP_SHARE = 0.6
-"""Fraction of a motor's largest torque that a step of its reference needs with proposed parameters."""
-LONGEST_DECAY = 8.0
-"""Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
-RATIO = 0.3
-"""Proposed damping ratio of a joint. In an overdamped arm, the effect of the springs would not be visible."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Sizing:
     """Sag of the joints, and parameters that would hold the arm."""
@@ -306,7 +304,7 @@ def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {}
     for block in blocks:
         spring, step = _stiffness_and_step(scenario, block)
-        factor = max(SLOW**2 * inertia[block.joint] / max(spring, 1e-9), 1.0)
+        factor = max(SLOWEST**2 * inertia[block.joint] / max(spring, 1e-9), 1.0)
         gain = factor if 2.0 * factor * spring > sum(drive_of(block).proportional) else 1.0
         needed = factor * spring * step + loads.get(block.joint, 0.0)
         lacking = needed / (STEP_SHARE * min(drive_of(block).max_torque, default=math.inf))
@@ -359,7 +357,7 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     most = 4.0 if weak.falls else 2.0
     # The sag of a joint on its stop is unknown, since the stop ends the motion.
     factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
-    lacking = abs(weak.load) / (RESERVE * min(drive_of(block).max_torque, default=math.inf))
+    lacking = abs(weak.load) / (HOLDING_SHARE * min(drive_of(block).max_torque, default=math.inf))
     # A load above the spring's largest torque may hide that the motor reached its limit first.
     if weak.limited or lacking > 1.0:
         return _scaled(block, limit=max(1.25, lacking))
@@ -396,9 +394,9 @@ def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """Copy of the actuator block with motor limits multiplied by `RESERVE`; the rest of the torque is reserved for motion."""
+    """Copy of the actuator block with motor limits multiplied by `HOLDING_SHARE`; the rest of the torque is left for motion."""
     values = block.values()
-    return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
+    return _with_values(block, {name: HOLDING_SHARE * values[name] for name in motor_limits(values)})
 
 
 def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:

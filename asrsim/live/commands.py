@@ -47,7 +47,9 @@ class Motion:
 
 
 _Input = tuple[LiveTopic, Mapping[str, Target | None]]
-"""Input topic, and the references that its values set: by name, or in the order of the values if the message has no names."""
+"""Input topic, and the references that its values set: by name, or in the order of the values if the message type (std_msgs)
+has no names.
+"""
 
 
 class CommandInput:
@@ -96,7 +98,9 @@ class CommandInput:
         targets = [*known.values()] if names is None else [known.get(name) for name in names]
         counts = {len(row) for _, row, _ in points}
         fault = received.fault
-        if not fault and counts != {len(targets)}:
+        if not fault and (names is None) != topic.message.startswith("std_msgs/"):
+            fault = f"a message that is not a {topic.message}"
+        elif not fault and counts != {len(targets)}:
             fault = f"{max(counts)} values where {len(targets)} are expected"
         elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] < math.inf):
             fault = "points that are not in the order of time"

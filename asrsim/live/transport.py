@@ -37,7 +37,7 @@ class Received:
     values: Sequence[float] = ()
     """Values of a Float64 or an array; for a JointState the positions, or the efforts if there are no positions."""
     names: Sequence[str] | None = None
-    """Names of the joints to which the values or the points belong."""
+    """Names of the joints to which the values or the points belong; None for a Float64 or an array."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
     """Points of a JointTrajectory, each with time from now (s), positions, and velocities (may be empty)."""
     stamp: float = 0.0

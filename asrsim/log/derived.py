@@ -64,7 +64,7 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
 
 def _by_joint(samples: Samples, joints: Sequence[JointInfo], law: Callable[[JointInfo, int], Array]) -> Array:
     """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe."""
-    result = np.full((len(samples.time), len(samples.joints)), np.nan)
+    result = np.full((len(samples.joints), len(samples.time)), np.nan).T
     described = {joint.name: joint for joint in joints}
     for column, name in enumerate(samples.joints):
         if name in described:

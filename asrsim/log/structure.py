@@ -25,6 +25,8 @@ _FOOTER_SIZE = 29
 """Size of the footer record, bytes (MCAP specification, record 0x02)."""
 CHUNK_TIMES = struct.Struct("<QQ")
 """First fields of a chunk record: first and last log time, ns."""
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+"""First fields of a chunk index: first and last log time, offset and length of the chunk's record, size of the next field."""
 _LARGEST_CHUNK = 1 << 30
 """Largest accepted size of a chunk, bytes; in a damaged file, the stated size may have any value."""
 
@@ -117,15 +119,23 @@ def _summary(file: BinaryIO, size: int) -> tuple[int, bytes]:
 
 
 def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> None:
-    """Find the records before `end`, or up to the last complete record where the file has no summary."""
+    """Find the records before `end`, or up to the last complete record where the file has no summary.
+
+    Chunks that the summary lists are not read, as a file contains many of them, each with a message index for each channel.
+    """
     structure.truncated = not summary
     structure.channels = [
         Channel.read(stream(summary[place : place + length]))
         for opcode, place, length in split_records(summary)
         if opcode == Opcode.CHANNEL
     ]
+    listed = _listed_chunks(summary)
     position = len(MAGIC)
     while position + 9 <= end:
+        if position in listed:
+            chunk, position = listed[position]
+            structure.chunks.append(chunk)
+            continue
         file.seek(position)
         opcode, length = struct.unpack("<BQ", file.read(9))
         if opcode in (0, Opcode.FOOTER) or length > end - position - 9:
@@ -139,6 +149,21 @@ def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> Non
         position += length
     if summary and position != end:
         raise ValueError("a record has a wrong length")
+
+
+def _listed_chunks(summary: bytes) -> dict[int, tuple[ChunkPlace, int]]:
+    """Chunks that the summary lists, by the offset of their record, each with the end of the message indexes after it."""
+    found = {}
+    for opcode, place, length in split_records(summary):
+        if opcode == Opcode.CHUNK_INDEX:
+            content = summary[place : place + length]
+            first, last, offset, size, map_size = _CHUNK_INDEX.unpack_from(content)
+            (indexes_size,) = struct.unpack_from("<Q", content, _CHUNK_INDEX.size + map_size)
+            if size < 9 + CHUNK_TIMES.size:
+                raise ValueError("the summary lists a chunk that is too short")
+            chunk = ChunkPlace(offset=offset + 9, length=size - 9, start=first, end=last)
+            found[offset] = chunk, offset + size + indexes_size
+    return found
 
 
 def _keep(opcode: int, content: bytes, structure: Structure) -> None:

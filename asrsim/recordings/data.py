@@ -131,7 +131,7 @@ class Recording:
     channels: Mapping[str, Column]
     """Columns by name, in the file's order. Each column has its own times; `Recording.time` is from the longest table."""
     findings: tuple[Problem, ...] = ()
-    """Problems of the file: bad rows, gaps, constant columns, assumed units. Every dropped sample is reported."""
+    """Problems of the file: bad rows, gaps, constant columns, suspected units. Every dropped sample is reported."""
     reading: Path | None = field(default=None, repr=False)
     """Document that says how the file is read; None: the columns were interpreted by their names."""
 

@@ -25,8 +25,8 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "-", "--"}
 _EPOCH, _MICROSECOND = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
 _SAMPLE = 200
 """Number of lines at the start of a file that decide its layout."""
-_BLOCK = 20_000
-"""Lines that are read at a time, which limits the memory for text."""
+_BLOCK = 1000
+"""Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
 Row = tuple[int, list[str]]
 """Line number and cells of a row."""
 
@@ -88,7 +88,7 @@ class CellColumn:
     def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
         """Convert cells; text becomes NaN and is reported with its line."""
         # Python reads 1_000 as a number, but no instrument writes numbers like this.
-        plain = self.kind == "number" and not any("_" in cell for cell in cells)
+        plain = self.kind == "number" and "_" not in "".join(cells)
         try:
             values = [*map(float, cells)] if plain else []
         except ValueError:

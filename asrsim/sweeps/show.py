@@ -20,8 +20,8 @@ SHARE = 0.1
 def headline(table: Table) -> str:
     """Name of the study and its numbers of runs."""
     statuses = table.statuses()
-    parts = [f"{len(table)} of {table.manifest['runs']} runs", f"{statuses.get('complete', 0)} complete"]
-    return f"{table.study.name}: {', '.join([*parts, *filter(None, [shares(statuses)])])}"
+    parts = f"{len(table)} of {table.manifest['runs']} runs", f"{statuses.get('complete', 0)} complete", shares(statuses)
+    return f"{table.study.name}: {', '.join(filter(None, parts))}"
 
 
 def remarks(table: Table) -> Iterator[str]:

@@ -14,6 +14,7 @@ from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plots.output import save_pairs
+from asrsim.quantities import linear_unit
 from asrsim.recordings import read_recording, resample
 from asrsim.samples import Array
 from asrsim.scenario.overrides import override_texts
@@ -33,6 +34,8 @@ LONGEST = 60.0
 """Duration from the start of a recording in which the clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
 """Fields of a `TwinStep` that are stored for the whole recording."""
+UNITS = {"external_torque": "N m", "stiffness": "N m/rad", "residual": "rad"}
+"""Units of fields for a revolute joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +43,8 @@ class Followed:
     """Estimates of a twin over a recording; arrays are (n, joints), see `asrsim.twin.TwinStep`."""
 
     joints: tuple[str, ...]
+    prismatic: tuple[bool, ...]
+    """Whether each joint is prismatic."""
     time: Array
     """Times (n,) on the clock of the commands, s."""
     external_torque: Array
@@ -50,6 +55,10 @@ class Followed:
     notes: tuple[str, ...]
     """Messages about faults of the recording and of the steps."""
     interrupted: bool = False
+
+    def units(self, field: str) -> list[str]:
+        """Unit of a field of `UNITS` for each joint: a prismatic joint has forces and lengths."""
+        return [linear_unit(UNITS[field]) if slides else UNITS[field] for slides in self.prismatic]
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
         """Start and end of each alarm of a joint, s."""
@@ -142,8 +151,9 @@ def follow(
     kept: dict[str, Any] = {name: table[:done] for name, table in tables.items()}
     kept["alarm"] = kept["alarm"] == 1.0
     return Followed(
-        joints=tuple(names), time=time[:done], notes=tuple(dict.fromkeys(notes)), interrupted=done < len(time), **kept
-    )
+        joints=tuple(names), prismatic=tuple(drive.joint.kind == "prismatic" for drive in ready.drives), time=time[:done],
+        notes=tuple(dict.fromkeys(notes)), interrupted=done < len(time), **kept,
+    )  # fmt: skip
 
 
 def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str]) -> dict[str, dict[str, Signal]]:
@@ -186,14 +196,13 @@ def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
     """Write twin.csv and twin.png, and return their paths. Raises OutputError."""
-    fields = {
-        "external_torque [N m]": found.external_torque, "stiffness [N m/rad]": found.stiffness,
-        "residual [rad]": found.residual, "alarm": found.alarm,
-    }  # fmt: skip
-    headings = ["time [s]", *(f"{joint}.{field}" for joint in found.joints for field in fields)]
-    columns = np.stack([*fields.values()], axis=2).reshape(len(found.time), -1)
+    units = {field: found.units(field) for field in UNITS}
+    headings, columns = ["time [s]"], [found.time]
+    for j, joint in enumerate(found.joints):
+        headings += [*(f"{joint}.{field} [{of_joints[j]}]" for field, of_joints in units.items()), f"{joint}.alarm"]
+        columns += [getattr(found, field)[:, j] for field in (*units, "alarm")]
     path = make_folder(folder) / "twin.csv"
-    write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack([found.time, columns]))}", "twin")
+    write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack(columns))}", "twin")
 
     def draw(j: int, left: Any, right: Any) -> None:
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
@@ -202,10 +211,10 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
         left.plot(found.time, torque, linewidth=0.9)
         most = 1.1 * np.nanmax([*np.abs(torque), np.median(limit)])
         left.set_ylim(-most, most)
-        left.set_ylabel(f"{found.joints[j]}\nexternal torque [N m]", fontsize="small")
+        left.set_ylabel(f"{found.joints[j]}\nexternal torque [{units['external_torque'][j]}]", fontsize="small")
         left.legend(fontsize="x-small", loc="upper right")
         right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
-        right.set_ylabel("stiffness [N m/rad]", fontsize="small")
+        right.set_ylabel(f"stiffness [{units['stiffness'][j]}]", fontsize="small")
         right.set_ylim(bottom=0.0)
 
     return [path, *(save_pairs(folder / "twin.png", len(found.joints), draw) if plot else [])]

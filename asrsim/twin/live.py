@@ -49,16 +49,15 @@ class LiveTwin:
         stops.
         """
         prepared = with_ranges(scenario)
-        prefix = prefix_of(namespace)
+        prefix, ranges = prefix_of(namespace), ranges_of(prepared)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
-        self._commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=prefix, tell=tell)
+        self._commands = CommandInput(prepared.info.joints, ranges, prefix=prefix, tell=tell)
         sources = [LiveTopic(prefix + name, "sensor_msgs/JointState") for name in (APPLIED, "/joint_states")]
         names = [f"{prefix}/twin/{joint}/{field}" for joint in self._twin.joints for field in FIELDS]
         outlets = tuple(LiveTopic(name, "std_msgs/Float64") for name in names)
         self.interface = Interface(f"{prefix}/asrsim_twin", outlets, (*self._commands.inlets, *sources))
         self._names, self._access = transports, access or Access()
-        ranges = ranges_of(prepared).items()
-        self._references = [(joint, name) for joint, own in ranges for name in own if name != EXTERNAL_TORQUE]
+        self._references = [(joint, name) for joint, own in ranges.items() for name in own if name != EXTERNAL_TORQUE]
         self._applied = np.full(len(self._references), np.nan)
         """Commands that the robot has applied, for each reference; NaN if the robot does not publish them."""
         self._waiting: list[tuple[float, Received]] = []

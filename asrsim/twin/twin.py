@@ -61,19 +61,19 @@ Commands = Mapping[str, Mapping[str, float]]
 @dataclass(frozen=True, kw_only=True)
 class TwinStep:
     """Estimates of a twin after a measurement; arrays (n,) have an element for each joint, in the order of the
-    twin's joints.
+    twin's joints. Units in brackets are those of prismatic joints.
     """
 
     time: float
     """Time since the first step, s."""
     external_torque: Array
-    """External torque on the link, N m; NaN if no position is measured."""
+    """External torque on the link, N m (N); NaN if no position is measured."""
     stiffness: Array
-    """Present stiffness of the robot's joint, N m/rad; NaN if the stiffness cannot be estimated from the motion."""
+    """Present stiffness of the robot's joint, N m/rad (N/m); NaN if the stiffness cannot be estimated from the motion."""
     residual: Array
-    """Measured position minus the twin's position, rad."""
+    """Measured position minus the twin's position, rad (m)."""
     threshold: Array
-    """External torque above which an alarm is raised, N m."""
+    """External torque above which an alarm is raised, N m (N)."""
     alarm: NDArray[np.bool_]
     """Whether an alarm is raised: an object touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()

@@ -144,15 +144,13 @@ class Pool(Executor, ABC):
             self.abandon(list(pieces))
 
 
-def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
-    """Executor with this number of processes on this machine, which load `plugins` first. 1: work in this process. The results
-    do not depend on the number.
-    """
+def executor(processes: int) -> Executor:
+    """Executor with this number of processes on this machine; 1: this process. The number does not change the results."""
     if processes <= 1:
         return Executor()
     from asrsim.workers.local import Processes
 
-    return Processes(processes, plugins)
+    return Processes(processes)
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:

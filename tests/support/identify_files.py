@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,9 +69,6 @@ def record(
     table = np.column_stack(list(columns.values()))[::every]
     np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     return path
-
-
-Left = Callable[[np.ndarray], np.ndarray | None]
 
 
 class Model:

@@ -36,7 +36,7 @@ LAWS = {
     "late": {"friction": 0.04, "reference_1.delay": 0.02},
     "pushed": {"damping": 0.02},
 }
-"""What acts on a link of which the torque and the place are recorded."""
+"""True parameters of each case: losses of the link, errors of the torque sensor, or an external torque."""
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -73,13 +73,13 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
 def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     """Gradients of three recordings of four blocks each; all blocks of a recording have one sign."""
     nothing = np.empty(0)
-    told = Uncertainty(
+    known = Uncertainty(
         inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, noise=np.eye(1),
         freedom=1e9, scores=np.repeat([1.0, -2.0, 1.0], 4)[:, None], firsts=np.array([0, 4, 8]),
     )  # fmt: skip
-    assert told.deviations(np.eye(1))[0] == pytest.approx(np.sqrt(16.0 * 6.0 * 1.5))
+    assert known.deviations(np.eye(1))[0] == pytest.approx(np.sqrt(16.0 * 6.0 * 1.5))
     # Two blocks do not show a spread.
-    few = replace(told, scores=100.0 * told.scores[:2], firsts=np.zeros(1, np.intp))
+    few = replace(known, scores=100.0 * known.scores[:2], firsts=np.zeros(1, np.intp))
     assert few.deviations(np.eye(1))[0] == pytest.approx(1.0)
 
 

@@ -16,7 +16,7 @@ from asrsim.signals.pieces import Constant
 STEP = 1e-3
 TIME = np.arange(2001) * STEP
 SHARE = np.array([0.4, 0.7])
-"""Of the input that arrives at the two joints of the static plant."""
+"""Fraction of the input that reaches each joint of the static plant."""
 
 
 def reference():

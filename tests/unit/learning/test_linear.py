@@ -106,7 +106,7 @@ def test_input_splines_have_knots_every_30_ms_including_the_tail():
 
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
-    """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""
+    """A small bump of the input changes the motion of arms without friction as predicted, within 3 %."""
     arm, *motion = random_arm(seed)
     plant = plant_of(tmp_path, arm.scaled(lambda name: 0.0 if "friction" in name else 1.0), *motion)
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))

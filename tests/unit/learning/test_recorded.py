@@ -24,7 +24,7 @@ def plant():
 
 
 def write(path, plant, header, *, rate=200.0, late=0.0, scale=(1.0, 1.0), gap=(0.0, 0.0), mark=".", apart=","):
-    """What the laboratory writes of a robot that lags 15 ms and is 3 mrad off."""
+    """Write a recording of a robot that lags by 15 ms and has a constant error of 3 mrad."""
     time = np.arange(0.0, plant.time[-1] + late + 0.1, 1.0 / rate)
     time = time[(time <= gap[0]) | (time >= gap[1])]
     true = [0.003 + np.interp(time - late - 0.015, plant.time, one) for one in plant.reference.T]
@@ -87,6 +87,13 @@ def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):
     assert not take(write(path, plant, "time [s],joint_1 [rad],joint_2 [rad]"), plant).findings
 
 
+def test_a_recording_with_a_long_gap_is_refused(plant, tmp_path):
+    """Linear interpolation would hide the motion in a gap of 0.2 s."""
+    path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))
+    with pytest.raises(InputError, match="of the whole motion"):
+        take(path, plant)
+
+
 @pytest.mark.parametrize("lacking", [0.7, 1.6])
 @pytest.mark.parametrize("at", ["start", "end"])
 def test_a_recording_may_lack_some_samples_at_its_ends(plant, tmp_path, at, lacking):
@@ -104,7 +111,7 @@ def test_a_recording_may_lack_some_samples_at_its_ends(plant, tmp_path, at, lack
 
 @pytest.mark.slow
 def test_the_last_recording_may_be_given_again(plant, tmp_path):
-    """With the lag that was asked for: the trial is replaced, and the next input is that of a folder that never knew better."""
+    """With the right lag the trial is replaced, and the next input equals that of a folder with this recording alone."""
     late = write(tmp_path / "late.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", late=0.3)
     steps = [next_input(plant, tmp_path / "twice", late, lag=lag) for lag in ("off", 0.3)]
     once = next_input(plant, tmp_path / "once", late, lag=0.3)

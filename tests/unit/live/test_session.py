@@ -154,13 +154,16 @@ NONSENSE = [
     ("/ros2_control/joint_commands", [0.1], ["nobody"]),
     ("/ros2_control/joint_commands", [0.1, 0.2], ["joint_1"]),
     ("/ros2_control/joint_commands", [math.inf], ["joint_1_stiffness"]),
+    ("/ros2_control/joint_commands", [0.1, 0.2, 0.3, 0.4]),
+    ("/joint_trajectory", [0.1, 0.2, 0.3, 0.4]),
+    ("/joint_1/equilibrium_position", [0.1], ["joint_1"]),
 ]
 
 
 def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     said = []
     session, summary = run_live(tmp_path / "run", Script(NONSENSE * 3), duration=0.2, tell=said.append)
-    assert sum(summary.live["dropped"].values()) == 3 * 10
+    assert sum(summary.live["dropped"].values()) == 3 * 13
     assert summary.live["clamped"] == {"joint_1.equilibrium_position": 3}
     told = [text for text in said if "further ones are only counted" in text]
     assert len(told) == len(set(told)) == len(summary.live["dropped"])

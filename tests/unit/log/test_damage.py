@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
+from asrsim.log.structure import read_structure
 from support.log_example import INFO, assert_same, example_samples, part
 
 COUNT = 6000
@@ -117,6 +118,34 @@ def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path, whole, samples):
         else:
             assert_same(log.samples, part(samples, slice(0, len(log.samples.time))))
     assert refused > 20
+
+
+def test_a_closed_log_opens_without_its_chunks(tmp_path, whole):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    closed = open_log(path)
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    data = bytearray(whole)
+    for chunk in chunks:
+        size = chunk.chunk_length + chunk.message_index_length
+        data[chunk.chunk_start_offset : chunk.chunk_start_offset + size] = bytes(size)
+    path.write_bytes(data)
+    assert open_log(path).duration == closed.duration == pytest.approx((COUNT - 1) * INFO.step * INFO.log_every)
+    with pytest.raises(LogError):
+        read_log(path)
+
+
+def test_the_summary_lists_the_chunks_that_a_scan_finds(tmp_path, whole):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    listed = read_structure(path)
+    path.write_bytes(whole[:-1])
+    scanned = read_structure(path)
+    assert scanned.truncated
+    assert not listed.truncated
+    assert listed.chunks == scanned.chunks
+    assert len(listed.chunks) > 4
 
 
 def test_a_damaged_chunk_is_named_by_its_time(tmp_path, whole):

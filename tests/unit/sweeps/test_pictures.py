@@ -10,6 +10,7 @@ from asrsim.errors import InputError
 from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
 from asrsim.sweeps.pictures import draw_sweep, figures
+from support.overlaps import overlapping
 from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
@@ -37,6 +38,16 @@ def test_results_are_drawn_over_the_key_with_most_values(tmp_path):
         assert axes.get_xlim() == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
         for line in axes.lines:
             assert axes.get_ylim()[0] <= np.min(line.get_ydata()) <= np.max(line.get_ydata()) <= axes.get_ylim()[1]
+
+
+@pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
+def test_labels_of_numbers_of_any_size_do_not_overlap(table, monkeypatch, middle, width):
+    names, read = ["joint_1.steady_state", "joint_2.steady_state"], type(table).__getitem__
+    narrow = middle + width * np.linspace(-0.5, 0.5, len(table))
+    monkeypatch.setattr(type(table), "__getitem__", lambda self, name: narrow if name in names else read(self, name))
+    with styled():
+        for figure in figures(table, names).values():
+            assert overlapping(figure) == []
 
 
 def test_named_results_are_drawn_and_unknown_ones_refused(table):

@@ -40,10 +40,6 @@ def cells_of(payload, row):
     return dict(zip(payload.kinds, row, strict=True))
 
 
-def without_time(rows):
-    return sorted(tuple(row[:-1]) for row in rows)
-
-
 # -- points -------------------------------------------------------------------------------------------------------------
 
 

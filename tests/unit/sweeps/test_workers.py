@@ -1,4 +1,4 @@
-"""Workers: one interface, here and in processes; what dies is tried again, what fails is told of, nothing is left over."""
+"""Workers in this process and in other processes: results, repeated crashes, errors, and the end of the processes."""
 
 from __future__ import annotations
 

@@ -282,6 +282,15 @@ def test_an_interrupted_twin_writes_the_steps_so_far(tmp_path):
     assert len(np.loadtxt(table, delimiter=",", skiprows=2)) == len(found.time)
 
 
+def test_a_prismatic_joint_has_forces_and_lengths(tmp_path):
+    scenario, path, robot = SEA.write(tmp_path), recorded(tmp_path), tmp_path / "arm.urdf"
+    robot.write_text(robot.read_text().replace("revolute", "prismatic"))
+    path.write_text(path.read_text().replace("[rad]", "[m]"))
+    (table,) = write(follow(scenario, path, stop=lambda: True), tmp_path / "out", plot=False)
+    units = ["external_torque [N]", "stiffness [N/m]", "residual [m]", "alarm"]
+    assert table.read_text().splitlines()[1].split(",") == ["time [s]", *(f"joint_1.{field}" for field in units)]
+
+
 def test_clocks_that_differ_are_noted_and_aligned(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
     notes = follow(scenario, path).notes
