@@ -243,9 +243,8 @@ class StartTables(Either):
         return tables
 
 
-INITIAL = StartTables((
-    Choice((EQUILIBRIUM,), missing="A mapping from joint to state is valid too"), MapOf(of=START),
-))  # fmt: skip
+_AT_REST = Choice((EQUILIBRIUM,), missing="A mapping from joint to state is valid too")
+INITIAL = StartTables((_AT_REST, MapOf(of=START)))
 
 
 # -- surroundings ------------------------------------------------------------------------------------------------------
