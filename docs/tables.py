@@ -164,6 +164,16 @@ def _said(function: ast.FunctionDef | ast.Module) -> Iterator[tuple[str, str, st
             yield str(code.value), said, cure
 
 
+def _part(part: ast.expr) -> str:
+    """Part of an f-string as in the code, with `...` for a value; of `counted(number, noun)`, the noun in the plural."""
+    match part:
+        case ast.Constant(value=text):
+            return str(text)
+        case ast.FormattedValue(value=ast.Call(func=ast.Name(id="counted"), args=[_, ast.Constant(value=noun)])):
+            return f"... {noun}s"
+    return "..."
+
+
 def _template(value: ast.expr | None, known: dict[str, ast.expr]) -> str:
     """A text as it stands in the code; "" for none."""
     if isinstance(value, ast.Name) and isinstance(known.get(value.id), ast.JoinedStr | ast.Constant | ast.BinOp):
@@ -171,7 +181,7 @@ def _template(value: ast.expr | None, known: dict[str, ast.expr]) -> str:
     if isinstance(value, ast.Constant):
         return " ".join(str(value.value).split()) if value.value is not None else ""
     if isinstance(value, ast.JoinedStr):
-        return "".join(str(part.value) if isinstance(part, ast.Constant) else "..." for part in value.values)
+        return "".join(map(_part, value.values))
     if isinstance(value, ast.BinOp) and isinstance(value.op, ast.Add):
         return _template(value.left, known) + _template(value.right, known)
     if isinstance(value, ast.IfExp):

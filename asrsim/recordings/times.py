@@ -238,6 +238,6 @@ def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
         raise RecordingError(message, key=name, hint="Split the file", code="two-time-bases")
     typical = float(np.median(steps))
     if (missing := int(np.sum(np.round(steps[steps > _GAP * typical] / typical) - 1))) > 0:
-        message = f"{missing} samples are missing; the longest gap is {steps[worst]:.4g} s at t = {t[worst]:.6g} s"
+        message = f"{counted(missing, 'missing sample')}; the longest gap is {steps[worst]:.4g} s at t = {t[worst]:.6g} s"
         findings.append(Problem(message, key=name, line=found.line(worst), code="dropped-samples"))
     return found

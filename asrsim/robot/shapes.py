@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, get_args
 
-from asrsim.errors import did_you_mean
+from asrsim.errors import counted, did_you_mean
 from asrsim.robot.findings import ZERO, words
 from asrsim.robot.model import Shape, ShapeKind
 from asrsim.robot.numbers import plain_number
@@ -76,7 +76,7 @@ def _numbers(element: Any, key: str, count: int, default: Any = None) -> list[fl
         raise ShapeError(f"has a {element.tag} without {key}")
     try:
         numbers = [plain_number(word) for word in words(text)]
-        fault = "" if len(numbers) == count else f"is not {count} number{'s' if count > 1 else ''}"
+        fault = "" if len(numbers) == count else f"is not {counted(count, 'number')}"
     except ValueError:
         numbers, fault = [], "is not made of numbers"
     if not all(abs(number) <= LARGEST for number in numbers):

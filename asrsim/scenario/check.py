@@ -15,7 +15,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.kinds import Integer, attempt, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
-from asrsim.errors import Problem, RobotError, ScenarioError
+from asrsim.errors import Problem, RobotError, ScenarioError, counted
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.model import UNREAD
@@ -210,7 +210,7 @@ def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             key = joint.name if joint.name in table or not block else "*"
             values = table.get(key)
             if values is not None and len(values) != motors:
-                message = f"has {len(values)} values, but '{joint.name}' has {motors} motor{'' if motors == 1 else 's'}"
+                message = f"has {counted(len(values), 'value')}, but '{joint.name}' has {counted(motors, 'motor')}"
                 yield Problem(message, key=f"initial.{key}.{name}", value=list(values), code="initial-motors")
 
 

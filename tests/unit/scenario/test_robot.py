@@ -71,7 +71,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("initial: {vssa: 0}", 7, "initial.vssa", "Did you mean 'vsa'?"),
         ("initial: {vsa: 2}", 7, "initial.vsa", "-1 to 1"),
         ("initial: {'*': 2}", 7, "initial.*", "outside the limits"),
-        ("initial: {vsa: {motor_positions: [0.1]}}", 7, "initial.vsa.motor_positions", "has 1 values, but 'vsa' has 2 motors"),
+        ("initial: {vsa: {motor_positions: [0.1]}}", 7, "initial.vsa.motor_positions", "has 1 value, but 'vsa' has 2 motors"),
         ("initial: {'*': {motor_velocities: [0, 0, 0]}}", 7, "initial.*.motor_velocities", "'vsa' has 2 motors"),
         ("initial: {free: {motor_positions: [0.1]}}", 7, "initial.free.motor_positions", "'free' has 0 motors"),
         ("initial: {vsa: {velocity: 1e200}}", 7, "initial.vsa.velocity", "larger than 1e+12"),
