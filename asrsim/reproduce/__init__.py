@@ -138,7 +138,7 @@ class Reproduction:
 
     @property
     def figure(self) -> Figure:
-        """Title and subject of the figure."""
+        """Description of the figure and its experiments."""
         return figures()[self.name]
 
     @property
