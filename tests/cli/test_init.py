@@ -141,14 +141,6 @@ def test_foreign_schema_files_are_not_replaced(tmp_path):
     assert (tmp_path / SCHEMA_FILE).read_text() == "{}"
 
 
-def test_command_line(tmp_path):
-    robot = write_robot(tmp_path, {"name": "j"})
-    result = CliRunner().invoke(app, ["init", str(robot), "--out", str(tmp_path / "s.yaml"), "--mode", "5"])
-    assert result.exit_code == 0, result.output
-    assert "robot: arm.urdf" in (tmp_path / "s.yaml").read_text()
-    assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
-
-
 def test_xacro_arguments_are_kept(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     write_starter(robot, tmp_path / "s.yaml", arguments={"side": "left", "length": "2"}, packages={"d": tmp_path / "meshes"})
@@ -176,8 +168,9 @@ def test_starters_of_real_robots_fit(tmp_path, shared, name):
 
 def test_json_names_files_and_findings(tmp_path):
     arm = write_robot(tmp_path, {"name": "joint_1"})
-    made = CliRunner().invoke(app, ["init", str(arm), "--out", str(tmp_path / "arm.yaml"), "--json"])
+    made = CliRunner().invoke(app, ["init", str(arm), "--mode", "5", "--out", str(tmp_path / "arm.yaml"), "--json"])
     assert made.exit_code == 0
     said = json.loads(made.output)
     assert (said["ok"], said["files"][0]) == (True, str(tmp_path / "arm.yaml"))
     assert isinstance(said["findings"], list)
+    assert load_scenario(tmp_path / "arm.yaml")[0].modes == {"*": 5}

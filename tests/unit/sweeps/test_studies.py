@@ -212,7 +212,7 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
 
 
 def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"got -2\.0"):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
