@@ -13,9 +13,8 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from asrsim.metrics import read_metrics
-from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
-from asrsim.plots.overlay import draw_difference, draw_overlay
+from asrsim.plots.overlay import overlay_figure
 from asrsim.plots.pairing import assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
@@ -50,9 +49,8 @@ def test_the_lag_is_found_and_removed(tmp_path):
 def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
-    axes = new_figure(4, 4).subplots(2, 1)
-    draw_overlay(axes[0], result.runs, result.compared, "joint_1", "link_position")
-    draw_difference(axes[1], result.runs, result.compared, "joint_1", "link_position")
+    axes = overlay_figure(result.runs, result.compared, ["joint_1"], ["link_position"]).axes
+    assert [line.get_gid() for line in axes[1].get_lines() if line.get_gid()] == ["joint_1.link_position.difference.0"]
     drawn = {line.get_gid(): line for ax in axes for line in ax.get_lines() if line.get_gid()}
     simulation = drawn["joint_1.link_position.simulation.0"].get_ydata()
     experiment = drawn["joint_1.link_position.experiment.0"].get_ydata()
