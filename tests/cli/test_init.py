@@ -66,6 +66,16 @@ def test_check_has_no_warning_for_starter_variants(tmp_path, name, actuator):
         assert not [str(problem) for problem in warnings if problem.file == scenario.path]
 
 
+def test_mode_is_that_of_mounted_actuators_and_of_others(tmp_path):
+    robot = write_robot(tmp_path, {"name": "driven"}, {"name": "bare"})
+    head, _, tail = robot.read_text().rpartition("<gazebo>")
+    robot.write_text(head + tail.partition("</gazebo>")[2])
+    write_starter(robot, tmp_path / "s.yaml", mode=5, actuators={"bare": "sea"})
+    for scenario in load_scenario(tmp_path / "s.yaml"):
+        assert check_against_robot(scenario, load_robot(robot)) == ([], [])
+        assert all("reference_1" in references for references in scenario.references.values())
+
+
 def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     robot = write_robot(tmp_path, {"name": "weld", "kind": "fixed"})
     robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))

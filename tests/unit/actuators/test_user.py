@@ -242,7 +242,7 @@ def remembering(q, theta_1, theta_2, p):
             "stiffness": lambda q, x, y, p: 2.0 * p[0] + 0.5,
         }),
         ("finite", {"elastic_torques": lambda q, x, y, p: ((x - q) ** 0.5, 0.0)}),
-        ("finite", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) / (abs(y - q) > 0.02), 0.0)}),
+        ("finite", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) / (abs(y - q - 0.3) > 0.02), 0.0)}),
         ("pure", {"elastic_torques": remembering}),
         ("reference map", {"equilibrium_position": lambda x, y: x}),
         ("reference map", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.1, p[0] * (y - q))}),
