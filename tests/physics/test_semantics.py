@@ -195,9 +195,3 @@ def test_parameters_of_all_joints_and_of_one(run):
 def test_a_floating_root_needs_a_mass(run):
     with pytest.raises(InputError, match="root link 'base'"):
         run(passive=True, base={"fixed": False})
-
-
-@pytest.mark.parametrize("name", ["ground", "robot"])
-def test_reserved_contact_names_are_refused_for_objects(name):
-    with pytest.raises(InputError, match="cannot have the name"):
-        asrsim.make_scenario("arm.urdf", world={"objects": {name: {"shape": "sphere", "size": 0.1}}})

@@ -11,10 +11,9 @@ from asrsim.metrics.frequency import FrequencyResponse
 from asrsim.plots import read_curves, style
 from asrsim.plots.bode import bode_figure
 from asrsim.plots.curves import RunCurves
-from asrsim.plots.figures import new_figure, objects_figure, run_pages
+from asrsim.plots.figures import objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
-from asrsim.plots.view import show_values
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 from support.plot_example import made_up_log
@@ -138,14 +137,3 @@ def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path):
     np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
     np.testing.assert_allclose(lower.values, -upper.values)
     assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_brief_peak_does_not_flatten_the_other_values(sign):
-    """Half of the samples belong to the peak, which lasts for 2 ms of a second."""
-    time = np.concatenate([np.linspace(0.0, 0.002, 5000, endpoint=False), np.linspace(0.002, 1.0, 5000)])
-    values = sign * np.where(time < 0.002, 50.0, np.sin(9.0 * time))
-    axes = new_figure(4, 4).subplots()
-    show_values(axes, [Curve(time=time, values=values)], brief=True)
-    assert 1.0 < max(np.abs(axes.get_ylim())) < 2.0
-    assert "50" in axes.texts[0].get_text()
