@@ -1,7 +1,5 @@
 """`asrsim init --experiment`: recorded commands are played, and the motion is compared with the recording."""
 
-from __future__ import annotations
-
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Viscous damping of the links, which a substep treats implicitly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Examples: robots load without warnings; scenarios name their figure, and their claims hold."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

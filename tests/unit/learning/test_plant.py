@@ -1,7 +1,5 @@
 """Learning on the simulated robot: problem from the scenario, playback of the result, varied plants."""
 
-from __future__ import annotations
-
 import json
 import re
 from itertools import pairwise
