@@ -75,7 +75,7 @@ class CellColumn:
 
     name: str
     kind: str
-    """Kind of the cells: number, stamp or text."""
+    """Kind of the cells: number, stamp, text, or joint for the joints' names, which stay text in `blocks`."""
     zero: int | None = None
     """First date or time of day in the column, ns."""
     blocks: list[Array] = field(default_factory=list)
@@ -117,7 +117,9 @@ class Layout:
     """Line of the first row of numbers."""
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    """Kind of each column: number, stamp or text."""
+    """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
+    skipped: tuple[Row, ...]
+    """Rows with values above the first row, which have another number of cells."""
 
     def content(self, rows: Iterable[Row]) -> Content:
         """Content with the table made of the rows, and one problem for each kind of fault.
@@ -127,7 +129,7 @@ class Layout:
         """
         columns = [CellColumn(name=name, kind=kind) for name, kind in zip(self.names, self.kinds, strict=True)]
         lines: list[int] = []
-        ragged: list[Row] = []
+        ragged = list(self.skipped)
         waiting = iter(rows)
         while block := [*itertools.islice(waiting, _BLOCK)]:
             # A power failure may leave zero bytes at the end of a file.
@@ -138,7 +140,9 @@ class Layout:
                 numbers, cells = zip(*whole, strict=True)
                 lines += numbers
                 for column, texts in zip(columns, zip(*cells, strict=True), strict=True):
-                    if column.kind != "text":
+                    if column.kind == "joint":
+                        column.blocks.append(np.array(texts))
+                    elif column.kind != "text":
                         column.add(texts, numbers, self.decimal)
         kept = [(place, column) for place, column in enumerate(columns, start=1) if column.blocks]
         if not kept:
@@ -217,6 +221,8 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
+    # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
+    above = [(line, names[:columns] if names[columns:] == ["Comment"] else names) for line, names in above]
     # Some programs end each row, but not the header, with a separator.
     blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
     widths = (columns, columns - blank)
@@ -229,9 +235,14 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
             hint="Repair that line, or state `header: 0` in the document beside the file and name the columns by their numbers",
         )  # fmt: skip
     members = map(Counter, zip(*(kind for kind in kinds[place:] if len(kind) == columns), strict=True))
+    common = [max(("number", "stamp", "text"), key=counts.__getitem__) for counts in members]
+    labels = _unique([*names, ""][:columns])
     return Layout(
-        decimal=decimal, header=header, first=rows[place][0], names=_unique([*names, ""][:columns]),
-        kinds=tuple(max(("number", "stamp", "text"), key=counts.__getitem__) for counts in members),
+        decimal=decimal, header=header, first=rows[place][0], names=labels,
+        kinds=tuple("joint" if name == reading.joint else kind for name, kind in zip(labels, common, strict=True)),
+        skipped=tuple(
+            row for row, kind in zip(rows[:place], kinds, strict=False) if row[0] > header > 0 and share_of_values(kind) >= 0.5
+        ),
     )  # fmt: skip
 
 

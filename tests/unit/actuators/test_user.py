@@ -240,7 +240,7 @@ def remembering(q, theta_1, theta_2, p):
             "elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.5 * (y - q), p[0] * (y - q)),
             "stiffness": lambda q, x, y, p: 2.0 * p[0] + 0.5,
         }),
-        ("finite", {"elastic_torques": lambda q, x, y, p: ((x - q) / 0.0, 0.0)}),
+        ("finite", {"elastic_torques": lambda q, x, y, p: ((x - q) ** 0.5, 0.0)}),
         ("pure", {"elastic_torques": remembering}),
         ("reference map", {"equilibrium_position": lambda x, y: x}),
         ("reference map", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.1, p[0] * (y - q))}),

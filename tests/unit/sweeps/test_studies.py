@@ -199,13 +199,13 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]},
-        samples=10,
+        samples=4,
         overrides=["engine=mujoco", "compiled=false"],
     )
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
     seen = []
     stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].done >= 3}
-    assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
+    assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 8
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
     # No scheduler listens at this address, and a complete study needs none.
     assert asrsim.sweep(study, out=tmp_path / "one", cluster="tcp://127.0.0.1:1", resume=True).missing == 0
