@@ -17,9 +17,10 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import prepare, resolution_of
+from asrsim.simulation.prepared import Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.workers import cores
 
 __all__ = [
@@ -88,7 +89,7 @@ class Door:
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
         wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
-        quantities = [name for name in made.selection.names if name in wanted]
+        quantities = [name for name in made.names if name in wanted]
 
         def run(several: Sequence[Start]) -> Iterator[Array | None]:
             try:
