@@ -204,6 +204,7 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
         (["time,q1,q2", *rows(time_scale=1e3)], "10 units apart.*State the unit"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
+        (["m:", "  a: q [deg] - 0.01", "  b:"], "no row of numbers"),
         (["time,q1", '"' * 200_000], "no row of numbers"),
         (["ab\0cd"], "zero bytes"),
     ],
