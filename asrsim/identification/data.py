@@ -242,8 +242,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
             continue
         if early.source not in mapped and np.array_equal(early.values, late.values):
             continue  # a column that copies another measurement, such as another topic of a log
-        a, b = (c.values - c.values.mean() for c in (early, late))
-        if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
+        if 1.0 - np.corrcoef(early.values, late.values)[0, 1] ** 2 < COMPUTED**2:
             found[late.source] = early.source
     return found
 

@@ -98,8 +98,8 @@ class Door:
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):
-                channels = [self._channel(found, world, *name) for name in names] if made.healthy[world] else None
-                yield None if channels is None else np.stack(channels)
+                channels = (self._channel(found, world, *name) for name in names)
+                yield np.stack([*channels]) if made.healthy[world] else None
 
         for first in range(0, len(starts), AT_ONCE):
             yield from run(starts[first : first + AT_ONCE])

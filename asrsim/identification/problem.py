@@ -49,16 +49,10 @@ class Part:
     channel: Channel
     noise: float
     """Standard deviation by which the channel's residuals are divided."""
-
-    @property
-    def time(self) -> Array:
-        """Times (n,) of the residuals, s."""
-        return self.channel.time[: self.rows.stop - self.rows.start]
-
-    @property
-    def recorded(self) -> Array:
-        """Recorded values (n,)."""
-        return self.channel.values[: self.rows.stop - self.rows.start]
+    time: Array
+    """Times (n,) of the residuals, s."""
+    recorded: Array
+    """Recorded values (n,)."""
 
     def weighted(self, differences: Array) -> Array:
         """Residuals (n,) from predicted minus recorded values; a large number where the simulation diverges."""
@@ -127,9 +121,10 @@ class Problem:
         first = 0
         for track in self.fitted:
             for channel, noise in zip(self.tracks[track].channels, self.weights[track], strict=True):
-                end = first + channel.until(self.until(track))
-                found.append(Part(slice(first, end), track, channel, noise))
-                first = end
+                count = channel.until(self.until(track))
+                rows = slice(first, first + count)
+                found.append(Part(rows, track, channel, noise, channel.time[:count], channel.values[:count]))
+                first += count
         return tuple(found)
 
     def rows(self, track: int) -> slice:
@@ -146,19 +141,23 @@ class Problem:
         return np.concatenate(numbers).astype(np.intp)
 
 
-def differences(problem: Problem, x: Array) -> list[Array]:
-    """Predicted minus recorded values of each part; NaN if the simulation diverges."""
+Differences = list[tuple[Part, Array]]
+"""Parts with their predicted minus recorded values (n,)."""
+
+
+def differences(problem: Problem, x: Array) -> Differences:
+    """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
         table = problem.layout.table(x, track)
         predicted += problem.tracks[track].predict(table, problem.playing, problem.until(track))
         problem.meter.count()
-    return [values - part.recorded for values, part in zip(predicted, problem.parts, strict=True)]
+    return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 
 
 def residuals(problem: Problem, x: Array) -> Array:
     """Weighted residuals (m,) of all fitted recordings."""
-    return np.concatenate([part.weighted(d) for part, d in zip(problem.parts, differences(problem, x), strict=True)])
+    return np.concatenate([part.weighted(values) for part, values in differences(problem, x)])
 
 
 def jacobian(

@@ -70,16 +70,6 @@ def noise_of_command(command: PlayedCommand) -> float:
     return noise if noise > 2e-6 * np.ptp(command.values) else 0.0
 
 
-def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[PlayedCommand]:
-    """Commands plus a random draw of their noise; draw: seed of the random numbers, None for unchanged commands."""
-    if draw is None:
-        return commands
-    generator = np.random.default_rng(draw)
-    return [
-        replace(one, values=one.values + noise_of_command(one) * generator.normal(size=len(one.values))) for one in commands
-    ]
-
-
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL = 4.5
@@ -219,21 +209,22 @@ class Track:
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+        commands = {command.key for command in self.data.commands}
+        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in commands)
         return Start(
-            parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
+            parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
             velocities=velocities, motors=self.motors,
         )  # fmt: skip
 
-    def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
-        """Commands with the gains, offsets and delays in `values`; cached, so that equal commands are the same object."""
-        keys = {command.key for command in self.data.commands}
-        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in keys)
-        return self._references(own, playing)
-
     def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
+        """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""
         table: dict[str, dict[str, Played]] = {}
-        for command in drawn(self.data.commands, playing.draw):
+        generator = None if playing.draw is None else np.random.default_rng(playing.draw)
+        for command in self.data.commands:
             one = command.as_stairs if command.key in playing.staircases else command
+            if generator is not None:
+                noise = noise_of_command(command) * generator.normal(size=len(command.values))
+                one = replace(one, values=command.values + noise)
             own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
             step = self.scenario.step / playing.substeps[0]
             table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)

@@ -50,8 +50,6 @@ class Uncertainty:
 
     inverse: Array
     """Pseudo-inverse (n, n) of J'J in the identifiable directions."""
-    covariance: Array
-    """Covariance (n, n) of the vector, scaled so that its diagonal agrees with `deviation`."""
     deviation: Array
     """Standard deviations (n,), the larger of an estimate from noise and an estimate from blocks; nan for unidentifiable
     entries.
@@ -71,12 +69,12 @@ class Uncertainty:
     at_bound: NDArray[np.bool_]
     """Whether each entry (n,) of the vector ended at a bound."""
 
-    def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
-        """Uncertainty with other standard deviations (n,) and quantiles (n,), and the resulting covariance."""
+    @property
+    def covariance(self) -> Array:
+        """Covariance (n, n) of the vector: the inverse of J'J, scaled so that its diagonal agrees with `deviation`."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.nan_to_num(deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
-        covariance = self.inverse * np.outer(ratio, ratio)
-        return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
+            ratio = np.nan_to_num(self.deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
+        return np.asarray(self.inverse * np.outer(ratio, ratio))
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
         """Standard deviations (k,) from noise or from the spread between blocks, and half widths of the 95 % intervals in units
@@ -107,7 +105,7 @@ class Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
-        return self.with_deviation(np.fmax(self.deviation, spread), self.quantile)
+        return replace(self, deviation=np.fmax(self.deviation, spread))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +173,7 @@ def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float
     corrected by the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left: residuals (m,); slopes: Jacobian (m,
     n).
     """
-    parts, basis = [part for part in problem.parts if part.rows.stop - part.rows.start > 1], np.linalg.qr(slopes)[0]
+    parts, basis = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)[0]
     shown = [autocovariances(left[part.rows]) for part in parts]
     noises = [_Noise(basis[part.rows], own, np.zeros(len(own))) for part, own in zip(parts, shown, strict=True)]
     for _ in range(CORRECTIONS):
@@ -228,11 +226,11 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
         # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
         scores[:, at_bound] -= scores[:, at_bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
-    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
+    found = Uncertainty(inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
     deviation, quantile = found.deviations(inverse)
     # Entries in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
-    return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
+    return replace(found, deviation=np.where(lost, np.nan, deviation), quantile=quantile)
 
 
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
@@ -275,4 +273,4 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
         finer = replace(playing, substeps=(FINER * playing.substeps[0], playing.substeps[1]))
         # Extrapolate the time-step error to infinitely fine substeps; sticking joints cause an error of first order.
         variance += (shift(finer) / (1.0 - 1.0 / FINER)) ** 2
-    return found.with_deviation(np.sqrt(variance), found.quantile)
+    return replace(found, deviation=np.sqrt(variance))
