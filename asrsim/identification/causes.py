@@ -173,11 +173,11 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
         if not entry.logarithmic or not any(word in entry.name for word in SPRINGS):
             continue
         slope = jacobian(problem, x, base=left, columns=[i])[:, 0]
-        sizes, pulls = np.bincount(numbers, slope**2), np.bincount(numbers, slope * left)
+        sizes, pulls, counts = (np.bincount(numbers, one) for one in (slope**2, slope * left, np.ones(len(left))))
         known = sizes > 25.0
         if known.sum() < 6:
             continue
-        reach, moves = np.sqrt(sizes / np.bincount(numbers))[known], -pulls[known] / sizes[known]
+        reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
         trend = _correlation(*(np.argsort(np.argsort(one)).astype(float) for one in (reach, moves)))
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
         # Noise alone rarely sorts the parts by stiffness.

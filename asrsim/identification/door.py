@@ -85,9 +85,7 @@ class Door:
         """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
         diverges. names: pairs of the index of a joint and the name of a quantity.
         """
-        made = self._worlds(substeps)
-        wanted = {SOURCES[0], *(name for _, name in names)}
-        wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
+        made, wanted = self._worlds(substeps), {*SOURCES, *(name for _, name in names)}
         quantities = [name for name in made.selection.names if name in wanted]
 
         def run(several: Sequence[Start]) -> Iterator[Array | None]:

@@ -197,7 +197,3 @@ class Result:
             if key in (one.key, one.name):
                 return one
         raise KeyError(key)
-
-    def values(self) -> dict[str, float]:
-        """Estimates by key: shared parameters, parameters of the first recording, and tied parameters."""
-        return self.layout.table(self.x, 0)

@@ -18,10 +18,9 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
-from asrsim.identification.problem import Differences, Meter, Problem, differences, jacobian, mean_square
+from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.result import ACCEPTABLE, Result, doubted, estimates
 from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
-from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.samples import Array

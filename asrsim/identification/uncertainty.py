@@ -267,7 +267,7 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
 
     # Recorded torques contain the noise of the commands.
     tracks = [problem.tracks[i] for i in problem.fitted]
-    if all(track.has_noisy_inputs and not track.data.guides for track in tracks):
+    if not any(track.data.guides or not any(one.noise for one in track.data.commands) for track in tracks):
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
         finer = replace(playing, substeps=(FINER * playing.substeps[0], playing.substeps[1]))

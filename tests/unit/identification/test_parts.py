@@ -10,8 +10,7 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.problem import solve
-from asrsim.identification.setup import set_up
+from asrsim.identification.problem import set_up, solve
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
 
