@@ -1,28 +1,100 @@
 """PyBullet behind the engine interface.
 
 Without contacts, asrsim computes the step from Bullet's mass matrix and bias (`BulletEngine`). With contacts, Bullet computes
-the step (`asrsim.engines.bullet_contacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
+the step (`BulletContacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
 `asrsim.engines.exact_friction`, which contain no data of the robot.
+
+Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates velocity torques
+half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias, correct this.
+For a first kick that is shorter than a full kick, the velocities are set back beforehand. The damping torque is computed from
+the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick acts.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Scene
-from asrsim.engines.bullet_contacts import BulletContacts
-from asrsim.engines.bullet_model import BulletModel, matrix_of
-from asrsim.engines.rigid import RigidEngine, make_room
-from asrsim.errors import Problem
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.engines.base import (
+    DAMPING,
+    FRICTION,
+    GROUND,
+    POSITION,
+    ROBOT,
+    TORQUE,
+    VELOCITY,
+    Scene,
+    contact_forces,
+    whole_kick,
+)
+from asrsim.engines.bullet_model import BASE, BulletModel, Client, inertial_frame, load_body, matrix_of
+from asrsim.engines.exact_friction import STICKING
+from asrsim.engines.rigid import (
+    BEFORE,
+    IMPLICITNESS,
+    NOW,
+    STEP,
+    Calculation,
+    RigidEngine,
+    find_change,
+    make_room,
+    store_diagonal,
+)
+from asrsim.errors import Problem, SimulationError
+from asrsim.robot.engine_text import engine_urdf, usable_shapes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
+
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
+"""Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
+m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
+NO_CLAMP = 1e9
+"""Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
+BEYOND = 1e-9
+"""Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
+ARREST = 1e9
+"""Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
+GROUND_SIZE = 100.0
+"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
+PARTS = (9, 7), (10, 11), (12, 13)
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
+UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
+"""Arguments that switch off Bullet's damping of a body."""
+
+
+def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece, and `room.change` to
+    the change of velocity in a step without contacts.
+
+    This function runs as Python or compiled.
+    """
+    for i in range(len(room.regime)):
+        room.regime[i] = STICKING
+        room.force[i] = push[i] = forces[0, i, 0]
+    store_diagonal(room)
+    find_change(room, exchange, 0, lengths[0])
+    for j in range(len(room.joint_v)):
+        i = room.joint_v[j]
+        mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
+        push[i] += exchange[0, j, TORQUE] - exchange[0, j, DAMPING] * mean
+
+
+class _Saved:
+    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
+    client's number may belong to another client."""
+
+    def __init__(self, client: Client) -> None:
+        self.number, self._client = client.saveState(), client
+
+    def __del__(self) -> None:
+        if self._client.close.alive:
+            self._client.removeState(self.number)
 
 
 class BulletEngine(RigidEngine):
@@ -47,7 +119,7 @@ class BulletEngine(RigidEngine):
         super().__init__(room, home)
 
     def _turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link."""
+        """Rotation matrix (3, 3) of the base link, if it floats."""
         w, *vector = configuration[3:7].tolist()
         return matrix_of(self.model._p, (*vector, w))
 
@@ -69,17 +141,212 @@ class BulletEngine(RigidEngine):
         origin = self._state[:3] - self._turned(self._state) @ self.model.centre
         return Scene({self.model.root: (*origin.tolist(), *vector, w)}, {})
 
-    def vary(self, robot: Robot) -> bool:
-        """Bullet cannot change the inertials of a loaded robot."""
-        return robot.links == self.robot.links
-
     def close(self) -> None:
         """Disconnect the physics client."""
         self.model.close()
 
 
-def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
+class BulletContacts(BulletEngine):
+    """A robot in a world with contacts: Bullet's step, on a second physics client."""
+
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        super().__init__(scenario, robot)
+        self._p = Client()
+        try:
+            self._load()
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self) -> None:
+        p, scenario, world = self._p, self._scenario, self._scenario.world
+        merged = merge_fixed(self.robot).robot
+        text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
+        self._body, places = load_body(p, text, scenario, merged)
+        for index in range(-1, p.getNumJoints(self._body)):
+            p.changeDynamics(self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0)
+        p.setGravity(*scenario.gravity)
+        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
+        p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
+        self._indices = [places[joint.child] for joint in merged.moving_joints]
+        self._bodies: dict[str, int] = {}
+        """Bullet's body number of the ground and of each object, by name."""
+        if world.ground:
+            at = 0.0, 0.0, world.ground_height - 0.5 * GROUND_SIZE
+            ground = WorldObject(
+                name=GROUND, shape="box", size=(GROUND_SIZE,) * 3, mass=0.0, friction=world.ground_friction, position=at
+            )
+            self._bodies[GROUND] = self._add_object(ground)
+            if scenario.fixed_base:
+                # A fixed base that stands on the ground must not have contact forces.
+                p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
+        self._bodies |= {item.name: self._add_object(item) for item in world.objects}
+        movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
+        self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
+        """Pose of the robot and of each object at the start, by Bullet's body number."""
+        self._stopped = np.flatnonzero(np.isfinite(self._room.lower) | np.isfinite(self._room.upper)).tolist()
+        """Indices of the joints with stops."""
+        self._before = np.zeros(len(self._room.qvel))
+        """Velocities before the last kick."""
+        self._rotation = np.eye(3)
+        """Rotation matrix (3, 3) of the base link."""
+        self._torques = Calculation(find_torques, self._room)
+
+    def _turned(self, configuration: Array) -> Array:
+        """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
+        return self._rotation
+
+    def _add_object(self, item: WorldObject) -> int:
+        p = self._p
+        if item.shape == "box":
+            arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
+        elif item.shape == "sphere":
+            arguments = {"shapeType": p.GEOM_SPHERE, "radius": item.size[0]}
+        elif item.shape == "cylinder":
+            arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
+        else:
+            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": item.size}
+        try:
+            shape = p.createCollisionShape(**arguments)
+        except p.error as error:
+            raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
+        body = int(p.createMultiBody(item.mass, shape, -1, item.position, p.getQuaternionFromEuler(item.rpy)))
+        inertia = {} if item.inertia is None else {"localInertiaDiagonal": item.inertia}
+        p.changeDynamics(body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia)
+        return body
+
+    # -- stepping ---------------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Set Bullet's bodies to their start."""
+        first, size = len(self._room.qpos), len(self._before)
+        self._p.setTimeStep(self._room.scheme[STEP])
+        for body, pose in self._poses.items():
+            self._p.resetBasePositionAndOrientation(body, *pose)
+        self._move_objects(np.zeros(3))
+        self._place(self._state[self._start : first], self._state[first : first + size])
+        self._read()
+        self._before[:] = self._room.velocity
+
+    def _move_objects(self, velocity: Array) -> None:
+        """Give all movable objects the same linear velocity in m/s and no angular velocity."""
+        for item in self._scenario.world.objects:
+            if item.mass:
+                self._p.resetBaseVelocity(self._bodies[item.name], velocity.tolist(), [0, 0, 0])
+
+    def _place(self, positions: Array, velocities: Array) -> None:
+        """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
+        base = self.model.free
+        for index, position, velocity in zip(self._indices, positions.tolist(), velocities[base:].tolist(), strict=True):
+            self._p.resetJointState(self._body, index, position, velocity)
+        if base:
+            spin = (self._rotation @ velocities[3:6]).tolist()
+            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin)
+
+    def _read(self) -> None:
+        """Read positions and velocities of the robot."""
+        p, body, room, base = self._p, self._body, self._room, self.model.free
+        if self._indices:
+            states = zip(*p.getJointStates(body, self._indices), strict=True)
+            room.qpos[self._start :], room.velocity[base:], *_ = states
+        if base:
+            self._rotation = inertial_frame(p, body, -1)[1]
+            linear, angular = p.getBaseVelocity(body)
+            room.velocity[:BASE] = *linear, *(self._rotation.T @ angular)
+
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
+        p, room, model = self._p, self._room, self.model
+        loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
+        now, push, positions = room.velocity.copy(), np.zeros(len(room.velocity)), room.qpos[self._start :]
+        rotation = self._rotation if room.free else None
+        room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
+        self.look(forces, self._forces)
+        self._torques(push, loads[None], self._forces, np.array([fraction]))
+        targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[model.free :])
+        self._before[:] = now
+        if fraction != 1.0:
+            # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
+            self._before -= room.change
+            self._place(positions, now - (1.0 / fraction - 1.0) * room.change)
+            self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
+            self._read()
+        # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
+        push += model.bias_at(positions, rotation, room.velocity) - room.bias
+        if self._indices:
+            set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
+            set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
+            set_motors(p.TORQUE_CONTROL, forces=push[model.free :].tolist())
+        if rotation is not None:
+            centre = p.getBasePositionAndOrientation(self._body)[0]
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME)
+            p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
+        p.stepSimulation()
+        self._read()
+        exchange[-1, :, POSITION] = positions
+        exchange[-1, :, VELOCITY] = room.velocity[model.free :]
+
+    def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
+        """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb
+        friction. The motors of joints that would pass their stops in this step stop these joints: Bullet's stops act only on
+        joints that are already beyond a stop.
+
+        ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
+        its stop at most.
+        """
+        room, step = self._room, self._room.scheme[STEP]
+        targets, bounds = np.zeros(len(friction)), friction.copy()
+        for j in self._stopped:
+            for speed in (ends[j], room.velocity[room.joint_v[j]]):
+                reach = ((room.upper if speed > 0.0 else room.lower)[j] - room.qpos[room.joint_q[j]]) / step
+                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
+                    # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
+                    targets[j] = reach + np.copysign(BEYOND, speed) / step
+                    bounds[j] = ARREST
+                    break
+        return targets, bounds
+
+    @property
+    def state(self) -> Any:
+        """Bullet's saved state, and the velocities before the last kick."""
+        return _Saved(self._p), self._before.copy()
+
+    @state.setter
+    def state(self, values: Any) -> None:
+        saved, before = values
+        self._p.restoreState(saved.number)
+        self._before[:] = before
+        self._read()
+
+    # -- surroundings -----------------------------------------------------------------------------------------------
+
+    def scene(self) -> Scene:
+        """Poses of the world's objects, and of the base link if it floats; contact forces."""
+        p, world, poses = self._p, self._scenario.world, {}
+        if self._room.free:
+            centre, rotation, local = inertial_frame(p, self._body, -1)
+            origin = np.array(centre) - rotation @ np.array(local)
+            poses[self.model.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
+        objects = [item.name for item in world.objects]
+        for name in objects:
+            position, orientation = p.getBasePositionAndOrientation(self._bodies[name])
+            poses[name] = (*position, *orientation)
+        names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
+        # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # friction.
+        points = (
+            (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
+            for point in p.getContactPoints() or ()
+        )
+        return Scene(poses, contact_forces(objects, world.ground, points))
+
+    def close(self) -> None:
+        """Disconnect the physics clients."""
+        self._p.close()
+        super().close()
+
+
+def make(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
     _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
-    engine: Any = BulletEngine if scenario.world.empty else BulletContacts
-    return engine(scenario, robot), warnings
+    return (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot), warnings

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Point
+from asrsim.engines.base import Point, Values
 from asrsim.engines.rigid import RigidModel
 from asrsim.samples import Array
 
 
 class MujocoModel(RigidModel):
-    """MuJoCo's `asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are not joints of the robot.
+    """MuJoCo's `asrsim.engines.base.Model`.
 
-    places: for each link, its MuJoCo body, and position (3,) and rotation (3, 3) of the link in the body (fixed links are
-    merged into it).
+    free: number of degrees of freedom of the base. home: qpos at the start, for degrees of freedom that are not joints of the
+    robot. places: for each link, its MuJoCo body, and position (3,) and rotation (3, 3) of the link in the body, into which
+    fixed links are merged.
     """
 
     def __init__(
-        self, mujoco: Any, model: Any, *, joints: tuple[str, ...], home: Array, places: Mapping[str, tuple[int, Array, Array]]
+        self,
+        mujoco: Any,
+        model: Any,
+        *,
+        joints: tuple[str, ...],
+        free: int,
+        home: Array,
+        places: Mapping[str, tuple[int, Array, Array]],
     ) -> None:
         self._mujoco, self._model = mujoco, model
         self._data = mujoco.MjData(model)
@@ -28,16 +36,14 @@ class MujocoModel(RigidModel):
         self.places = places
         self.joints = joints
         self.links = tuple(places)
-        numbers = [model.joint(name).id for name in joints]
-        self.at_q = np.array([model.jnt_qposadr[i] for i in numbers], dtype=np.int64)
-        self.at_v = np.array([model.jnt_dofadr[i] for i in numbers], dtype=np.int64)
-        floats = len(model.jnt_type) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE and model.jnt_bodyid[0] == 1
-        self.free = 6 if floats else 0
-        rows = [*range(self.free), *self.at_v]
+        self.at_q = np.array([model.joint(name).qposadr[0] for name in joints], dtype=np.int64)
+        self.at_v = np.array([model.joint(name).dofadr[0] for name in joints], dtype=np.int64)
+        self.free = free
+        rows = [*range(free), *self.at_v]
         self._block = np.ix_(rows, rows)
         self._known: bytes | None = None
 
-    def _place(self, positions: Sequence[float] | Array) -> Any:
+    def _place(self, positions: Values) -> Any:
         """MjData with the joints at `positions`, after forward kinematics."""
         data, mj = self._data, self._mujoco
         values = np.asarray(positions, dtype=float)
@@ -55,16 +61,14 @@ class MujocoModel(RigidModel):
         """Discard the last posture, since the parameters of the model have changed."""
         self._known = None
 
-    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def full_matrix(self, positions: Values) -> Array:
         """Mass matrix (v, v) of a floating base and the moving joints."""
         data = self._place(positions)
         full = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, data, full)
         return full[self._block]
 
-    def inverse_dynamics(
-        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
-    ) -> Array:
+    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
         """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
@@ -76,11 +80,11 @@ class MujocoModel(RigidModel):
         self._mujoco.mj_rne(self._model, data, 1, torques)
         return torques[self.at_v]
 
-    def potential(self, positions: Sequence[float] | Array) -> float:
+    def potential(self, positions: Values) -> float:
         """Gravitational energy of the links in J."""
         return -float(self._model.body_mass @ (self._place(positions).xipos @ self._model.opt.gravity))
 
-    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
         """Position (3,) m, rotation (3, 3), Jacobian (6, n) of a point of a link, world frame."""
         data = self._place(positions)
         body, offset, turn = self.places[link]

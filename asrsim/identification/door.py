@@ -17,9 +17,10 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import prepare, resolution_of
+from asrsim.simulation.prepared import Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.workers import cores
 
 __all__ = [
@@ -86,7 +87,7 @@ class Door:
         diverges. names: pairs of the index of a joint and the name of a quantity.
         """
         made, wanted = self._worlds(substeps), {*SOURCES, *(name for _, name in names)}
-        quantities = [name for name in made.selection.names if name in wanted]
+        quantities = [name for name in made.names if name in wanted]
 
         def run(several: Sequence[Start]) -> Iterator[Array | None]:
             try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,32 +51,20 @@ def prepare(
     *,
     variant: str | None = None,
     overrides: Overrides = (),
-    ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: smallest and largest value of each reference
-    that callers may set during the run, by joint (or "*") and reference, in addition to the ranges that the scenario declares;
-    the number of substeps is chosen for these ranges.
+    variant, overrides: of a scenario's file, as `asrsim.run` takes them. The number of substeps is chosen for the scenario's
+    references, and for all values in its `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
     from asrsim.scenario.doubts import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    declared = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
-                for joint in {**scenario.reference_ranges, **(ranges or {})}}  # fmt: skip
-    robot, warnings = checked_robot(replace(scenario, reference_ranges=declared), robot)
+    robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
-    drives = make_drives(
-        robot,
-        stepping,
-        initial_positions=scenario.initial_positions,
-        motor_positions=scenario.initial_motor_positions,
-        motor_velocities=scenario.initial_motor_velocities,
-        link_damping=scenario.link_damping,
-    )
-    _check_ranges(ranges or {}, drives)
+    drives = make_drives(robot, stepping, scenario)
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
@@ -86,7 +74,7 @@ def prepare(
     try:
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
-        resolution = _resolve(scenario, drives, engine, declared)
+        resolution = _resolve(scenario, drives, engine)
         substep = scenario.step / resolution.substeps
         # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
         sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
@@ -108,9 +96,6 @@ def prepare(
         sensors=sensors,
         info=info,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
-        initial_positions=tuple(drive.initial_position for drive in drives),
-        initial_velocities=tuple(float(for_joint(scenario.initial_velocities, drive.name, 0.0)) for drive in drives),
-        ranges=declared,
         _spare=[engine],
     )
 
@@ -121,18 +106,21 @@ def resolution_of(prepared: Prepared) -> Resolution:
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:
-        return _resolve(prepared.scenario, prepared.drives, engine, prepared.ranges)
+        return _resolve(prepared.scenario, prepared.drives, engine)
     finally:
         engine.close()
 
 
-def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
-) -> Resolution:
+def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
-    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    inputs = Inputs(scenario, drives)
     sampled = np.ascontiguousarray(inputs.sample(points).T)
-    sampled = _with_ranges(sampled, drives, ranges)
+    for j, drive in enumerate(drives):
+        ranges = scenario.ranges_of(drive.name)
+        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
+            if name in ranges:
+                # The largest changes: the reference jumps between its smallest and its largest value.
+                sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
     configurations = _configurations(drives)
     model, still = engine.model, [0.0] * len(drives)
     if model is None:
@@ -169,36 +157,6 @@ def _resolve(
         cap=scenario.substep_cap,
         explicit=STEPPINGS.get(scenario.stepping).implicitness == 0.0,
     )
-
-
-def _check_ranges(ranges: Mapping[str, Mapping[str, tuple[float, float]]], drives: Sequence[SteppedJoint]) -> None:
-    """Raise InputError for unknown joints, and for ranges that are not a smallest and a largest value."""
-    names = tuple(drive.name for drive in drives)
-    problems = []
-    for joint, table in ranges.items():
-        if joint not in ("*", *names):
-            message = "the robot has no moving joint of this name"
-            problems.append(Problem(message, key=f"ranges.{joint}", choices=names, meant=joint, code="unknown-joint"))
-        for name, values in table.items():
-            if np.shape(values) != (2,) or not values[0] <= values[1]:
-                message = "must be two numbers, the smallest value first"
-                problems.append(Problem(message, key=f"ranges.{joint}.{name}", value=values, code="range"))
-    if problems:
-        raise InputError(problems)
-
-
-def _with_ranges(
-    sampled: Array, drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
-) -> Array:
-    """Inputs (columns, joints, n), extended by samples in which the settable references take their smallest and largest
-    values."""
-    table = sampled.copy()
-    for j, drive in enumerate(drives):
-        given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
-        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
-            if name in given:
-                table[column, j, 1::4], table[column, j, 3::4] = given[name]
-    return table
 
 
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:

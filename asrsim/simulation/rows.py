@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ from asrsim.simulation.layout import (
     THETAS,
     TORQUES,
 )  # fmt: skip
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.sensors import Sensor
@@ -92,15 +94,10 @@ class RowShape:
 def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> RowShape:
     """Sizes of the rows that these joints need."""
     return RowShape(
-        motors=max((positions_of(drive) for drive in drives), default=2),
+        motors=max((drive.positions for drive in drives), default=2),
         ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
         parameters=max((len(drive.elastic) for drive in drives), default=0),
     )
-
-
-def positions_of(drive: SteppedJoint) -> int:
-    """Number of motor positions that the joint's law takes: at least two."""
-    return drive.actuator.positions() if drive.actuator else 2
 
 
 def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list[int]:
@@ -114,7 +111,7 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list
         k[DYNAMIC] = drive.dynamic_motors
         if mode.spring:
             k[SPRINGS], k[PLACED] = actuator.motors, actuator.motors + actuator.adjuster
-    k[MOTORS] = positions_of(drive)
+    k[MOTORS] = drive.positions
     if sensor is not None:
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
@@ -149,30 +146,18 @@ def constants_of(
 
 def _motor(drive: SteppedJoint, index: int) -> list[float]:
     """Columns of P for motor `index` (1, 2, ...); zeros if the joint has no such motor."""
-    phantom = drive.stepping.released and drive.dynamic_motors and index <= RELEASED_MOTORS
-    if index > drive.dynamic_motors and not phantom:
-        return [0.0] * PER_DRIVE
     if index > drive.dynamic_motors:
-        return _phantom(drive)
+        row = [0.0] * PER_DRIVE
+        if drive.stepping.released and drive.dynamic_motors and drive.actuator and index <= RELEASED_MOTORS:
+            for column, value in (PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)).items():
+                row[column] = value
+        return row
     assert drive.drive is not None
     values, electric = drive.values, index in drive.electric_motors
     constant = values[f"motor_{index}_torque_constant"] * values[f"motor_{index}_gear_ratio"] if electric else 0.0
     names = ("min_position", "max_position", "max_velocity", "max_torque")
     limits = [values[f"motor_{index}_{name}"] for name in names]
     return [*drive.drive.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
-
-
-def _phantom(drive: SteppedJoint) -> list[float]:
-    """Columns of P for the second motor that the released code simulates for every actuator."""
-    assert drive.actuator is not None
-    assert drive.mode is not None
-    own = PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)
-    held = float(drive.mode.controller)
-    return [
-        own["proportional"], own["integral"], own["derivative"], held, own["inertia"], own["damping"], 1.0, 0.0, 0.0, np.inf,
-        own["max_torque"], own["friction_torque"], 0.0, 1.0, 0.0, 1.0, own["min_position"], own["max_position"], np.inf, np.inf,
-        0.0, 0.0,
-    ]  # fmt: skip
 
 
 def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, position: float, velocity: float) -> list[float]:
@@ -197,13 +182,10 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, positi
     return s
 
 
-def tables(
-    drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: RowShape, *, motor_substeps: int, cutoff: bool
-) -> tuple[NDArray[np.int64], Array]:
+def tables(prepared: Prepared, shape: RowShape) -> tuple[NDArray[np.int64], Array]:
     """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
-    released = any(drive.stepping.released for drive in drives)
-    substeps = 1 if released else motor_substeps
-    both = list(zip(drives, sensors, strict=True))
-    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in both], dtype=np.int64).reshape(-1, KINDS)
-    constants = [constants_of(drive, sensor, shape, motor_substeps=substeps, cutoff=cutoff) for drive, sensor in both]
+    joints = list(zip(prepared.drives, prepared.sensors, strict=True))
+    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in joints], dtype=np.int64).reshape(-1, KINDS)
+    options: Any = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
+    constants = [constants_of(drive, sensor, shape, **options) for drive, sensor in joints]
     return kinds, np.array(constants).reshape(-1, shape.constants)

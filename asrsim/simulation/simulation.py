@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from operator import index
 from pathlib import Path
 from types import TracebackType
@@ -10,7 +11,7 @@ from types import TracebackType
 import numpy as np
 
 from asrsim.engines.base import Engine, Model
-from asrsim.errors import InputError, SimulationError
+from asrsim.errors import InputError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -19,9 +20,9 @@ from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.recording import RunRecording, Sink
-from asrsim.simulation.worlds import Start, one_world, whole_steps
+from asrsim.simulation.worlds import Worlds, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -46,7 +47,6 @@ class Simulation:
         *,
         variant: str | None = None,
         overrides: Overrides = (),
-        ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
         record: bool = False,
         names: Sequence[str] | None = None,
@@ -59,7 +59,8 @@ class Simulation:
 
         Args:
             scenario: Scenario file, loaded scenario, or prepared scenario.
-            variant: As in `prepare`, which also explains overrides and ranges. Ignored for a prepared scenario.
+            variant, overrides: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for references that
+                you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
             record: Keep the logged samples, as `samples`.
             names: Quantities that are recorded; None: all.
@@ -70,7 +71,7 @@ class Simulation:
             chunk: Largest number of substeps between chunks of samples.
         """
         if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+            scenario = prepare(scenario, variant=variant, overrides=overrides)
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
@@ -79,14 +80,18 @@ class Simulation:
         """Substep at which the scenario's duration ends and the last sample is taken."""
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
-        self._peeking = self._closed = False
-        self._world = one_world(
-            scenario, names=names, compiled=compiled, substeps=expected_substeps or self.last, chunk=chunk,
+        self._world = Worlds(
+            scenario, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
             watch=self._watch if looks else None,
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
-        self.recording = RunRecording(scenario, self.engine, self._world.selection, last=self.last, sinks=sinks, keep=record)
-        self._owner = object()
+        self._output = sinks, record
+        self.recording = self._new_recording(scenario)
+
+    def _new_recording(self, started: Prepared) -> RunRecording:
+        """A recording of a run that begins at this start."""
+        sinks, record = self._output
+        return RunRecording(started, self.engine, self._world.columns, last=self.last, sinks=sinks, keep=record)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -114,16 +119,15 @@ class Simulation:
 
     def advance_to(self, end: int) -> None:
         """Advance until `end` substeps are done."""
-        self._check_open()
+        self._world.check_open()
         while self.substep < end:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
             length = min(end, boundary) - before
-            rows, block = self._world.go_on(ONE, length)
+            rows = self._world.go_on(ONE, length)
             if self.recording.active:
                 first, found = whole_steps(before, self.substep, self.substeps)
-                taken = np.asarray(block.references(0, length)[first * self.substeps - before :: self.substeps][:found])
-                self.recording.take(first, rows[0, :found], taken.T)
+                self.recording.take(first, rows[0, :found])
             if self._core.fault[0, 0] != HEALTHY:
                 self._diverge()
             if self.substep == boundary:
@@ -135,7 +139,7 @@ class Simulation:
 
     def _watch(self) -> None:
         """Read poses and contacts before a substep of the engine, if they are recorded."""
-        if not self._peeking and self.substep % self.recording.look_every == 0:
+        if self.substep % self.recording.look_every == 0:
             self.recording.look(self.substep)
 
     def _diverge(self) -> None:
@@ -157,7 +161,7 @@ class Simulation:
     @property
     def samples(self) -> Samples:
         """Samples logged since the start. Raises InputError unless the simulation was created with `record=True`."""
-        if not self._closed:
+        if not self._world.closed:
             self.flush()
         return self.recording.samples
 
@@ -174,13 +178,12 @@ class Simulation:
         value: new value, which is clamped to the declared range; None: the scenario's signal acts again. Raises InputError for
         unknown names and values that are not finite.
         """
-        self._check_open()
         held = self._world.set_reference(joint, reference, value)
         return None if value is None else float(held[0])
 
     def observe(self) -> Observation:
         """Present state."""
-        self._check_open()
+        self._world.check_open()
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
@@ -189,17 +192,12 @@ class Simulation:
         At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
         InputError for a name that no joint records.
         """
-        self._check_open()
-        self._peeking = True
-        try:
-            return {name: found[0] for name, found in self._world.read(names).items()}
-        finally:
-            self._peeking = False
+        return {name: found[0] for name, found in self._world.read(names).items()}
 
     @property
     def engine(self) -> Engine:
         """The engine that moves the links; see `look` for its present state."""
-        return self._world.engine_of(0)
+        return self._core.engine_of(0)
 
     @property
     def model(self) -> Model | None:
@@ -212,20 +210,15 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the state and of the recording, for `restore`."""
-        self._check_open()
-        return Snapshot(self._owner, self._world.snapshot(), self.recording.state())
+        return replace(self._world.snapshot(), recording=self.recording.copy())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation. Samples that the sinks have already received are not withdrawn.
 
         Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
         """
-        self._check_open()
-        if snapshot.owner is not self._owner:
-            message = "is a snapshot of another simulation, or of this one with other parameters"
-            raise InputError(message, key="snapshot", code="snapshot")
-        self._world.restore(snapshot.state)
-        self.recording.put_back(snapshot.record)
+        self._world.restore(snapshot)
+        self.recording = snapshot.recording.copy()
 
     def reset(
         self,
@@ -247,25 +240,18 @@ class Simulation:
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
         """
-        self._check_open()
+        self._world.check_open()
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
-        self.prepared.start(start.positions, start.velocities, start.motors)
+        self.prepared.started(start)
         if parameters is not None:
-            # Earlier snapshots belong to other parameters and can no longer be restored.
-            self._owner = object()
-            self.prepared = self._world.take_over(0, self.prepared.with_numbers(parameters))
-            self.recording.take_over(self.prepared, self.engine, self._world.select(self.prepared))
-        positions, speeds = self._world.place(0, start)
-        self.recording.renew(positions, speeds)
+            self.prepared = self._world.vary(parameters)
+        started = self.prepared.started(start)
+        self._world.place(0, started)
+        self.recording = self._new_recording(started)
 
     def close(self) -> None:
         """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""
-        self._closed = True
         self._world.close()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise SimulationError("the simulation is closed: make a new one")
 
     def __enter__(self) -> Simulation:
         return self
