@@ -167,6 +167,8 @@ class MujocoContacts(MujocoEngine):
     """A robot in a world with contacts: MuJoCo's step."""
 
     native = None
+    # The constraints depend on the inertials of the first robot.
+    vary = RigidEngine.vary
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
@@ -241,10 +243,6 @@ class MujocoContacts(MujocoEngine):
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
-
-    def vary(self, robot: Robot) -> bool:
-        """Whether the inertials are unchanged: the constraints depend on the inertials of the first robot."""
-        return robot.links == self.robot.links
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces. The poses follow from the
