@@ -274,10 +274,8 @@ def _marked(
             first.append(copy)
             return copy
         # Python never calls these functions: wrappers for Python would take half of the compilation time.
-        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        if inline:
-            options |= {"forceinline": copy.__module__ in inline, **NUMERIC}
-        return numba.njit(copy, **options)
+        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": not inline or copy.__module__ in inline}
+        return numba.njit(copy, **options, **(NUMERIC if inline else {}))
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:
