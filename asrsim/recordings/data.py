@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.samples import Array
 
-EPOCH = 1e8
-"""Times above this value are Unix times (1973 and later), s."""
+EPOCH = 1e9
+"""Times above this value are Unix times (September 2001 and later), s."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -108,6 +108,10 @@ class Reading:
     sheet: str | None = declare(
         Text(noun="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
+    joint: str | None = declare(
+        Text(noun="name of a column"), doc="text and sheets: column that names the joint of each row, if the rows of several "
+        "joints take turns", default=None, shown="none",
+    )  # fmt: skip
     missing: float | None = declare(
         NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",

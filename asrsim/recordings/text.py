@@ -76,7 +76,7 @@ class CellColumn:
 
     name: str
     kind: str
-    """Kind of the cells: number, stamp or text."""
+    """Kind of the cells: number, stamp, text, or joint for the joints' names, which stay text in `blocks`."""
     zero: int | None = None
     """First date or time of day in the column, ns."""
     blocks: list[Array] = field(default_factory=list)
@@ -135,7 +135,9 @@ class Rows:
         lines, table = zip(*whole, strict=True)
         self.lines += lines
         for column, cells in zip(self.columns, zip(*table, strict=True), strict=True):
-            if column.kind != "text":
+            if column.kind == "joint":
+                column.blocks.append(np.array(cells))
+            elif column.kind != "text":
                 column.add(cells, lines, self.decimal)
 
     def content(self, form: str) -> Content:
@@ -223,6 +225,8 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
+    # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
+    above = [(line, names[:columns] if names[columns:] == ["Comment"] else names) for line, names in above]
     # Some programs end each row, but not the header, with a separator.
     blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
     fitting = [row for row in above if len(row[1]) in (columns, columns - blank) and share_of_values(row[1], decimal) < 0.5]
@@ -236,9 +240,11 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
     kinds = [Counter(kind_of(cells[i], decimal) for _, cells in rows[place:] if len(cells) == columns) for i in range(columns)]
     common = [max(("number", "stamp", "text"), key=lambda kind: counts[kind]) for counts in kinds]
     members = tuple(
-        CellColumn(name=name, kind=kind) for name, kind in zip(_unique([*names, ""][:columns]), common, strict=True)
+        CellColumn(name=name, kind="joint" if name == reading.joint else kind)
+        for name, kind in zip(_unique([*names, ""][:columns]), common, strict=True)
     )
-    return Rows(separator=separator, decimal=decimal, header=header, first=rows[place][0], columns=members)
+    skipped = [row for row in rows[:place] if row[0] > header > 0 and share_of_values(row[1], decimal) >= 0.5]
+    return Rows(separator=separator, decimal=decimal, header=header, first=rows[place][0], columns=members, ragged=skipped)
 
 
 def _begins(share: float | None, below: float | None) -> bool:

@@ -18,8 +18,8 @@ from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
-              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "header", "field", "zeit", "s", "ms",
-              "us", "ns"}  # fmt: skip
+              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "unix", "header", "field", "zeit", "s",
+              "ms", "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _SYMBOLS = ("s", "ms", "us", "ns")
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
@@ -39,7 +39,8 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
     faults: list[Problem] = []
     tables: list[RawTable] = []
     zeros: list[int] = []
-    for table in content.tables:
+    parts = [part for table in content.tables for part in _by_joint(table, reading.joint)]
+    for prefix, table in parts:
         try:
             timed, name, zero = _timed(table, reading, findings)
             found = _cleaned(timed, table.name or name, findings)
@@ -47,7 +48,7 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
             faults += error.problems
             continue
         if found.columns:
-            tables.append(found)
+            tables.append(replace(found, columns=tuple(replace(one, name=prefix + one.name) for one in found.columns)))
             zeros.append(zero if zero > EPOCH * 1e9 else 0)
     if not tables:
         message = "has only a time column; expected a time and at least one signal"
@@ -61,6 +62,25 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
         for table, zero in zip(tables, zeros, strict=True)
     ]
     return replace(content, tables=tuple(tables))
+
+
+def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
+    """Table of each joint that the column `name` names row by row, and the prefix of its columns' names, such as `elbow.`.
+
+    Without a name the table itself, with the prefix "". Raises RecordingError if there is no such column.
+    """
+    if name is None:
+        return [("", table)]
+    names = [column.name for column in table.columns]
+    if name not in names:
+        raise RecordingError("the file has no such column", key=f"joint: {name}", choices=tuple(names[:12]), code="no-joint")
+    joints = table.columns[names.index(name)].values
+    others = replace(table, columns=tuple(one for one in table.columns if one.name != name), time=np.zeros(len(joints)))
+    parts = []
+    for joint in dict.fromkeys(joints.tolist()):
+        label = str(joint).removesuffix(".0")
+        parts.append((f"joint_{label}." if label.isdecimal() else f"{label}.", others.selected(joints == joint)))
+    return parts
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
@@ -218,7 +238,10 @@ def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
-    why = "too few digits, a row for each of several joints, or a time in two columns (state both: `time: [sec, nanosec]`)"
+    why = (
+        "too few digits, a row for each joint (state the column with its name: `joint: name`), "
+        "or a time in two columns (state both: `time: [sec, nanosec]`)"
+    )
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]

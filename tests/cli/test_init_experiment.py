@@ -85,7 +85,7 @@ def test_suggested_fit_loads_for_every_kind_of_command(tmp_path, robot, header, 
     task = task_of(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
         setup = set_up(task, stack)
-    assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}
+    assert set(task.free) <= setup.problem.layout.keys
     text = (tmp_path / "s.yaml").read_text()
     assert told in text
 

@@ -39,7 +39,7 @@ def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path, name):
 @pytest.mark.parametrize(
     "name",
     ["sampling_rate", "eff", "torque_enable", "ankle_moment", "pos_m", "pos_l", "theta1", "qd1", "q_d", "q1_sim", "force",
-     "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "left_q1", "hip_pos", "tau_m1",
+     "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "joint2", "rpm", "left_q1", "hip_pos", "tau_m1",
      "q\u0307_1", "q1'", "q*",
      "Winkel [deg]", "q1 [counts]"],
 )  # fmt: skip

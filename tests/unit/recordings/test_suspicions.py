@@ -14,6 +14,7 @@ DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
 Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3
 V = 1.8 * np.cos(3 * TIME) + 2.2 * np.cos(11 * TIME)
+TURNS = np.arange(len(TIME)) % 3
 SUSPECTED = {
     "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times the slope of 'q1'"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
@@ -21,6 +22,7 @@ SUSPECTED = {
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
     "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
+    "rows of three joints": ("q1", (Q + TURNS,), "do 3 joints take turns.*joint: name"),
 }
 """Header, columns behind the time, and what is said."""
 NOISE = np.random.default_rng(0).normal(size=(2, len(TIME)))
@@ -32,6 +34,7 @@ FINE = {
     "a link at rest": ("q1,dq1", (0 * Q + 0.3, V)),
     "a motor that moves for itself": ("q1,dq1,theta_m1", (Q, V, DEGREES * Q)),
     "an angle that jumps by turns": ("q1,dq1", ((9 * Q) % math.tau, 9 * V)),
+    "a sensor at rest": ("q1", (0.001 * TURNS,)),
     "a few samples": ("q1,dq1", (Q[:15], 50 * V[:15])),
 }
 
