@@ -38,8 +38,7 @@ def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any,
 
 
 def row(table: Any, j: int) -> Any:
-    """Row j of a table. In compiled code the row is a pointer, whose indices must not be negative: this halves the number of
-    instructions of a substep."""
+    """Row j of a table. In compiled code, the row is a pointer: its indices must not be negative."""
     return table[j]
 
 

