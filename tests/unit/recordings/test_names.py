@@ -81,11 +81,16 @@ def test_names_and_numbers_say_which_joint_it_is(tmp_path, names, joints, expect
 
 
 @pytest.mark.parametrize(
-    ("name", "joints"),
-    [("position", ["shoulder", "elbow"]), ("q0", ["shoulder", "elbow"]), ("q1", ["joint_0", "joint_1"]), ("q3", ["a", "b"])],
+    ("names", "joints"),
+    [
+        (["position"], ["shoulder", "elbow"]),
+        (["q0", "q1"], ["shoulder", "elbow"]),
+        (["q1"], ["joint_0", "joint_1"]),
+        (["q3"], ["a", "b"]),
+    ],
 )
-def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, name, joints):
-    assert [column.source for column in read(tmp_path, [name], joints).asked] == [name]
+def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, names, joints):
+    assert [column.source for column in read(tmp_path, names, joints).asked] == names
 
 
 def test_columns_of_one_name_are_all_asked_about(tmp_path):
@@ -103,7 +108,7 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("velocity_rad_s", "velocity", "rad/s", 1.0), ("vel_deg_per_s", "vel", "rad/s", np.pi / 180),
         ("w (RPM)", "w", "rad/s", np.pi / 30), ("torque [N-m]", "torque", "N m", 1.0), ("tau (N\u00b7m)", "tau", "N m", 1.0),
         ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0),
-        ("time [h]", "time", "s", 3600.0),
+        ("time [h]", "time", "s", 3600.0), ("pos [deg] left", "pos left", "rad", np.pi / 180),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):

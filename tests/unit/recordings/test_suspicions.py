@@ -8,7 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from asrsim.recordings import read_recording, suspect_scale
+from asrsim.recordings import compare, read_recording
+from asrsim.samples import Samples
 
 DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
@@ -57,17 +58,17 @@ def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path, kind):
     assert not [one for one in read(tmp_path, *FINE[kind]).findings if one.code.startswith("suspected-")]
 
 
-@pytest.mark.parametrize(("factor", "words"), [(DEGREES, "in degrees"), (1000.0, "in thousandths"),
-                                               (1 / DEGREES, "from degrees"), (0.001, "from thousandths")])  # fmt: skip
-def test_a_factor_of_a_unit_is_suspected(factor, words):
-    problem = suspect_scale(Q, 1.1 * factor * Q[::5])
-    assert problem is not None
-    assert words in problem.message
-
-
-@pytest.mark.parametrize("factor", [1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0])
-def test_other_factors_are_physics(factor):
-    assert suspect_scale(Q, factor * Q) is None
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1.1 * DEGREES, "in degrees"), (900.0, "in thousandths"), (1.1 / DEGREES, "from degrees"), (0.001, "from thousandths"),
+        *((factor, None) for factor in (1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0)),
+    ],
+)  # fmt: skip
+def test_only_factors_of_units_are_suspected(tmp_path, factor, words):
+    samples = Samples(time=TIME, joints=("joint_1",), values={"link_position": Q[:, None]})
+    found = compare(samples, read(tmp_path, "q1", (factor * Q,)), lag="off").findings
+    assert [str(words) in one.message for one in found] == [True] * (words is not None)
 
 
 @pytest.mark.parametrize("bits", [8, 16, 32])

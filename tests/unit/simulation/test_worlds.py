@@ -97,6 +97,15 @@ def test_repeated_parameters_give_the_same_bits(compiled):
     assert not np.array_equal(first[0], first[1])
 
 
+def test_a_world_without_hysteresis_has_no_loss_by_it():
+    """The scenario has hysteresis in the first of two joints."""
+    scenario = arm(duration=0.01, parameters={"joint_1": {"hysteresis_torque": 0.1}})
+    with Worlds(scenario, 2) as worlds:
+        worlds.reset([Start(), Start(parameters={"joint_1": {"hysteresis_torque": 0.0}})])
+        worlds.advance(5)
+        assert np.isnan(worlds.read(["hysteresis_loss"])["hysteresis_loss"]).tolist() == [[False, True], [True, True]]
+
+
 def test_worlds_continue_from_a_state_as_a_single_simulation_does():
     """A world that diverges stops alone, until its state is set again."""
     scenario = arm(duration=1.0, modes={"*": 6})
