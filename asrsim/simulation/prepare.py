@@ -114,7 +114,7 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
     scale = 1.0 / np.sqrt(np.diag(mass))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale))
     if values[0] < SINGULAR:
-        share = np.abs(vectors[:, 0])
+        share = np.linalg.norm(vectors[:, values < SINGULAR], axis=1)
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
             f"joints {names} can move against each other without moving any mass: their motion is not defined",
