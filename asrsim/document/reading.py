@@ -40,7 +40,7 @@ class DocumentReading:
 
         show: state the value in the message. details: further fields of the `Problem`, such as its code.
         """
-        own = {
+        own: dict[str, Any] = {
             "file": node.file, "line": node.line, "key": ".".join(path) or None, "code": "value",
             "value": node.describe() if show else None,
         }  # fmt: skip
