@@ -44,7 +44,7 @@ from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import merge_fixed
+from asrsim.robot.merge import LinkPlacement, merge_fixed
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
@@ -83,14 +83,7 @@ class MujocoEngine(RigidEngine):
         self.centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
-        places = {
-            name: (
-                int(self._m.body(link_body(place.body)).id),
-                place.pose.position - self._shift(place.body),
-                place.pose.rotation,
-            )
-            for name, place in merged.places.items()
-        }
+        places = {name: self._place(place) for name, place in merged.places.items()}
         self.model = MujocoModel(mujoco, self._m, joints=self.joints, free=6 * self._free, home=home, places=places)
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
@@ -103,7 +96,9 @@ class MujocoEngine(RigidEngine):
         m = self._m
         turn = np.zeros(4)
         for link in links:
-            body = m.body(link_body(link.name)).id
+            body = self._body(link.name)
+            if not body:
+                continue
             moments, rpy = principal_axes(link)
             self._mujoco.mju_mat2Quat(turn, rotation_matrix(rpy).ravel())
             m.body_mass[body] = link.mass or 0.0
@@ -111,6 +106,18 @@ class MujocoEngine(RigidEngine):
             m.body_ipos[body] = link.centre_of_mass - self._shift(link.name)
             m.body_iquat[body] = turn
         self._mujoco.mj_setConst(m, data)
+
+    def _body(self, link: str) -> int:
+        """Number of the MuJoCo body of a link that is not merged; 0, the world's body, for a fixed base without contacts."""
+        return max(int(self._mujoco.mj_name2id(self._m, self._mujoco.mjtObj.mjOBJ_BODY, link_body(link))), 0)
+
+    def _place(self, place: LinkPlacement) -> tuple[int, Array, Array]:
+        """MuJoCo body of a link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        body, pose = self._body(place.body), place.pose
+        if body:
+            return body, pose.position - self._shift(place.body), pose.rotation
+        turn = rotation_matrix(self._scenario.base_rpy)
+        return body, self._scenario.base_position + turn @ pose.position, turn @ pose.rotation
 
     def _shift(self, link: str) -> Array:
         """Origin (3,) of the link's MuJoCo body in m, in the frame of the link."""
