@@ -39,6 +39,8 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         for link in robot.links:
             spec.body(link_body(link.name)).simple = mujoco.mjtLimited.mjLIMITED_FALSE
+        # A fixed base without contacts then needs no body, which saves a tenth of the time of a step with one joint.
+        spec.compiler.fusestatic = not contacts
         return spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
@@ -137,7 +139,7 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")
         name = f"object/{item.name}"
-        form = _form(mujoco, spec, name, item.shape, item.size or (1.0, 1.0, 1.0), str(item.mesh))
+        form = _form(mujoco, spec, name, item.shape, item.size, str(item.mesh))
         body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True

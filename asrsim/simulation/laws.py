@@ -37,14 +37,24 @@ def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any,
     address(x, exchange, wrenches, lengths, pieces)
 
 
+def row(table: Any, j: int) -> Any:
+    """Row j of a table. In compiled code, the row is a pointer: its indices must not be negative."""
+    return table[j]
+
+
 def numbers(p: Any, at: int) -> Any:
     """Parameters of a motor, beginning at column `at` of its row, in the order of the motor's law."""
     return p[at : at + MOTOR_NUMBERS]
 
 
+def bound_step(function: Callable[..., None]) -> Any:
+    """What `joint_step` calls for the function of a stepping."""
+    return function
+
+
 @cache
-def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
-    """Function with an actuator's laws, as `spring_law` calls it in Python. The result is NaN if a law has no finite value.
+def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
+    """What `spring_law` calls for an actuator's laws. The result is NaN if a law has no finite value.
 
     motors: number of positions that the laws take, at least 2.
     """

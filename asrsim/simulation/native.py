@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim import compiling
 from asrsim.actuators.vectorised import energy_law
+from asrsim.errors import SimulationError
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
@@ -31,14 +32,18 @@ def compiled_run() -> Any:
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
-def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
-    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.plain_law`."""
+def bound_law(actuator: Any, motors: int) -> compiling.Callback:
+    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.bound_law`. Raises SimulationError."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
         "row": compiling.row_at(),
     }  # fmt: skip
-    return compiling.compile_law(_laws, names, "daiaiii")
+    try:
+        return compiling.compile_law(_laws, names, "daiaiii")
+    except Exception as error:
+        reason = str(error).strip().splitlines()[0]
+        raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
 
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
@@ -63,7 +68,7 @@ def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: i
         state[STIFFNESS], state[LAW_ENERGY] = known
 
 
-def compiled_joint_step(function: Any) -> compiling.Callback:
+def bound_step(function: Any) -> compiling.Callback:
     """The function by which a stepping advances a joint, compiled; see `asrsim.simulation.laws.joint_step`."""
     names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
     return compiling.compile_law(_joint_step, names, "aaaadi")
@@ -101,6 +106,8 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
+            # The loops over motors, columns and pieces are short: versions of them for many rounds would cost 5 to 10 %.
+            builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)
             return context.get_dummy_value()
@@ -118,10 +125,17 @@ def _pointers() -> dict[str, Any]:
     def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
         return passed(address, s, p, k, u, h, note)
 
+    def find_row(typing: Any, table: Any, j: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            whole = context.make_array(signature.args[0])(context, builder, arguments[0])
+            columns = builder.extract_value(whole.shape, 1)
+            return builder.gep(whole.data, [builder.mul(arguments[1], columns)])
+
+        return kinds.CPointer(table.dtype)(table, kinds.int64), generate
+
     def read_numbers(typing: Any, p: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            row = context.make_array(signature.args[0])(context, builder, arguments[0])
-            first = builder.gep(row.data, [arguments[1]])
+            first = builder.gep(arguments[0], [arguments[1]])
             values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(MOTOR_NUMBERS)]
             return context.make_tuple(builder, signature.return_type, values)
 
@@ -129,5 +143,5 @@ def _pointers() -> dict[str, Any]:
 
     return {
         "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
-        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers),
+        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers), "row": intrinsic(find_row),
     }  # fmt: skip
