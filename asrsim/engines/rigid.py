@@ -89,18 +89,15 @@ def make_room(
 ) -> Room:
     """Work space for a robot; the library reads `qpos` and `qvel`."""
     size = len(qvel)
-    arrays: dict[str, Any] = {
-        name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
-    }
-    arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
-    return Room(
-        scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
-        slowest=np.full(size, -inf), fastest=np.full(size, inf),
-        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
-        **arrays,
-    )  # fmt: skip
+    fields: dict[str, Any] = {name: np.zeros(size) for name in Room._fields}
+    fields |= {
+        "scheme": np.zeros(4), "free": int(free), "qpos": qpos, "qvel": qvel, "inertia": np.zeros(len(lower)),
+        "matrix": np.zeros((size, size)), "square": np.zeros((size, size)), "regime": np.zeros(size, dtype=np.int64),
+        "slowest": np.full(size, -inf), "fastest": np.full(size, inf), "lower": lower, "upper": upper,
+        "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": np.array(joint_v, dtype=np.int64),
+    }  # fmt: skip
+    return Room(**fields)
 
 
 def plain(record: Any) -> Any:
