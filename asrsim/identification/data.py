@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 
@@ -119,7 +118,6 @@ class Data:
     """A recording that is prepared for a fit."""
 
     name: str
-    path: Path
     duration: float
     """Length of the recording, s."""
     channels: tuple[Channel, ...]
@@ -131,7 +129,7 @@ class Data:
     guides: tuple[Channel, ...] = ()
     """Recorded positions that joints follow exactly and that are therefore not compared."""
     remarks: tuple[str, ...] = ()
-    predicted_only: bool
+    predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
 
@@ -142,7 +140,7 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     for predicted_only, experiments in ((False, task.experiments), (True, task.validate)):
         for experiment in experiments:
             try:
-                found.append(_read(task, experiment, scenario, robot, predicted_only=predicted_only))
+                found.append(replace(_read(task, experiment, scenario, robot), predicted_only=predicted_only))
             except InputError as error:
                 problems += error.problems
     if problems:
@@ -150,7 +148,7 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     return found
 
 
-def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, predicted_only: bool) -> Data:
+def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) -> Data:
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
     # `init` writes recorded motor positions as references of mode 2.
@@ -177,9 +175,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
-        name=experiment.file.name, path=experiment.file, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
+        name=experiment.file.name, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
-        predicted_only=predicted_only,
     )  # fmt: skip
 
 

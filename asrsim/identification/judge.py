@@ -170,12 +170,11 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
         mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
         reasons += [f"{key}: {one.fault}" for _, one in mine if one.fault][:1]
         train = _mean([one.after for _, one in mine])
-        held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
-        error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
+        error, steps = _mean([one.held_after for _, one in mine]), max(one.steps for _, one in mine)
         if error > max(HELD_OUT * train, steps, 1e-300):
             # Noise of the commands and uncertainty of the estimates cause errors even with a correct model.
             known = unsure()
-            change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in held])
+            change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
                 ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")

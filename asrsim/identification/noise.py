@@ -66,8 +66,8 @@ def quantum_of(values: Array) -> float:
 
 def lag_correlation(residuals: Array) -> float:
     """Autocorrelation of residuals (n,) about 0 at lag 1; a constant offset counts as correlation."""
-    size = float(np.dot(residuals, residuals))
-    return float(np.dot(residuals[1:], residuals[:-1]) / size) if size > 0.0 and len(residuals) > 3 else 0.0
+    size = float(residuals @ residuals)
+    return float(residuals[1:] @ residuals[:-1]) / size if size > 0.0 and len(residuals) > 3 else 0.0
 
 
 def independent_samples(residuals: Array) -> float:
@@ -85,8 +85,8 @@ def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, flo
     beyond = left - np.clip(float(np.mean(left)), -0.5 * quantum, 0.5 * quantum)
     predicted = (beyond + values - values[0]) / quantum
     steps = quantum * (predicted - np.round(predicted))
-    size = float(np.dot(beyond, beyond))
-    share = min(float(np.dot(steps, steps)) / size, 1.0) if size > 0.0 else 0.0
+    size = float(beyond @ beyond)
+    share = min(float(steps @ steps) / size, 1.0) if size > 0.0 else 0.0
     return beyond, max(share * lag_correlation(steps), 0.0)
 
 

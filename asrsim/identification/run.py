@@ -143,27 +143,22 @@ def identify(
         if any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        watch.best, watch.stop = Best(problem, start), stop
-        status = "checked" if check else _searched(watch.best, task.starts, watch)
+        watch.best, watch.stop, status = Best(problem, start), stop, "checked" if check else "complete"
+        try:
+            with watch.in_time():
+                if not check:
+                    search(watch.best, task.starts, watch.stage)
+                    watch.stage("substeps and weights")
+                    settle(watch.best)
+        except OutOfTime:
+            status = UNFINISHED
+        except Stopped:
+            status = INTERRUPTED
         try:
             return _judged(setup, watch.best, before, status, watch, accept=accept)
         except Stopped:
             # The user interrupts the judgement after the search is complete.
             return _judged(setup, watch.best, before, INTERRUPTED, watch, accept=accept)
-
-
-def _searched(best: Best, starts: int, watch: Watch) -> str:
-    """Search for the parameters, store the best fit in `best`, and return the status of the search."""
-    try:
-        with watch.in_time():
-            search(best, starts, watch.stage)
-            watch.stage("substeps and weights")
-            settle(best)
-    except OutOfTime:
-        return UNFINISHED
-    except Stopped:
-        return INTERRUPTED
-    return "complete"
 
 
 def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool) -> Result:

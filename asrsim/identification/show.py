@@ -85,11 +85,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     yield "model does not fit: the intervals are valid only if the model is right", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
-    known = [one for one in result.channels if math.isfinite(one.explained)]
-    if known:
-        worst = min(known, key=lambda one: one.explained)
-        others = ", and more of the other channels" if len(known) > 1 else ""
-        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}{others}", "red"
+    yield f"  it explains at least {100.0 * result.explained:.4g} % of the variance of each channel", "red"
     if result.accepted:
         yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:

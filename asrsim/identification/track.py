@@ -123,8 +123,7 @@ class Track:
             keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
             channel = sensors.get(f"{joint}.link_position")
-            found = None if channel is None else first_samples(channel, SOON)
-            if channel is None or found is None:
+            if not channel or not (found := first_samples(channel, SOON)):
                 continue
             place, speed, place_error, speed_error = found
             moving = abs(speed) > STILL * speed_error
@@ -142,8 +141,9 @@ class Track:
                 [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
                 f"{drive.name}.initial_position",
             )
-            channels = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
-            if not names or len(channels) < len(names) or any(channel.time[0] > SOON for channel in channels):
+            known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
+            channels = [channel for channel in known if channel.time[0] <= SOON]
+            if not names or len(channels) < len(names):
                 continue
             rest = (drive.motor_positions or (self.initial[link],) * len(names))[: len(names)]
             places, errors = zip(*map(at_rest, channels), strict=True)
@@ -154,11 +154,6 @@ class Track:
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 
     # -- prediction ----------------------------------------------------------------------------------------------------
-
-    @property
-    def playing(self) -> Playing:
-        """Playing with unchanged recorded commands and the default number of substeps."""
-        return Playing(self.door.substeps)
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float) -> list[Array]:
         """Prediction of each channel at its recorded times up to `until` s; NaN if the simulation diverges."""
@@ -224,10 +219,6 @@ class Track:
             table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)
         return table
 
-    def close(self) -> None:
-        """Release the engines."""
-        self.door.close()
-
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:
     """Scenario with the recording's duration, operation modes and commands."""
@@ -235,13 +226,11 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}
     for command in data.commands:
         if command.name != EXTERNAL:
-            played = {command.name: Played(command=command, step=scenario.step)}
-            references[command.joint] = {**references.get(command.joint, {}), **played}
-    joints = {**scenario.parameters, **data.parameters}
-    parameters = {joint: {**scenario.parameters.get(joint, {}), **data.parameters.get(joint, {})} for joint in joints}
+            references.setdefault(command.joint, {})[command.name] = Played(command=command, step=scenario.step)
+    parameters = {joint: {**scenario.parameters.get(joint, {}), **own} for joint, own in data.parameters.items()}
     return replace(
         scenario, duration=data.duration, modes={**scenario.modes, **data.modes}, references=references,
-        parameters=parameters, expect=(), desired={}, log_every=1,
+        parameters={**scenario.parameters, **parameters}, expect=(), desired={}, log_every=1,
     )  # fmt: skip
 
 

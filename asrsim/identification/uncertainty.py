@@ -93,11 +93,10 @@ class Uncertainty:
             if count < 3:
                 continue
             spread = np.sum((scores @ directions.T) ** 2, axis=0) * count / (count - 1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                beyond = spread / ordinary > chdtri(count - 1, 1.0 - CHANCE) / (count - 1)
-            wide = np.sqrt(spread)
-            beyond &= wide * stdtrit(count - 1, 0.975) > deviation * quantile
-            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, stdtrit(count - 1, 0.975), quantile)
+            wide, larger = np.sqrt(spread), stdtrit(count - 1, 0.975)
+            beyond = spread > ordinary * chdtri(count - 1, 1.0 - CHANCE) / (count - 1)
+            beyond &= wide * larger > deviation * quantile
+            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, larger, quantile)
         return deviation, quantile
 
     @property

@@ -59,7 +59,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "ties": [vars(tie) for tie in result.layout.ties],
         "keys": [rows[i].key for i in drawn],
         "mean": means,
-        "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
+        "covariance": (result.covariance[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
         "logarithmic": logarithmic,
         "bounds": [[entries[i].low, entries[i].high] for i in drawn],
     }
@@ -156,11 +156,8 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LINES: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("recorded", {"color": "0.6", "linewidth": 2.2}),
-    ("before", {"color": "C1", "linewidth": 0.9, "linestyle": "--"}),
-    ("after", {"color": "C0", "linewidth": 1.0}),
-)
+LINES = (("recorded", "0.6", 2.2), ("before", "C1", 0.9), ("after", "C0", 1.0))
+"""Names, colours and widths of the lines in a picture."""
 
 
 def draw(result: Result, folder: Path) -> list[Path]:
@@ -178,9 +175,9 @@ def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Axes, r
     """Draw a channel and its residuals. end: end of the training part, s."""
     one = channels[row]
     time, recorded = one.lines["time"], one.lines["recorded"]
-    for label, style in LINES:
+    for label, colour, width in LINES:
         if label in one.lines:
-            left.plot(time, one.lines[label], label=label, **style)
+            left.plot(time, one.lines[label], label=label, color=colour, linewidth=width)
     low, high = float(np.min(recorded)), float(np.max(recorded))
     left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
     if "after" in one.lines:
