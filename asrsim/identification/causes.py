@@ -115,7 +115,8 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
-        joint, spring, motor = drive.name, bool(drive.mode and drive.mode.spring), bool(drive.mode and drive.mode.motor)
+        joint, mode = drive.name, drive.mode
+        spring, motor = mode is not None and mode.spring, mode is not None and mode.motor
         for name, text, possible in (
             ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
             ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),
@@ -140,11 +141,10 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
 def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free a tied parameter."""
     entries = {entry.key: entry for entry in problem.layout.entries if entry.track is None}
-    values = problem.layout.table(x, 0)
     for tie in problem.layout.ties:
         if tie.to in entries and not tie.key.endswith(".delay"):
             other = f"{'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}"
-            parameter = replace(entries[tie.to], key=tie.key, start=values[tie.key])
+            parameter = replace(entries[tie.to], key=tie.key, start=problem.layout.table(x, 0)[tie.key])
             yield Extension(text=f"{tie.key} other than {other}, to which it is tied", parameters=(parameter,), untied=tie)
 
 
@@ -173,7 +173,7 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
         if known.sum() < 6:
             continue
         reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
-        trend = _correlation(*(np.argsort(np.argsort(one)).astype(float) for one in (reach, moves)))
+        trend = float(np.corrcoef([np.argsort(np.argsort(one)) for one in (reach, moves)])[0, 1])
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
         # Noise alone rarely sorts the parts by stiffness.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):

@@ -42,16 +42,28 @@ class Guide:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Channel:
-    """A measured quantity of a joint."""
+class Recorded:
+    """A recorded series of a joint."""
 
     joint: str
     quantity: str
+    """Measured quantity; of a command: reference_1, reference_2 or external_torque."""
     unit: str
     time: Array
     """Times (n,) on the simulation's clock, s."""
     values: Array
     """Finite values (n,) in SI units."""
+
+    @property
+    def key(self) -> str:
+        """Key of the series: `joint.quantity`."""
+        return f"{self.joint}.{self.quantity}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel(Recorded):
+    """A measured quantity of a joint."""
+
     noise: float
     """Standard deviation of the channel's noise, given or estimated from third differences."""
     quantum: float
@@ -60,11 +72,6 @@ class Channel:
     """Recorded column; None for a compared torque of a controller."""
     guide: Guide | None = None
     """Controller whose torque is compared, if a recorded torque drives the joint."""
-
-    @property
-    def key(self) -> str:
-        """Key of the channel: `joint.quantity`."""
-        return f"{self.joint}.{self.quantity}"
 
     def until(self, end: float) -> int:
         """Number of samples up to a time, s."""
@@ -77,29 +84,18 @@ class Channel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlayedCommand:
+class PlayedCommand(Recorded):
     """A recorded input, which the simulation plays."""
 
-    joint: str
-    quantity: str
-    """Kind of the command: reference_1, reference_2 or external_torque."""
     name: str
     """Name of the reference in the joint's mode, or `external_torque`."""
-    time: Array
-    values: Array
     hold: bool
     source: str
     """Column of the recording that contains the command."""
-    unit: str
     scale: float = 1.0
     """Factor between the recorded quantity and the reference."""
     guide: Curve | None = None
     """Curve that is added to the reference."""
-
-    @property
-    def key(self) -> str:
-        """Key of the command, such as `joint.reference_1`."""
-        return f"{self.joint}.{self.quantity}"
 
     @cached_property
     def curve(self) -> Curve:
@@ -137,12 +133,12 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     """Read all recordings; the fitted recordings come first. Raises InputError with the problems of all recordings."""
     found: list[Data] = []
     problems: list[Problem] = []
-    for predicted_only, experiments in ((False, task.experiments), (True, task.validate)):
-        for experiment in experiments:
-            try:
-                found.append(replace(_read(task, experiment, scenario, robot), predicted_only=predicted_only))
-            except InputError as error:
-                problems += error.problems
+    for number, experiment in enumerate((*task.experiments, *task.validate)):
+        try:
+            data = _read(task, experiment, scenario, robot)
+            found.append(replace(data, predicted_only=number >= len(task.experiments)))
+        except InputError as error:
+            problems += error.problems
     if problems:
         raise InputError(problems)
     return found
@@ -238,8 +234,10 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
-        if early.source not in mapped and np.array_equal(early.values, late.values):
-            continue  # a column that copies another measurement, such as another topic of a log
+        # A position may be converted from counts of its encoder, and a column may copy another topic of a log.
+        converted = str(late.quantity).endswith("position") or np.array_equal(early.values, late.values)
+        if early.source not in mapped and converted:
+            continue
         if 1.0 - np.corrcoef(early.values, late.values)[0, 1] ** 2 < COMPUTED**2:
             found[late.source] = early.source
     return found

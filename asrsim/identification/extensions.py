@@ -165,8 +165,8 @@ def extended(
 
 def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
-    commands = [one for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold]
-    for key in dict.fromkeys(one.key for one in commands):
+    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
+    for key in smooth:
         if key not in problem.playing.staircases:
             yield Extension(staircase=key, begins=((),), share=STAIRS)
 

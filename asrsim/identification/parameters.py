@@ -106,7 +106,7 @@ class Layout:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the vector, (n,) each."""
-        low, high = np.array([(one.place(one.low), one.place(one.high)) for one in self.entries]).reshape(-1, 2).T
+        low, high = np.array([(one.place(one.low), one.place(one.high)) for one in self.entries]).T
         return low, high
 
     def at_bound(self, x: Array) -> NDArray[np.bool_]:
@@ -146,10 +146,9 @@ def make_layout(
     """
     entries: list[Parameter] = []
     for parameter in free:
-        for i, own in enumerate(starts if parameter.own else ()):
-            start = own.get(parameter.key, parameter.start)
-            entries.append(replace(parameter, start=start).of_recording(i, names))
-        entries += () if parameter.own else (parameter,)
+        own = [known.get(parameter.key, parameter.start) for known in starts] if parameter.own else []
+        separate = [replace(parameter, start=start).of_recording(i, names) for i, start in enumerate(own)]
+        entries += separate or [parameter]
     return Layout(tuple(entries), tuple(ties))
 
 

@@ -204,8 +204,8 @@ def differences(problem: Problem, x: Array) -> Differences:
     """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
-        table = problem.layout.table(x, track)
-        predicted += problem.tracks[track].predict(table, problem.playing, problem.until(track))
+        values = problem.layout.table(x, track)
+        predicted += problem.tracks[track].predict(values, problem.playing, problem.until(track))
         problem.meter.count()
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 
