@@ -16,7 +16,7 @@ from asrsim.robot import Robot, check_two_motors
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.prepare import prepare, resolution_of
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
@@ -116,7 +116,7 @@ class Door:
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
         """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
-        found = resolution_of(replace(self._prepared.vary(parameters), scenario=self.scenario))
+        found = replace(self._prepared.vary(parameters), scenario=self.scenario).needed_resolution()
         return found.substeps, found.motor_substeps
 
     def close(self) -> None:

@@ -221,7 +221,8 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
     if place is None:
         raise RecordingError(
             "contains no row of numbers", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
-            hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
+            hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header; for topics a bag, "
+            "or what `ros2 topic echo --csv` prints",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
     # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.

@@ -1,7 +1,5 @@
 """Claims of the figures are sensitive: every changed law, mass or loss makes at least one claim fail."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -118,12 +116,6 @@ def test_newtons_law_uses_no_simulator_code():
     text = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (newton, chain, motors))
     assert not [module for module in ("actuators", "robot", "engines", "kinematics") if f"asrsim.{module}" in text]
     assert "link_torque" not in text
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("figure", ["8", "11", "12", "13", "14"])
-def test_claims_hold_for_unchanged_robots(figure, monkeypatch, tmp_path):
-    assert failing(figure, monkeypatch, tmp_path, lambda robot: robot) == []
 
 
 @pytest.mark.slow

@@ -211,6 +211,8 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     assert read.sensors == ("elastic_torque",)
     assert read.rate == pytest.approx(500.0)
     assert line.startswith(f"asrsim design {lab / 'lab.yaml'} --free joint_1.spring_stiffness")
+    tied = replace(result, task=replace(result.task, ties=(Tie(key="b", to="a", factor=2.0),)))
+    assert "--tie 'b=2*a'" in design_line(tied, tmp_path)[1]
     assert any("move joint_1 at" in text and "Hz" in text for text in advice(result))
 
 

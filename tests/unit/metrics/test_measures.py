@@ -1,7 +1,5 @@
 """Measures on signals whose numbers are known in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -103,6 +101,12 @@ def test_frequency_of_a_hardening_ringing(length, decay):
     phase = 2 * np.pi * (1.2 * since + 2 * (1 - np.exp(-2 * since)))
     q = np.where(since > 0, 0.8 * (1 - np.exp(-decay * since) * np.cos(phase)), 0)
     assert 1.2 < measure("frequency", time, q) < 5.2
+
+
+def test_fewer_than_two_crossings_in_a_direction_are_no_oscillation():
+    wave = np.sin(2.0 * np.pi * TIME)
+    assert measure("frequency", TIME, np.where(TIME < 2.5, wave, 0.0)) == pytest.approx(1.0, rel=1e-3)
+    assert math.isnan(measure("frequency", TIME, np.where(TIME < 2.0, wave, 0.0)))
 
 
 def test_rounding_has_no_frequency():
