@@ -357,7 +357,7 @@ def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     result = identify(task, seconds=1e-3, progress=told.append)
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
-    assert [text for text, _ in judgement(result)] == ["unfinished: the best fit so far"]
+    assert [text for text, _ in judgement(result)][-1] == "unfinished: the best fit so far"
     assert identify(task, seconds=600.0).status == "complete"
 
 
