@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.identification.combinations import percent
 from asrsim.identification.keys import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.layout import entry_of
-from asrsim.identification.noise import independent_samples
+from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.problem import (
     Problem,
     differences,
@@ -57,11 +57,14 @@ class Extension:
     """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
     fitting model any additional parameter reduces the misfit.
     """
+    clear: float = 0.0
+    """Remaining fraction of the mean square error below which the extension is real, even if few samples are independent."""
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
-        return bool(not far and after <= self.share * before and samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT)
+        significant = samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT or after <= self.clear * before
+        return bool(not far and after <= self.share * before and significant)
 
 
 class _Optimum:
@@ -170,6 +173,8 @@ PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
+CLEAR = 0.4
+"""A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it."""
 CAUSES, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
@@ -181,6 +186,10 @@ LIMIT_FACTORS = (0.75, 0.3, 2.0)
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
+"""
+RINGING, DRIVEN = 0.1, 0.3
+"""Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
+frequency of a command above which the command does not cause the oscillation.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -236,6 +245,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     if found.chosen and rest <= base - PARTLY * excess:
         yield _suspected(problem, found, base, rest, complete=rest <= target)
     yield from _varying_springs(problem, x)
+    yield from _oscillations(problem, x)
 
 
 def _suspected(problem: Problem, found: Extended, base: float, rest: float, *, complete: bool) -> str:
@@ -313,8 +323,11 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                begins = (1.0,) if parameter.start == 0.0 else ()
-                yield _cause(f"{text} of {joint}", problem, parameter, begins=begins)
+                # The deflection over which hysteresis builds up is as unknown as its torque.
+                beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
+                more = [known[key] for key in beside if key not in free]
+                begins = ((*(0.0 for _ in more), 1.0),) if parameter.start == 0.0 else ()
+                yield _cause(f"{text} of {joint}", problem, *more, parameter, begins=begins)
         for what, unit in (("torque", "N m"), ("velocity", "rad/s")) if drive.dynamic_motors else ():
             key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing, [(j, f"motor_1_{what}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
@@ -344,7 +357,7 @@ def _cause(
 ) -> Extension:  # fmt: skip
     """Extension that frees parameters; others: keys that are tied to the first parameter."""
     wider = freed(problem, parameters, [Tie(key=key, to=parameters[0].key) for key in others], tracks=tracks)
-    return Extension(text=text, problem=wider, begins=begins, share=FURTHER)
+    return Extension(text=text, problem=wider, begins=begins, share=FURTHER, clear=CLEAR)
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
@@ -392,6 +405,18 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
             way, law = "falls" if trend < 0.0 else "grows", "backlash is missing" if backlash else "the spring's law is wrong"
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
+
+
+def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on large oscillations of the residuals with frequencies that no command has."""
+    for part, left in zip(problem.parts, differences(problem, x), strict=True):
+        hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
+        driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
+        if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):
+            yield (
+                f"{part.channel.key} oscillates at {hertz:.2g} Hz, but its prediction does not: a mode is missing, such as an "
+                "elastic link or transmission, or no start found this frequency"
+            )
 
 
 def _correlation(a: Array, b: Array) -> float:

@@ -271,13 +271,15 @@ POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
 """Integrals over the frequency, in units of the bandwidth: of the squared response of the compared torque to noise of the
 position, of its squared response to noise of the torque, and over the band in which the noise of the position is measured.
 """
+FEWEST = 50
+"""Smallest number of compared torques; with fewer, a recording is too short for the controller."""
 PID = 1
 """Operation mode in which a PID controller acts on the link."""
 
 
 def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
     """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their recorded positions,
-    unless a coarse encoder would shake these joints.
+    unless the recording is too short, or a coarse encoder would shake these joints.
     """
     for block in robot.actuators:
         joint, name = robot.joint(block.joint), block.joint
@@ -285,7 +287,8 @@ def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
         command = next((one for one in data.commands if one.key == f"{name}.reference_1"), None)
         place = next((one for one in data.channels if one.key == f"{name}.link_position"), None)
         if data.modes.get(name, block.mode) == 0 and not sprung and command and place and not place.quantum:
-            data = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
+            found = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
+            data = found if min(len(one.time) for one in found.channels) >= FEWEST else data
     return data
 
 

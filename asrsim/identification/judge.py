@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.noise import SWING, beyond_steps, is_nothing, lag_correlation, size_of, swing
+from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Problem, differences
 from asrsim.samples import Array
 
@@ -19,10 +19,14 @@ FITS, SURE = 1.25, 2.0
 """
 WHITE = 0.3
 """Lag-1 correlation below which residuals count as noise."""
+FEWEST = 11
+"""Smallest number of samples by which a fit can be judged."""
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
 """Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
+HIDDEN = 3.0
+"""Ratio of residuals to noise above which only noise of the commands explains the residuals of a model that fits."""
 EXPLAINED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
@@ -98,8 +102,7 @@ def faults(channel: Channel, left: Array, moved: Array | float = 0.0) -> Iterato
     elif is_loud(beyond, float(np.hypot(channel.floor, played))):
         yield f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
     # Quantisation and noise of commands oscillate with the motion.
-    elif not channel.quantum and share < SWING and (cycles := swing(left)):
-        hertz = cycles * (len(left) - 1) / float(channel.time[len(left) - 1] - channel.time[0])
+    elif not channel.quantum and share < SWING and (hertz := frequency(channel.time, left)):
         yield f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
 
 
@@ -134,7 +137,8 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
         lines |= {
             label: part.recorded + error for label, error in (("before", was), ("after", left)) if np.isfinite(error).all()
         }
-        judged = "after" in lines and count > 10
+        simulated, judged = "after" in lines, count >= FEWEST
+        doubts = faults(channel, left[:count], change[:count]) if judged else [f"{count} samples are too few to judge the fit"]
         spread = float(np.var(part.recorded))
         beyond, _ = beyond_steps(left[:count], part.recorded[:count], channel.quantum)
         found.append(
@@ -142,9 +146,9 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
                 recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
                 noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
                 held_before=rms(was[count:]), held_after=rms(left[count:]),
-                correlation=lag_correlation(beyond) if judged else np.nan,
+                correlation=lag_correlation(beyond) if simulated and judged else np.nan,
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
-                faults=tuple(faults(channel, left[:count], change[:count])) if judged else (),
+                faults=tuple(doubts) if simulated and end else (),
                 shaken=rms(change[count:]), steps=channel.quantum / float(np.sqrt(3.0)),
                 opposed=_opposed(part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
@@ -210,11 +214,17 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     return list(found.values())
 
 
-def praise(fits: Sequence[ChannelFit]) -> str:
-    """Sentence on the prediction of the held-out part by a model that fits."""
+def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
+    """Sentences on a model that fits: how it predicts the held-out part, and what hides errors of the model."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
-        return "the model fits; nothing was held out"
-    if not any(one.held_moves for one in held):
-        return "the model fits; no channel moves in the held-out part, so it tests nothing"
-    return "the model fits, and predicts the held-out part as well as the training part"
+        yield "the model fits; nothing was held out"
+    elif not any(one.held_moves for one in held):
+        yield "the model fits; no channel moves in the held-out part, so it tests nothing"
+    else:
+        yield "the model fits, and predicts the held-out part as well as the training part"
+    if hidden := [one.key for one in fits if one.after > HIDDEN * max(one.noise, one.steps)]:
+        yield (
+            f"the recorded commands are so noisy that they explain residuals far above the noise of {', '.join(hidden)}: "
+            "errors of the model may be hidden"
+        )

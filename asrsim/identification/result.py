@@ -111,7 +111,8 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
             reason = "identified is " + "; ".join(listed)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
-            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
+            verdict = RATIO
+            reason = "its interval exceeds 100 %: other parameters have a similar effect, or parts of the recordings disagree"
         elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
         elif margin >= CLOSE:

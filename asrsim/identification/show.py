@@ -87,7 +87,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.whole:
         yield "errors are from a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield praise(result.channels), "green"
+        yield from ((text, "green") for text in praise(result.channels))
         return
     yield "model does not fit: the intervals are valid only if the model is right", "bold red"
     for text in (*result.misfit, *result.causes):
@@ -96,7 +96,8 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if known:
         worst = min(known, key=lambda one: one.explained)
         others = ", and more of the other channels" if len(known) > 1 else ""
-        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}{others}", "red"
+        share = min(100.0 * worst.explained, 99.99)
+        yield f"  it explains {share:.4g} % of the variance of {worst.key}{others}", "red"
     if result.accepted:
         yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:

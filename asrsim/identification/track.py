@@ -84,8 +84,10 @@ NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_veloci
 """Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
-STILL = 4.5
-"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state."""
+STILL, DOUBTFUL = 4.5, 2.0
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state; and within
+which a velocity counts as 0 if the scenario's initial position was copied from the recording.
+"""
 SOON = 0.05
 """A channel gives the initial state only if its first sample is not later than this time, s."""
 KEPT = 6
@@ -149,11 +151,11 @@ class Track:
             if channel is None or found is None:
                 continue
             place, speed, place_error, speed_error = found
-            moving = abs(speed) > STILL * speed_error
-            if not moving:
-                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             # An initial position that is not a round number was probably copied from a noisy recording.
             measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
+            if not moving:
+                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
                 shown = {keys[0]: place} if channel.key not in trusted else {}
                 shown |= {keys[1]: speed} if moving else {}

@@ -104,7 +104,7 @@ class Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
-        return self.with_deviation(np.fmax(self.deviation, spread), self.quantile)
+        return self.with_deviation(np.maximum(self.deviation, spread), self.quantile)
 
 
 @dataclass(frozen=True, eq=False)
