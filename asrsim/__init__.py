@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from asrsim.scenario import Scenario, load_scenario, make_scenario
     from asrsim.simulation.observation import Observation
     from asrsim.simulation.prepare import prepare
-    from asrsim.simulation.prepared import Prepared
+    from asrsim.simulation.prepared import Prepared, Start
     from asrsim.simulation.simulation import Simulation
-    from asrsim.simulation.worlds import Start, Worlds
+    from asrsim.simulation.worlds import Worlds
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
     from asrsim.twin import Twin
@@ -43,9 +43,10 @@ _HOMES = {
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
     "asrsim.simulation.observation": ("Observation",),
-    "asrsim.simulation.prepare": ("Prepared", "prepare"),
+    "asrsim.simulation.prepare": ("prepare",),
+    "asrsim.simulation.prepared": ("Prepared", "Start"),
     "asrsim.simulation.simulation": ("Simulation",),
-    "asrsim.simulation.worlds": ("Start", "Worlds"),
+    "asrsim.simulation.worlds": ("Worlds",),
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),
     "asrsim.twin": ("Twin",),

@@ -20,11 +20,12 @@ the order of the class attribute.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from math import copysign, exp
 from typing import ClassVar
 
-from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, controller_parameters, motor_parameters
+from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, numbered
 
 MOST_MOTORS = 8
 """Largest number of motors of an actuator."""
@@ -92,13 +93,8 @@ class Actuator:
     @classmethod
     def all_parameters(cls) -> tuple[Parameter, ...]:
         """All parameters, in the order: spring, hysteresis of the spring, motors, controllers."""
-        indices = range(1, cls.motors + 1)
-        return (
-            *cls.parameters,
-            *HYSTERESIS_PARAMETERS,
-            *(parameter for index in indices for parameter in motor_parameters(index)),
-            *(parameter for index in indices for parameter in controller_parameters(index)),
-        )
+        parts = [numbered(part, index) for part in ("motor", "controller") for index in range(1, cls.motors + 1)]
+        return (*cls.parameters, *HYSTERESIS_PARAMETERS, *itertools.chain(*parts))
 
     @classmethod
     def law_values(cls, values: Mapping[str, float]) -> tuple[float, ...]:

@@ -6,17 +6,16 @@ check reports the worst value, and the point at which this value occurs.
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.user import declaration_problems
-from asrsim.actuators.vectorised import Array
+from asrsim.actuators.vectorised import Array, over_arrays
 
 FREE_RANGE = 0.5
 """Range of the sampled deflections for an actuator without the parameter `max_deflection`, rad."""
@@ -62,8 +61,20 @@ class CheckReport:
         return all(check.passed for check in self.checks)
 
 
+CHECKS = {
+    "pure": ("the same input gives the same torques and stiffness, in any order", 0.0),
+    "finite": ("torques and stiffness are finite over the range and beyond the limit", 0.0),
+    "stiffness": ("the stiffness is minus the derivative of the torque by q (relative error)", 1e-6),
+    "restoring": ("the stiffness is never negative inside the deflection limit (N m/rad)", 0.0),
+    "passive": ("the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4),
+    "energy": ("the derivative of a declared energy by q is minus the torque (relative error)", 1e-3),
+    "reference map": ("equilibrium_position inverts motor_references (rad), and there no torque acts on the link", 1e-9),
+}
+"""Conditions, and largest allowed values, by name of the check."""
+
+
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
-    """Results of all checks. An exception in a law fails the check and is not raised."""
+    """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
     problems = declaration_problems(actuator)
     declaration = Check(
         name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as `Actuator` requires",
@@ -72,26 +83,60 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
     return CheckReport(
         actuator=str(getattr(actuator, "name", actuator.__name__)),
         title=str(getattr(actuator, "title", actuator.__name__)),
-        checks=(declaration, *(_run(*check, actuator) for check in (() if problems else _CHECKS))),
+        checks=(declaration, *(() if problems else _law_checks(actuator))),
     )
 
 
-class Point(NamedTuple):
-    """Arguments of a law: position of the link (rad), positions of the motors (rad) and of an adjuster (in the unit of the
-    second reference), and parameters of the spring."""
+def _law_checks(actuator: type[Actuator]) -> Iterator[Check]:
+    measures, failure = _measures(actuator), ""
+    for name, (doc, limit) in CHECKS.items():
+        check = Check(name=name, passed=False, doc=doc, limit=limit)
+        try:
+            with np.errstate(all="ignore"):
+                figures, text = next(measures)
+        except Exception as error:
+            # A generator ends at the first exception, so the checks after it have this exception as their reason, too.
+            failure = failure or f"raised {type(error).__name__}: {error}"
+            yield replace(check, detail=failure)
+            continue
+        if not np.isfinite(figures).all():
+            yield replace(check, detail=f"no finite number at {text(int(np.argmin(np.isfinite(figures))))}")
+            continue
+        worst = int(np.argmax(figures))
+        yield replace(check, passed=bool(figures[worst] <= limit), figure=float(figures[worst]), detail=text(worst))
 
-    q: float
-    thetas: tuple[float, ...]
-    parameters: tuple[float, ...]
 
-    def call(self, law: Callable[..., Any]) -> Any:
-        """Result of the law at this point."""
-        return law(self.q, *self.thetas, self.parameters)
+class Points(NamedTuple):
+    """Arguments of a law at n points."""
 
-    def __str__(self) -> str:
-        values = ", ".join(f"{value:.6g}" for value in self.parameters)
-        thetas = ", ".join(f"theta_{i}={theta:.4g}" for i, theta in enumerate(self.thetas, start=1))
-        return f"q={self.q:.4g}, {thetas}, parameters=({values})"
+    positions: Array
+    """Rows (1 + positions, n): position of the link (rad), positions of the motors (rad) and of an adjuster (in the unit of the
+    second reference)."""
+    parameters: tuple[Array, ...]
+    """Values (n,) of each parameter of the spring."""
+    limit: Array
+    """Largest deflections (n,), rad."""
+
+    def apply(self, law: Callable[..., Any]) -> Array:
+        """Results (n,) of a law, or (results, n) of a law that returns several numbers."""
+        return over_arrays(law)(*self.positions, self.parameters)
+
+    def moved(self, row: int, shift: Array) -> Points:
+        """The points with one of their positions shifted by `shift` (n,)."""
+        positions = self.positions.copy()
+        positions[row] += shift
+        return self._replace(positions=positions)
+
+    def take(self, rows: slice) -> Points:
+        """Some of the points."""
+        return Points(self.positions[:, rows], tuple(values[rows] for values in self.parameters), self.limit[rows])
+
+    def text(self, i: int) -> str:
+        """Description of point `i`."""
+        q, *thetas = self.positions[:, i]
+        values = ", ".join(f"{value[i]:.6g}" for value in self.parameters)
+        motors = ", ".join(f"theta_{number}={theta:.4g}" for number, theta in enumerate(thetas, start=1))
+        return f"q={q:.4g}, {motors}, parameters=({values})"
 
 
 def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
@@ -104,132 +149,78 @@ def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
     return sets
 
 
-def _limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
-    """Largest deflection in rad."""
-    values = {parameter.name: value for parameter, value in zip(actuator.parameters, parameters, strict=True)}
-    return values.get("max_deflection", FREE_RANGE)
-
-
-def _points(actuator: type[Actuator], reach: float = INSIDE) -> Iterator[Point]:
+def _points(actuator: type[Actuator], reach: float = INSIDE) -> Points:
     """Random points with deflections up to `reach` times the deflection limit."""
-    source = random.Random(2)
-    for parameters in parameter_sets(actuator):
-        limit = reach * _limit_of(actuator, parameters)
-        for _ in range(SAMPLES):
-            q = source.uniform(-2.0, 2.0)
-            thetas = [q + source.uniform(-limit, limit) for _ in range(actuator.positions() - actuator.adjuster)]
-            thetas += [actuator.typical_preset * source.uniform(0.5, 1.5)] if actuator.adjuster else []
-            yield Point(q, tuple(thetas), parameters)
+    source = np.random.default_rng(2)
+    parameters = tuple(np.repeat(parameter_sets(actuator), SAMPLES, axis=0).T)
+    count = SAMPLES * len(parameter_sets(actuator))
+    names = [parameter.name for parameter in actuator.parameters]
+    limit = dict(zip(names, parameters, strict=True)).get("max_deflection", np.full(count, FREE_RANGE))
+    q = source.uniform(-2.0, 2.0, count)
+    motors = q + reach * limit * source.uniform(-1.0, 1.0, (actuator.positions() - actuator.adjuster, count))
+    adjuster = actuator.typical_preset * source.uniform(0.5, 1.5, (int(actuator.adjuster), count))
+    return Points(np.vstack([q, motors, adjuster]), parameters, limit)
 
 
-_Measure = Callable[[type[Actuator]], Iterator[tuple[float, object]]]
-"""Function that measures values of an actuator, each with the point at which it was measured."""
+def _measures(actuator: type[Actuator]) -> Iterator[tuple[Array, Callable[[int], str]]]:
+    """For each of `CHECKS`: its values (n,), and a function that describes the point of value `i`."""
+    points, far = _points(actuator), _points(actuator, FAR)
+    springs, stiffness = points.apply(actuator.elastic_torques), points.apply(actuator.stiffness)
+    again = points.take(slice(None, None, -1))
+    changes = [springs - again.apply(actuator.elastic_torques)[:, ::-1], stiffness - again.apply(actuator.stiffness)[::-1]]
+    yield np.abs(np.vstack(changes)).max(axis=0), points.text
+    yield 0.0 * (far.apply(actuator.elastic_torques).sum(axis=0) + far.apply(actuator.stiffness)), far.text
 
-
-def _run(name: str, doc: str, limit: float, measure: _Measure, actuator: type[Actuator]) -> Check:
-    worst, where = 0.0, ""
-    try:
-        for figure, place in measure(actuator):
-            if not math.isfinite(figure):
-                return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"no finite number at {place}")
-            if figure > worst:
-                worst, where = figure, str(place)
-    except Exception as error:
-        return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
-    return Check(name=name, passed=worst <= limit, doc=doc, figure=worst, limit=limit, detail=where)
-
-
-def _values(actuator: type[Actuator], point: Point) -> tuple[float, ...]:
-    return (*point.call(actuator.elastic_torques), point.call(actuator.stiffness))
-
-
-def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    points = list(_points(actuator))
-    first = [_values(actuator, point) for point in points]
-    for point, earlier in zip(reversed(points), reversed(first), strict=True):
-        yield max(abs(a - b) for a, b in zip(_values(actuator, point), earlier, strict=True)), point
-
-
-def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    limited = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
-    for point in _points(actuator, FAR if limited else 1.0):
-        yield 0.0 * sum(_values(actuator, point)), point
-
-
-def _slopes(actuator: type[Actuator], point: Point) -> Iterator[Array]:
-    """Derivatives of the torques on link and motors by their positions, by fourth-order differences with several steps."""
-    moving = 1 + actuator.positions() - actuator.adjuster
-    places = np.array([point.q, *point.thetas])
-
-    def torques(along: int, shift: float) -> Array:
-        q, *thetas = (places + shift * (np.arange(len(places)) == along)).tolist()
-        springs = Point(q, tuple(thetas), point.parameters).call(actuator.elastic_torques)
-        return np.array([sum(springs), *(-torque for torque in springs)][:moving])
-
-    for part in DIFFERENCES:
-        h = part * _limit_of(actuator, point.parameters)
-        yield np.array([
-            (8.0 * (torques(i, h) - torques(i, -h)) - torques(i, 2.0 * h) + torques(i, -2.0 * h)) / (12.0 * h)
-            for i in range(moving)
-        ])  # fmt: skip
-
-
-def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    points = list(_points(actuator))
-    stated = [point.call(actuator.stiffness) for point in points]
+    slopes = [_slopes(actuator, points, part * points.limit) for part in DIFFERENCES]
+    by_q = np.array([-slope[0, 0] for slope in slopes])
     # At zero stiffness, a relative error is undefined. Errors are relative to at least a fraction of the largest stiffness.
-    floor = max(1e-4 * max(map(abs, stated)), 1e-12)
-    for point, value in zip(points, stated, strict=True):
-        slopes = [-float(slopes[0, 0]) for slopes in _slopes(actuator, point)]
-        figure, slope = min((abs(value - slope) / max(abs(value), abs(slope), floor), slope) for slope in slopes)
-        yield figure, f"{point}: stiffness {value:.6g}, slope {slope:.6g}"
+    floor = max(1e-4 * np.abs(stiffness).max(), 1e-12)
+    errors = np.abs(stiffness - by_q) / np.maximum(np.maximum(np.abs(stiffness), np.abs(by_q)), floor)
+    best = errors.argmin(axis=0)
+    yield errors.min(axis=0), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g}, slope {by_q[best[i], i]:.6g}"
+    yield np.maximum(0.0, -stiffness), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g} N m/rad"
+    # If the stiffness matrix is symmetric, the springs do no work round closed paths of link and motors.
+    sizes = [np.maximum(np.abs(slope).max(axis=(0, 1)), 1e-12) for slope in slopes]
+    asymmetries = [np.abs(slope - slope.swapaxes(0, 1)).max(axis=(0, 1)) for slope in slopes]
+    yield np.min(np.divide(asymmetries, sizes), axis=0), points.text
+
+    # An energy that is integrated from torques needs no check.
+    h, torque, low, high = 1e-4 * points.limit, springs.sum(axis=0), 0.0 * stiffness, 0.0 * stiffness
+    slope = torque
+    if actuator.elastic_energy is not Actuator.elastic_energy:
+        low, high = (points.moved(0, shift).apply(actuator.elastic_energy) for shift in (-h, h))
+        slope = (low - high) / (2.0 * h)
+    # The rounding error of the difference of energies limits the precision.
+    scale = np.maximum(np.abs(torque), 1e-9 * np.maximum(np.abs(low), np.abs(high)) / h + 1e-12)
+    yield np.abs(slope - torque) / scale, lambda i: f"{points.text(i)}: slope {slope[i]:.6g}, torque {torque[i]:.6g}"
+
+    # The first points have the default parameters.
+    unloaded = points.take(slice(SAMPLES))
+    equilibrium, presets = unloaded.positions[0], actuator.typical_preset * np.linspace(0.5, 1.0, SAMPLES)
+    thetas = over_arrays(actuator.motor_references)(equilibrium, presets)
+    back = over_arrays(actuator.equilibrium_position)(*thetas)
+    unloaded = unloaded._replace(positions=np.vstack([equilibrium, thetas]))
+    loads = unloaded.apply(actuator.elastic_torques)
+    rest = loads.sum(axis=0)
+    scale = np.maximum(np.abs(loads).max(axis=0), np.abs(unloaded.apply(actuator.stiffness)) * unloaded.limit + 1e-12)
+    yield (
+        np.maximum(np.abs(back - equilibrium), np.abs(rest) / scale),
+        lambda i: (
+            f"{unloaded.text(i)}: the equilibrium comes back as {back[i]:.6g}, and {rest[i]:.3g} N m act on the unloaded link"
+        ),
+    )
 
 
-def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    for point in _points(actuator):
-        stiffness = point.call(actuator.stiffness)
-        yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
+def _slopes(actuator: type[Actuator], points: Points, h: Array) -> Array:
+    """Derivatives (moving, moving, n) of the torques on link and motors by their positions, by fourth-order differences with
+    the steps `h` (n,)."""
+    moving = len(points.positions) - actuator.adjuster
 
+    def torques(row: int, shift: Array) -> Array:
+        springs = points.moved(row, shift).apply(actuator.elastic_torques)
+        return np.vstack([springs.sum(axis=0), -springs])[:moving]
 
-def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    """Asymmetry of the stiffness matrix. If the matrix is symmetric, the springs do no work round closed paths of link and
-    motors."""
-    for point in _points(actuator):
-        yield min(float(np.abs(m - m.T).max() / max(np.abs(m).max(), 1e-12)) for m in _slopes(actuator, point)), point
-
-
-def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    """Relative error of the energy's derivative by q. An energy that is integrated from torques needs no check."""
-    for point in _points(actuator) if actuator.elastic_energy is not Actuator.elastic_energy else ():
-        h = 1e-4 * _limit_of(actuator, point.parameters)
-        low, high = (point._replace(q=point.q + d).call(actuator.elastic_energy) for d in (-h, h))
-        slope, torque = (low - high) / (2.0 * h), sum(point.call(actuator.elastic_torques))
-        # The floor is the rounding error of the difference of energies.
-        floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
-        yield abs(slope - torque) / floor, f"{point}: slope {slope:.6g}, torque {torque:.6g}"
-
-
-def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    parameters = parameter_sets(actuator)[0]
-    source = random.Random(4)
-    for _ in range(50):
-        equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
-        thetas = actuator.motor_references(equilibrium, preset)
-        back = actuator.equilibrium_position(*thetas)
-        yield abs(back - equilibrium), f"equilibrium {equilibrium:.4g}, preset {preset:.4g}: comes back as {back:.6g}"
-        point = Point(equilibrium, thetas, parameters)
-        torques, stiffness = point.call(actuator.elastic_torques), point.call(actuator.stiffness)
-        scale = max(*map(abs, torques), abs(stiffness) * _limit_of(actuator, parameters), 1e-12)
-        yield abs(sum(torques)) / scale, f"{point}: {sum(torques):.3g} N m on the unloaded link"
-
-
-_CHECKS: tuple[tuple[str, str, float, _Measure], ...] = (
-    ("pure", "the same input gives the same torques and stiffness, in any order", 0.0, _pure),
-    ("finite", "torques and stiffness are finite over the range and beyond the limit", 0.0, _finite),
-    ("stiffness", "the stiffness is minus the derivative of the torque by q (relative error)", 1e-6, _stiffness_agrees),
-    ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
-    ("passive", "the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4, _passive),
-    ("energy", "the derivative of a declared energy by q is minus the torque (relative error)", 1e-3, _energy),
-    ("reference map", "equilibrium_position inverts motor_references (rad), and there no torque acts on the link", 1e-9,
-     _reference_map),
-)  # fmt: skip
+    return np.array([
+        (8.0 * (torques(i, h) - torques(i, -h)) - torques(i, 2.0 * h) + torques(i, -2.0 * h)) / (12.0 * h)
+        for i in range(moving)
+    ])  # fmt: skip

@@ -9,8 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from asrsim.actuators.electric import Electric, electric_of
-from asrsim.actuators.hysteresis import hysteresis_of
-from asrsim.actuators.motor import motor_numbers
 from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
@@ -44,7 +42,8 @@ class Drive:
     @cached_property
     def hysteresis(self) -> tuple[float, float] | None:
         """Level (N m) and length (rad) of the springs' hysteresis; None without hysteresis."""
-        return hysteresis_of(self.values) if self.mode.spring else None
+        level = self.values["hysteresis_torque"]
+        return (level, self.values["hysteresis_deflection"]) if self.mode.spring and level > 0.0 else None
 
     @property
     def dynamic_motors(self) -> int:
@@ -103,7 +102,17 @@ class Drive:
 
     def motor_numbers(self, index: int) -> tuple[float, ...]:
         """Parameters that `asrsim.actuators.motor.motor_kick` takes for motor `index` (1, 2, ...)."""
-        return motor_numbers(self.values, index, self.mode)
+        motor, controller = f"motor_{index}", f"controller_{index}"
+        # Without controller, the reference is the command.
+        gains: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+        if self.mode.controller:
+            gains = (*(self.values[f"{controller}_{name}"] for name in ("proportional", "integral", "derivative")), 1.0)
+        return (
+            *gains, self.values[f"{motor}_inertia"], self.values[f"{motor}_damping"], *self.electric[index - 1],
+            self.values[f"{motor}_friction_torque"], self.values[f"{motor}_stribeck_friction"],
+            1.0 / self.values[f"{motor}_stribeck_velocity"], self.values[f"{motor}_load_friction"],
+            self.values[f"{motor}_friction_stiffness"],
+        )  # fmt: skip
 
     def goals(self, references: Array) -> Array:
         """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""

@@ -31,25 +31,21 @@ class Electric(NamedTuple):
         return np.clip(self.gain * command, -most, most)
 
 
-def command_of(values: Mapping[str, float], index: int, mode: Mode) -> str:
-    """Kind of the command of motor `index`: torque, voltage or current. Controllers of electric motors command voltage or
-    current."""
-    if not (mode.controller and mode.motor) or values.get(f"motor_{index}_torque_constant", 0.0) <= 0.0:
-        return mode.command
-    return "voltage" if values[f"motor_{index}_resistance"] > 0.0 else "current"
-
-
 def electric_of(values: Mapping[str, float], index: int, mode: Mode) -> Electric:
     """Electric constants of motor `index`, computed from its parameters."""
-    command, limit = command_of(values, index, mode), values[f"motor_{index}_max_torque"]
-    constant = values.get(f"motor_{index}_torque_constant", 0.0) * values.get(f"motor_{index}_gear_ratio", 1.0)
+    motor = f"motor_{index}"
+    limit, resistance = values[f"{motor}_max_torque"], values[f"{motor}_resistance"]
+    constant = values[f"{motor}_torque_constant"] * values[f"{motor}_gear_ratio"]
     if constant <= 0.0 or not mode.motor:
-        return Electric(1.0 if command == "torque" else 0.0, 0.0, 0.0, inf, limit)
-    limit = min(limit, constant * values[f"motor_{index}_max_current"])
-    resistance = values[f"motor_{index}_resistance"]
+        return Electric(1.0 if mode.command == "torque" else 0.0, 0.0, 0.0, inf, limit)
+    command = mode.command
+    if mode.controller:
+        # The controllers of electric motors command voltage or current.
+        command = "voltage" if resistance > 0.0 else "current"
+    limit = min(limit, constant * values[f"{motor}_max_current"])
     damping, stall = 0.0, inf
     if resistance > 0.0:
-        damping, stall = constant * constant / resistance, constant / resistance * values[f"motor_{index}_max_voltage"]
+        damping, stall = constant * constant / resistance, constant / resistance * values[f"{motor}_max_voltage"]
     if command == "voltage":
         return Electric(constant / resistance if resistance > 0.0 else 0.0, damping, damping, stall, limit)
     return Electric(constant if command == "current" else 1.0, 0.0, damping, stall, limit)

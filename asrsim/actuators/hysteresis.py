@@ -8,13 +8,7 @@ x_0 h^2 / (2 tau). A cycle between the turning points +-A dissipates 4 tau (A - 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import exp
-
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def dahl(torque: float, change: float, level: float, length: float) -> float:
@@ -25,9 +19,3 @@ def dahl(torque: float, change: float, level: float, length: float) -> float:
     if change > 0.0:
         return level + (torque - level) * exp(-change / length)
     return (torque + level) * exp(change / length) - level
-
-
-def hysteresis_of(values: Mapping[str, float]) -> tuple[float, float] | None:
-    """(tau in N m, x_0 in rad) from the parameters of an actuator; None without hysteresis."""
-    level = values.get("hysteresis_torque", 0.0)
-    return (level, values["hysteresis_deflection"]) if level > 0.0 else None

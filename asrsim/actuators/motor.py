@@ -13,11 +13,7 @@ level varies, so friction is passive. The electric motor has no inductance; its 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import exp
-
-from asrsim.actuators.electric import electric_of
-from asrsim.actuators.modes import Mode
 
 
 def motor_kick(
@@ -39,7 +35,8 @@ def motor_kick(
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
     load: torque of the spring on the motor in N m; slowest, fastest: smallest and largest velocity in rad/s that stops and
     speed limit allow (`velocity_bounds`). Damping, back-EMF and derivative action act on the velocity (1 - implicitness) old +
-    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: from `motor_numbers`.
+    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: from
+    `asrsim.actuators.drive.Drive.motor_numbers`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
     """
     p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters
@@ -90,16 +87,3 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     if position + step * fastest > high and step > 0.0:
         largest = (high - position) / step if high > position else 0.0
     return slowest, largest
-
-
-def motor_numbers(values: Mapping[str, float], index: int, mode: Mode) -> tuple[float, ...]:
-    """Parameters that `motor_kick` takes for motor `index` (1, 2, ...) in a mode."""
-    motor, controller = f"motor_{index}", f"controller_{index}"
-    gains = (1.0, 0.0, 0.0)
-    if mode.controller:
-        gains = tuple(values[f"{controller}_{name}"] for name in ("proportional", "integral", "derivative"))  # type: ignore[assignment]
-    return (
-        *gains, 1.0 if mode.controller else 0.0, values[f"{motor}_inertia"], values[f"{motor}_damping"],
-        *electric_of(values, index, mode), values[f"{motor}_friction_torque"], values[f"{motor}_stribeck_friction"],
-        1.0 / values[f"{motor}_stribeck_velocity"], values[f"{motor}_load_friction"], values[f"{motor}_friction_stiffness"],
-    )  # fmt: skip

@@ -55,21 +55,11 @@ class Parameter:
         return None
 
 
-@cache
-def motor_parameters(index: int) -> tuple[Parameter, ...]:
-    """Parameters of motor `index` (1, 2, ...): the DC motor of section 3.1.1 of the paper."""
-    motor = f"motor_{index}"
-    return tuple(
-        replace(parameter, name=f"{motor}_{parameter.name}", needs=parameter.needs and f"{motor}_{parameter.needs}")
-        for parameter in _MOTOR
-    )
-
-
 _POSITIVE: dict[str, Any] = {"minimum": 0.0, "exclusive_minimum": True}
 _STRIBECK: dict[str, Any] = {"source": STRIBECK, "optional": True}
 _ELECTRIC: dict[str, Any] = {"source": DC_MOTOR, "optional": True}
 _LIMIT: dict[str, Any] = {"default": math.inf, "finite": False, **_POSITIVE, **_ELECTRIC}
-_MOTOR = (
+MOTOR_PARAMETERS = (
     Parameter(name="inertia", default=0.0233, unit="kg m^2", doc="inertia b at the link's side of the gear", **_POSITIVE),
     Parameter(name="damping", default=0.2698, unit="N m s/rad", doc="viscous damping d", minimum=0.0),
     Parameter(name="max_torque", default=6.0, unit="N m", doc="largest torque of the motor", minimum=0.0),
@@ -112,6 +102,7 @@ _MOTOR = (
     Parameter(name="max_voltage", unit="V", needs="resistance", doc="largest voltage", **_LIMIT),
     Parameter(name="max_current", unit="A", needs="torque_constant", doc="largest current", **_LIMIT),
 )  # fmt: skip
+"""Parameters of a motor without the prefix `motor_1_`: the DC motor of section 3.1.1 of the paper."""
 
 
 HYSTERESIS_PARAMETERS = (
@@ -128,17 +119,22 @@ HYSTERESIS_PARAMETERS = (
 """Parameters of the Dahl element parallel to each spring (`asrsim.actuators.hysteresis`)."""
 
 
+CONTROLLER_PARAMETERS = (
+    Parameter(name="proportional", default=125.0, unit="N m/rad", doc="gain k_p on the position error"),
+    Parameter(name="integral", default=0.0, unit="N m/(rad s)", doc="gain k_i on the integral of the position error"),
+    Parameter(name="derivative", default=4.5, unit="N m s/rad", doc="gain k_d on the negative velocity"),
+)
+"""Parameters of a motor's PID controller, as in section 3.1.2 of the paper (mode 1: controller of the link, with other
+defaults), without the prefix `controller_1_`."""
+
+
 @cache
-def controller_parameters(index: int) -> tuple[Parameter, ...]:
-    """Parameters of the PID controller of motor `index`, as in section 3.1.2 of the paper (mode 1: controller of the link, with
-    other defaults)."""
-    controller = f"controller_{index}"
-    return (
-        Parameter(name=f"{controller}_proportional", default=125.0, unit="N m/rad", doc="gain k_p on the position error"),
-        Parameter(
-            name=f"{controller}_integral", default=0.0, unit="N m/(rad s)", doc="gain k_i on the integral of the position error"
-        ),
-        Parameter(name=f"{controller}_derivative", default=4.5, unit="N m s/rad", doc="gain k_d on the negative velocity"),
+def numbered(part: str, index: int) -> tuple[Parameter, ...]:
+    """Parameters of the motor or of its controller with number `index` (1, 2, ...). part: `motor` or `controller`."""
+    prefix = f"{part}_{index}"
+    return tuple(
+        replace(parameter, name=f"{prefix}_{parameter.name}", needs=parameter.needs and f"{prefix}_{parameter.needs}")
+        for parameter in (MOTOR_PARAMETERS if part == "motor" else CONTROLLER_PARAMETERS)
     )
 
 

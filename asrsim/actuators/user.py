@@ -8,8 +8,9 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout, suppress
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -79,7 +80,6 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         if name in seen or (name in ACTUATORS and _file_of(ACTUATORS.get(name)) != path.resolve()):
             problems.append(_problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name"))
         seen.add(name)
-    problems = problems or [problem for actuator in found for problem in _results(actuator)]
     if problems:
         raise ActuatorError(problems)
     for actuator in found:
@@ -88,14 +88,14 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that does not follow the interface of `Actuator`. Laws and parameters are checked if the attributes
-    are valid."""
+    """Problems of a class that does not follow the interface of `Actuator`. Parameters are checked if the attributes are valid,
+    and laws if the parameters are valid, too."""
     wrong = [
         _problem(actuator, f"must be {text}", "bad-declaration", key=key, value=getattr(actuator, key, None))
         for key, (text, is_valid) in ATTRIBUTES.items()
         if not is_valid(getattr(actuator, key, None))
     ]
-    return tuple(wrong or (*_laws(actuator), *_parameters(actuator)))
+    return tuple(wrong or tuple(_parameters(actuator)) or _laws(actuator))
 
 
 ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
@@ -116,46 +116,39 @@ ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    thetas = [f"theta_{i + 1}" for i in range(actuator.positions())]
-    spring = ["q", *thetas, "parameters"]
+    """Problems of laws that are missing, do not take the right arguments, or give wrong results at rest: the simulation needs
+    numbers, and the right number of them."""
+    positions = dict.fromkeys((f"theta_{i + 1}" for i in range(actuator.positions())), 0.0)
+    spring = {"q": 0.0, **positions, "parameters": tuple(parameter.default for parameter in actuator.parameters)}
+    taken: dict[str, tuple[Mapping[str, object], int]] = {
+        "elastic_torques": (spring, max(2, actuator.motors)), "stiffness": (spring, 1), "elastic_energy": (spring, 1),
+        "motor_references": ({"equilibrium": 0.0, "preset": 0.0}, len(positions)), "equilibrium_position": (positions, 1),
+    }  # fmt: skip
     why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
     why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
-    taken = {**dict.fromkeys(("elastic_torques", "stiffness", "elastic_energy"), spring),
-             "motor_references": ["equilibrium", "preset"], "equilibrium_position": thetas}  # fmt: skip
-    for law, names in taken.items():
-        own = inspect.getattr_static(actuator, law)
-        if own is inspect.getattr_static(Actuator, law):
+    for law, (arguments, count) in taken.items():
+        own, problem = inspect.getattr_static(actuator, law), partial(_problem, actuator, key=law)
+        if arguments is spring and own is inspect.getattr_static(Actuator, law):
             if law in why:
-                yield _problem(actuator, f"is missing; {why[law]}", "missing-law", key=law)
-        elif not isinstance(own, staticmethod):
-            yield _problem(actuator, "must be a @staticmethod: laws have no state", "bad-law", key=law)
-        else:
-            try:
-                inspect.signature(own.__func__).bind(*names)
-            except (TypeError, ValueError):
-                yield _problem(actuator, f"must take {', '.join(names)}", "bad-law", key=law)
-
-
-def _results(actuator: type[Actuator]) -> Iterable[Problem]:
-    """Problems of the results that the laws give at rest: the simulation needs numbers, and the right number of them."""
-    values = tuple(parameter.default for parameter in actuator.parameters)
-    positions = [0.0] * actuator.positions()
-    calls: tuple[tuple[str, tuple[object, ...], int], ...] = (
-        ("elastic_torques", (0.0, *positions, values), max(2, actuator.motors)),
-        ("stiffness", (0.0, *positions, values), 1),
-        ("motor_references", (0.0, 0.0), len(positions)),
-        ("equilibrium_position", tuple(positions), 1),
-    )
-    for law, arguments, count in calls:
+                yield problem(f"is missing; {why[law]}", "missing-law")
+            continue
+        if not isinstance(own, staticmethod):
+            yield problem("must be a @staticmethod: laws have no state", "bad-law")
+            continue
         try:
-            result = getattr(actuator, law)(*arguments)
+            inspect.signature(own.__func__).bind(*arguments)
+        except (TypeError, ValueError):
+            yield problem(f"must take {', '.join(arguments)}", "bad-law")
+            continue
+        try:
+            result = own.__func__(*arguments.values())
         except (Exception, SystemExit) as error:
-            yield _problem(actuator, f"raised {type(error).__name__}: {error}", "law-raised", key=law)
+            yield problem(f"raised {type(error).__name__}: {error}", "law-raised")
             continue
         numbers = result if count > 1 and isinstance(result, tuple) else (result,)
         if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):
             wanted = f"{count} numbers" if count > 1 else "one number"
-            yield _problem(actuator, f"must give {wanted}", "law-result", key=law, value=result)
+            yield problem(f"must give {wanted}", "law-result", value=result)
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:

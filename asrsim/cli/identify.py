@@ -46,10 +46,6 @@ def identify(
         Texts,
         option("A free parameter with a separate value for each recording.", "--own", metavar="KEY"),
     ] = None,
-    compare: Annotated[
-        Texts,
-        option("Compare only this quantity; may be repeated.", metavar="JOINT.QUANTITY", default="all"),
-    ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
     variant: Variant = None,
@@ -102,13 +98,13 @@ def identify(
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
-    Options beside a fit file add to its lists and replace its other values.
+    Options beside a fit file add to `free` and `ties`, and replace its other values.
     """
     from asrsim.identification.task import task_of
     from asrsim.identification.write import as_dict
 
     options: dict[str, Any] = {
-        "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
+        "validate": validate, "free": free, "ties": tie, "own": own, "mapping": mapping,
         "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "starts": starts, "plugins": plugin,
     }  # fmt: skip
     task = task_of(

@@ -13,9 +13,7 @@ from asrsim.design.limits import Limits, interval
 from asrsim.design.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
-from asrsim.identification.keys import parameters_of
-from asrsim.identification.layout import Layout
-from asrsim.identification.track import numbers_of
+from asrsim.identification.parameters import Layout, numbers_of, parameters_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario

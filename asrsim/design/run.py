@@ -16,13 +16,11 @@ from asrsim.design.plant import DesignPlant, Reference
 from asrsim.design.search import DESIGN, PRIOR, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
-from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
-from asrsim.identification.layout import Layout, make_layout
+from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of
 from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian
 from asrsim.identification.setup import read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
-from asrsim.identification.track import NOT_THE_ROBOTS
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -119,7 +117,7 @@ def design(
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
         # An interval is relative to the value; if the value is zero, to its typical size.
-        sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.parameter.size) for one in layout.entries])
+        sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.size) for one in layout.entries])
         known_by = {DESIGN: best.information}
         known_by |= {name: one.information for name, one in search.motions.items() if name != DESIGN}
         for sensor in read.sensors:
@@ -172,8 +170,8 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
-    shared = [entry.parameter.key if entry.track is None else "" for entry in whole.layout.entries]
-    mine = [shared.index(entry.parameter.key) for entry in layout.entries]
+    shared = [entry.key if entry.track is None else "" for entry in whole.layout.entries]
+    mine = [shared.index(entry.key) for entry in layout.entries]
     return np.asarray(np.linalg.inv(covariance[np.ix_(mine, mine)]) - PRIOR * np.eye(len(mine)))
 
 

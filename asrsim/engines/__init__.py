@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from asrsim.engines.base import ENGINES, Engine, EngineEntry, Model
@@ -11,35 +13,28 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.scenario.data import Scenario
 
-Made = tuple[Any, "tuple[Problem, ...]"]
 
-
-def _bullet(scenario: Scenario, robot: Robot) -> Made:
-    from asrsim.engines.bullet import make_bullet
-
-    return make_bullet(scenario, robot)
-
-
-def _mujoco(scenario: Scenario, robot: Robot) -> Made:
-    from asrsim.engines.mujoco import make_mujoco
-
-    return make_mujoco(scenario, robot)
-
-
-def _bench(scenario: Scenario, robot: Robot) -> Made:
-    from asrsim.engines.bench import BenchEngine
-
-    return BenchEngine(scenario, robot), ()
+def _make(name: str, scenario: Scenario, robot: Robot) -> tuple[Any, tuple[Problem, ...]]:
+    """Engine and warnings by the function `make` of the engine's module, which is imported only now."""
+    made: tuple[Any, tuple[Problem, ...]] = import_module(f"asrsim.engines.{name}").make(scenario, robot)
+    return made
 
 
 ENGINES.add(
     "bullet",
     EngineEntry(
-        make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet", faster="mujoco"
+        make=partial(_make, "bullet"),
+        doc="PyBullet, with contacts; the default where it is installed",
+        module="pybullet",
+        faster="mujoco",
     ),
 )
-ENGINES.add("mujoco", EngineEntry(make=_mujoco, doc="MuJoCo, many times faster; contacts are softer", module="mujoco"))
-ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' motion is prescribed", prescribed=True))
+ENGINES.add(
+    "mujoco", EngineEntry(make=partial(_make, "mujoco"), doc="MuJoCo, many times faster; contacts are softer", module="mujoco")
+)
+ENGINES.add(
+    "bench", EngineEntry(make=partial(_make, "bench"), doc="a test bench: the links' motion is prescribed", prescribed=True)
+)
 
 
 def default_engine() -> str:

@@ -14,7 +14,7 @@ one; in a run that is not staggered v_whole = v. So the damping torque is -C (v 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -33,6 +33,11 @@ velocity (rad/s, m/s) at its end to the rows of the last piece."""
 ROUNDING = 1e-9
 """Largest rounding error of the sum of the lengths of a kick's pieces."""
 Point = tuple[float, float, float]
+Values = Sequence[float] | Array
+"""One number for each moving joint."""
+GROUND, ROBOT = "ground", "robot"
+"""Names of the ground and of the robot in the names of contact forces."""
+NOTHING = (0.0, 0.0, 0.0)
 
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
@@ -52,21 +57,19 @@ class Model(Protocol):
     joints: tuple[str, ...]
     links: tuple[str, ...]
 
-    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def mass_matrix(self, positions: Values) -> Array:
         """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
 
-    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+    def bias(self, positions: Values, velocities: Values) -> Array:
         """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
 
-    def inverse_dynamics(
-        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
-    ) -> Array:
+    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
         """Joint torques (n,) in N m that give `accelerations`, on a fixed base; the arguments have the shape (n,)."""
 
-    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+    def energy(self, positions: Values, velocities: Values) -> float:
         """Kinetic and gravitational energy of the links in J, on a fixed base."""
 
-    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
 
 
@@ -77,6 +80,25 @@ class Scene(NamedTuple):
     """Poses (x, y, z, qx, qy, qz, qw) of the world's objects, and of the robot's root link if this link floats, by name."""
     contacts: Mapping[str, tuple[float, float, float]]
     """Contact forces on objects in N, world frame, summed over points; the key "object/other" names both bodies."""
+
+
+def contact_forces(
+    objects: Sequence[str], ground: bool, points: Iterable[tuple[str, str, Array]]
+) -> dict[str, tuple[float, float, float]]:
+    """Contact forces in N, world frame, summed over all points at which two bodies touch; 0 without contact. "object/other":
+    force on the object by the other body; "robot/ground": force of the ground on the robot.
+
+    points: for each contact point, both bodies and the force (3,) on the first body.
+    """
+    others = [*objects, *([GROUND] if ground else []), ROBOT]
+    total: dict[str, Any] = {f"{name}/{other}": NOTHING for name in objects for other in others if other != name}
+    if ground:
+        total[f"{ROBOT}/{GROUND}"] = NOTHING
+    for first, second, force in points:
+        for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):
+            if key in total:
+                total[key] = np.add(total[key], sign * force)
+    return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}
 
 
 class Record(NamedTuple):
@@ -99,7 +121,10 @@ class Native(NamedTuple):
 
 
 class Engine(Protocol):
-    """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above."""
+    """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
+
+    `scene` and `native` have defaults for robots on a fixed base without contacts, and without a compiled step.
+    """
 
     joints: tuple[str, ...]
     """Moving joints; arrays and sequences below are in this order."""
@@ -125,6 +150,7 @@ class Engine(Protocol):
 
     def scene(self) -> Scene:
         """Poses of the bodies and contact forces at the present state."""
+        return Scene({}, {})
 
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials by those of a robot with the same structure, before the next start. False: the engine cannot do
@@ -133,6 +159,7 @@ class Engine(Protocol):
     @property
     def native(self) -> Native | None:
         """The step of a started run as a C function; None if the engine has no such function."""
+        return None
 
     def close(self) -> None:
         """Release the memory and the connections of the engine."""

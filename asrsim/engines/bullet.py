@@ -1,28 +1,104 @@
 """PyBullet behind the engine interface.
 
 Without contacts, asrsim computes the step from Bullet's mass matrix and bias (`BulletEngine`). With contacts, Bullet computes
-the step (`asrsim.engines.bullet_contacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
+the step (`BulletContacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
 `asrsim.engines.exact_friction`, which contain no data of the robot.
+
+Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates velocity torques
+half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias, correct this.
+For a first kick that is shorter than a full kick, the velocities are set back beforehand. The damping torque is computed from
+the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick acts.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.base import Scene
-from asrsim.engines.bullet_contacts import BulletContacts
-from asrsim.engines.bullet_model import BulletModel, matrix_of
-from asrsim.engines.rigid import RigidEngine, make_room
-from asrsim.errors import Problem
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.engines.base import (
+    DAMPING,
+    FRICTION,
+    GROUND,
+    POSITION,
+    ROBOT,
+    TORQUE,
+    VELOCITY,
+    Scene,
+    Values,
+    contact_forces,
+    whole_kick,
+)
+from asrsim.engines.bullet_model import BASE, BulletModel, connect, inertial_frame, load_body, matrix_of
+from asrsim.engines.exact_friction import STICKING
+from asrsim.engines.rigid import (
+    BEFORE,
+    IMPLICITNESS,
+    NOW,
+    STEP,
+    Calculation,
+    RigidEngine,
+    find_change,
+    make_room,
+    store_diagonal,
+)
+from asrsim.errors import Problem, SimulationError
+from asrsim.robot.engine_text import engine_urdf, usable_shapes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, World, WorldObject
 from asrsim.versions import version
+
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
+"""Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
+m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
+NO_CLAMP = 1e9
+"""Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
+BEYOND = 1e-9
+"""Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
+ARREST = 1e9
+"""Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
+GROUND_SIZE = 100.0
+"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
+PARTS = (9, 7), (10, 11), (12, 13)
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
+UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
+"""Arguments that switch off Bullet's damping of a body."""
+
+
+def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece, and `room.change` to
+    the change of velocity in a step without contacts.
+
+    This function runs as Python or compiled.
+    """
+    for i in range(len(room.regime)):
+        room.regime[i] = STICKING
+        room.force[i] = push[i] = forces[0, i, 0]
+    store_diagonal(room)
+    find_change(room, exchange, 0, lengths[0])
+    for j in range(len(room.joint_v)):
+        i = room.joint_v[j]
+        mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
+        push[i] += exchange[0, j, TORQUE] - exchange[0, j, DAMPING] * mean
+
+
+class _Saved:
+    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
+    client's number may belong to another client."""
+
+    def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
+        self.number = p.saveState(physicsClientId=client)
+        self._remove, self._close = partial(p.removeState, self.number, physicsClientId=client), close
+
+    def __del__(self) -> None:
+        if self._close.alive:
+            self._remove()
 
 
 class BulletEngine(RigidEngine):
@@ -47,7 +123,7 @@ class BulletEngine(RigidEngine):
         super().__init__(room, home)
 
     def _turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link."""
+        """Rotation matrix (3, 3) of the base link, if it floats."""
         w, *vector = configuration[3:7].tolist()
         return matrix_of(self.model._p, (*vector, w))
 
@@ -69,17 +145,226 @@ class BulletEngine(RigidEngine):
         origin = self._state[:3] - self._turned(self._state) @ self.model.centre
         return Scene({self.model.root: (*origin.tolist(), *vector, w)}, {})
 
-    def vary(self, robot: Robot) -> bool:
-        """Bullet cannot change the inertials of a loaded robot."""
-        return robot.links == self.robot.links
-
     def close(self) -> None:
         """Disconnect the physics client."""
         self.model.close()
 
 
-def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
+class BulletContacts(BulletEngine):
+    """A robot in a world with contacts: Bullet's step, on a second physics client."""
+
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        super().__init__(scenario, robot)
+        self._p, self._client, self._end = connect(self)
+        try:
+            self._load()
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self) -> None:
+        p, client, scenario = self._p, self._client, self._scenario
+        merged = merge_fixed(self.robot).robot
+        text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
+        self._body, places = load_body(p, client, text, scenario, merged)
+        for index in range(-1, p.getNumJoints(self._body, client)):
+            p.changeDynamics(
+                self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0,
+                physicsClientId=client,
+            )  # fmt: skip
+        p.setGravity(*scenario.gravity, physicsClientId=client)
+        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
+        p.setPhysicsEngineParameter(
+            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
+        )
+        self._indices = [places[joint.child] for joint in merged.moving_joints]
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(merged.moving_joints) if np.isfinite(joint.stops).any()]
+        self._ground = self._lay_ground(scenario.world) if scenario.world.ground else None
+        self._objects = {item.name: self._add_object(item) for item in scenario.world.objects}
+        """Bullet's body number of each object, by name of the object."""
+        bodies = self._body, *self._objects.values()
+        self._poses = {number: p.getBasePositionAndOrientation(number, client) for number in bodies}
+        """Pose of each movable body at the start, by Bullet's body number."""
+        self._before = np.zeros(len(self._room.qvel))
+        """Velocities before the last kick."""
+        self._rotation = np.eye(3)
+        """Rotation matrix (3, 3) of the base link."""
+        self._torques = Calculation(find_torques, self._room)
+
+    def _turned(self, configuration: Array) -> Array:
+        """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
+        return self._rotation
+
+    def _lay_ground(self, world: World) -> int:
+        p, client, half = self._p, self._client, GROUND_SIZE / 2
+        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[half, half, half], physicsClientId=client)
+        ground = int(p.createMultiBody(0, shape, basePosition=[0, 0, world.ground_height - half], physicsClientId=client))
+        p.changeDynamics(ground, -1, lateralFriction=world.ground_friction, restitution=0.0, physicsClientId=client)
+        if self._scenario.fixed_base:
+            # A fixed base that stands on the ground must not have contact forces.
+            p.setCollisionFilterPair(ground, self._body, -1, -1, 0, physicsClientId=client)
+        return ground
+
+    def _add_object(self, item: WorldObject) -> int:
+        p, client = self._p, self._client
+        if item.shape == "box":
+            arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
+        elif item.shape == "sphere":
+            arguments = {"shapeType": p.GEOM_SPHERE, "radius": item.size[0]}
+        elif item.shape == "cylinder":
+            arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
+        else:
+            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": list(item.size or (1, 1, 1))}
+        try:
+            shape = p.createCollisionShape(**arguments, physicsClientId=client)
+        except p.error as error:
+            raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
+        turned = p.getQuaternionFromEuler(item.rpy)
+        body = int(p.createMultiBody(item.mass, shape, -1, item.position, turned, physicsClientId=client))
+        inertia = {} if item.inertia is None else {"localInertiaDiagonal": item.inertia}
+        p.changeDynamics(
+            body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia, physicsClientId=client
+        )
+        return body
+
+    # -- stepping ---------------------------------------------------------------------------------------------------
+
+    def start(
+        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """Begin a run; see `asrsim.engines.base.Engine`."""
+        super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
+        self._p.setTimeStep(step, physicsClientId=self._client)
+        for body, pose in self._poses.items():
+            self._p.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+        self._move_objects(np.zeros(3))
+        self._place(positions, np.concatenate([np.zeros(self.model.free), velocities]))
+        self._read()
+        self._before[:] = self._room.velocity
+        return positions, velocities
+
+    def _move_objects(self, velocity: Array) -> None:
+        """Give all movable objects the same linear velocity in m/s and no angular velocity."""
+        for item in self._scenario.world.objects:
+            if item.mass:
+                self._p.resetBaseVelocity(self._objects[item.name], velocity.tolist(), [0, 0, 0], self._client)
+
+    def _place(self, positions: Values, velocities: Array) -> None:
+        """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
+        base = self.model.free
+        for index, position, velocity in zip(self._indices, positions, velocities[base:], strict=True):
+            self._p.resetJointState(self._body, index, float(position), float(velocity), physicsClientId=self._client)
+        if base:
+            spin = (self._rotation @ velocities[3:6]).tolist()
+            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin, physicsClientId=self._client)
+
+    def _read(self) -> None:
+        """Read positions and velocities of the robot."""
+        p, client, body, room, base = self._p, self._client, self._body, self._room, self.model.free
+        if self._indices:
+            states = zip(*p.getJointStates(body, self._indices, client), strict=True)
+            room.qpos[self._start :], room.velocity[base:], *_ = states
+        if base:
+            self._rotation = inertial_frame(p, client, body, -1)[1]
+            linear, angular = p.getBaseVelocity(body, client)
+            room.velocity[:BASE] = *linear, *(self._rotation.T @ angular)
+
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
+        p, client, room, model = self._p, self._client, self._room, self.model
+        loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
+        now, push, positions = room.velocity.copy(), np.zeros(len(room.velocity)), room.qpos[self._start :]
+        rotation = self._rotation if room.free else None
+        room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
+        self.look(forces, self._forces)
+        self._torques(push, loads[None], self._forces, np.array([fraction]))
+        targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[model.free :])
+        self._before[:] = now
+        if fraction != 1.0:
+            # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
+            self._before -= room.change
+            self._place(positions, now - (1.0 / fraction - 1.0) * room.change)
+            self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
+            self._read()
+        # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
+        push += model.bias_at(positions, rotation, room.velocity) - room.bias
+        if self._indices:
+            set_motors = partial(p.setJointMotorControlArray, self._body, self._indices, physicsClientId=client)
+            set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
+            set_motors(p.TORQUE_CONTROL, forces=push[model.free :].tolist())
+        if rotation is not None:
+            centre = p.getBasePositionAndOrientation(self._body, client)[0]
+            torque = (rotation @ push[3:6]).tolist()
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
+            p.applyExternalTorque(self._body, -1, torque, p.WORLD_FRAME, physicsClientId=client)
+        p.stepSimulation(client)
+        self._read()
+        exchange[-1, :, POSITION] = positions
+        exchange[-1, :, VELOCITY] = room.velocity[model.free :]
+
+    def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
+        """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb
+        friction. The motors of joints that would pass their stops in this step stop these joints: Bullet's stops act only on
+        joints that are already beyond a stop.
+
+        ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
+        its stop at most.
+        """
+        room = self._room
+        targets, bounds = np.zeros(len(friction)), friction.copy()
+        for j, lower, upper in self._stops:
+            for speed in (ends[j], room.velocity[room.joint_v[j]]):
+                reach = ((upper if speed > 0.0 else lower) - room.qpos[room.joint_q[j]]) / room.scheme[STEP]
+                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
+                    # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
+                    targets[j] = reach + (BEYOND if speed > 0.0 else -BEYOND) / room.scheme[STEP]
+                    bounds[j] = ARREST
+                    break
+        return targets, bounds
+
+    @property
+    def state(self) -> Any:
+        """Bullet's saved state, and the velocities before the last kick."""
+        return _Saved(self._p, self._client, self._end), self._before.copy()
+
+    @state.setter
+    def state(self, values: Any) -> None:
+        saved, before = values
+        self._p.restoreState(saved.number, physicsClientId=self._client)
+        self._before[:] = before
+        self._read()
+
+    # -- surroundings -----------------------------------------------------------------------------------------------
+
+    def scene(self) -> Scene:
+        """Poses of the world's objects, and of the base link if it floats; contact forces."""
+        p, client = self._p, self._client
+        poses = {}
+        if self._room.free:
+            centre, rotation, local = inertial_frame(p, client, self._body, -1)
+            origin = np.array(centre) - rotation @ np.array(local)
+            poses[self.model.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
+        for name, body in self._objects.items():
+            position, orientation = p.getBasePositionAndOrientation(body, client)
+            poses[name] = (*position, *orientation)
+        names = {body: name for name, body in self._objects.items()} | {self._body: ROBOT}
+        if self._ground is not None:
+            names[self._ground] = GROUND
+        # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # friction.
+        points = (
+            (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
+            for point in p.getContactPoints(physicsClientId=client) or ()
+        )
+        return Scene(poses, contact_forces([*self._objects], self._ground is not None, points))
+
+    def close(self) -> None:
+        """Disconnect the physics clients."""
+        self._end()
+        super().close()
+
+
+def make(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
     _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
-    engine: Any = BulletEngine if scenario.world.empty else BulletContacts
-    return engine(scenario, robot), warnings
+    return (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot), warnings

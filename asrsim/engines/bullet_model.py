@@ -19,7 +19,7 @@ from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.base import Point
+from asrsim.engines.base import Point, Values
 from asrsim.engines.foreign import crashes, quiet
 from asrsim.engines.rigid import RigidModel
 from asrsim.errors import RobotError
@@ -92,7 +92,7 @@ class BulletModel(RigidModel):
                 message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
-    def _ordered(self, values: Sequence[float] | Array) -> list[float]:
+    def _ordered(self, values: Values) -> list[float]:
         """`values` of the moving joints in Bullet's order."""
         plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]
         return [plain[j] for j in self._to_bullet]
@@ -167,19 +167,17 @@ class BulletModel(RigidModel):
 
     # -- the model ---------------------------------------------------------------------------------------------------
 
-    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def full_matrix(self, positions: Values) -> Array:
         """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
         matrix = self._sum(self._p.calculateMassMatrix, self._ordered(positions))
         return matrix if self._ours else matrix[self._block]
 
-    def inverse_dynamics(
-        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
-    ) -> Array:
+    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
         """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         states = [self._ordered(values) for values in (positions, velocities, accelerations)]
         return self._forces_at(self._standing, *states)[self.free :]
 
-    def potential(self, positions: Sequence[float] | Array) -> float:
+    def potential(self, positions: Values) -> float:
         """Gravitational energy of the links in J."""
         p, client, body = self._p, self._client, self._body
         self._place(positions)
@@ -189,7 +187,7 @@ class BulletModel(RigidModel):
         ]
         return -float(np.sum(weights, axis=0) @ self._scenario.gravity) if weights else 0.0
 
-    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
         p, client, body = self._p, self._client, self._body
         index, pose = self._places[link]
@@ -209,7 +207,7 @@ class BulletModel(RigidModel):
         jacobian = np.vstack([self._standing @ np.array(linear), self._standing @ np.array(angular)])
         return position, rotation @ pose.rotation, jacobian[:, self._rows[self.free :]]
 
-    def _place(self, positions: Sequence[float] | Array) -> None:
+    def _place(self, positions: Values) -> None:
         """Set the positions of the joints."""
         for joint, value in zip(self.indices, positions, strict=True):
             self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)

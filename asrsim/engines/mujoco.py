@@ -6,7 +6,7 @@ and stops of the joints. With contacts, MuJoCo's solver computes contacts, frict
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,9 +14,21 @@ import numpy as np
 
 from asrsim import compiling
 from asrsim.engines import mujoco_step
-from asrsim.engines.base import Native, Record, Scene
-from asrsim.engines.mujoco_build import base_centre, build, link_body
-from asrsim.engines.mujoco_contacts import MujocoContacts
+from asrsim.engines.base import (
+    DAMPING,
+    FRICTION,
+    GROUND,
+    POSITION,
+    ROBOT,
+    TORQUE,
+    VELOCITY,
+    Native,
+    Record,
+    Scene,
+    contact_forces,
+    whole_kick,
+)
+from asrsim.engines.mujoco_build import HARD, base_centre, build, link_body
 from asrsim.engines.mujoco_library import (
     bound,
     compiled_step,
@@ -27,20 +39,33 @@ from asrsim.engines.mujoco_library import (
     stop_the_clock,
 )
 from asrsim.engines.mujoco_model import MujocoModel
-from asrsim.engines.rigid import RigidEngine, make_room, plain
+from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import MergedRobot, merge_fixed
+from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
+NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
+"""Time constants of contacts, in steps, chosen by measurements on a sliding box (docs/validation.md)."""
+LIGHTER = 1e-2
+"""Factor on the inverse inertia that regularises friction. With this factor, measured errors of velocities were below 5e-8
+rad/s."""
+REACH = 2.0
+"""A stop counts as near if the joint, moving 1 rad/s faster than now, could reach the stop within this number of steps."""
+TOLERANCE = 1e-12
+"""MuJoCo's solver ends when the scaled improvement of its cost falls below this value."""
+SEARCH = 1000
+"""Largest number of iterations of a line search in MuJoCo's solver. With the default, 50, 1 % of the steps of a sliding box
+ended far from the solution."""
+
 
 class MujocoEngine(RigidEngine):
-    """One robot and its world in MuJoCo."""
+    """A robot in a world without contacts."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
@@ -48,24 +73,28 @@ class MujocoEngine(RigidEngine):
         mujoco.set_mju_user_warning(say_nothing)
         stop_the_clock()
         self.version = f"mujoco {library_version()}"
-        self.robot = robot
-        self._scenario = scenario
+        self.robot, self._scenario = robot, scenario
         merged = merge_fixed(robot)
         shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
         self._m = self.raw_model = build(mujoco, scenario, shaped)
-        data = mujoco.MjData(self._m)
+        self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.base = "" if scenario.fixed_base else merged.robot.root.name
         self._centre = base_centre(scenario, merged.robot)
-        self._set_inertials(merged.robot.links, data)
+        self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
-        self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=home, places=self._places(merged))
-        self._record = self._make_record(data)
-        self._call: Any = None
-        super().__init__(self._record.room, home)
-        self._words = pack(self._record)
-        self._plain_step = partial(bound(mujoco_step.step), plain(self._record))
-        self._contacts = None if scenario.world.empty else MujocoContacts(mujoco, self._m, data, scenario.world)
+        places = {
+            name: (
+                int(self._m.body(link_body(place.body)).id),
+                place.pose.position - self._shift(place.body),
+                place.pose.rotation,
+            )
+            for name, place in merged.places.items()
+        }
+        self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=home, places=places)
+        self._record = self._make_record(self._d)
+        step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
+        super().__init__(self._record.room, home, step)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
@@ -87,16 +116,6 @@ class MujocoEngine(RigidEngine):
         """Origin (3,) of the link's MuJoCo body in m, in the frame of the link."""
         return self._centre if link == self.base else np.zeros(3)
 
-    def _places(self, merged: MergedRobot) -> dict[str, tuple[int, Array, Array]]:
-        return {
-            name: (
-                int(self._m.body(link_body(place.body)).id),
-                place.pose.position - self._shift(place.body),
-                place.pose.rotation,
-            )
-            for name, place in merged.places.items()
-        }
-
     def _make_record(self, data: Any) -> mujoco_step.Record:
         model = self.model
         room = make_room(
@@ -115,62 +134,149 @@ class MujocoEngine(RigidEngine):
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
-    def start(
-        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
-    ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run; see `asrsim.engines.base.Engine`."""
-        super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
-        if self._contacts is not None:
-            self._contacts.start(self._room)
-        return positions, velocities
-
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance by one step. The step is compiled after `native` has been read; the results are bitwise identical."""
-        if self._contacts is not None:
-            self._contacts.step(self._record, self._state, exchange, wrenches, lengths)
-        elif self._call is not None:
-            arrays = self._words, self._state, exchange, wrenches, lengths
-            self._call(*[array.ctypes.data for array in arrays], len(lengths))
-        else:
-            self._plain_step(self._numbers, exchange.data, wrenches.data, lengths.data)
+        self._calculation(self._state, exchange, wrenches, lengths)
 
     @property
     def native(self) -> Native | None:
-        """The step compiled by Numba; None with contacts, and if Numba is not installed."""
-        if self._contacts is not None or not compiling.available():
+        """The step compiled by Numba; None if Numba is not installed."""
+        if not compiling.available():
             return None
-        compiled = compiled_step(compiling.type_of(self._record), self.version)
-        self._call = compiled.call
-        return Native(compiled.address, len(self._state), self._make_native_record)
+        return Native(self._calculation.compile().address, len(self._state), self._make_native_record)
 
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
         if robot.links != self.robot.links:
             merged = merge_fixed(robot).robot
-            if self._contacts is not None or not np.array_equal(self._centre, base_centre(self._scenario, merged)):
+            if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
                 return False
             self._set_inertials(merged.links, self._mujoco.MjData(self._m))
             self.model.forget()
         self.robot = robot
         return True
 
-    # -- surroundings -----------------------------------------------------------------------------------------------
+    def scene(self) -> Scene:
+        """Pose of the base link, if it floats."""
+        if not self.base:
+            return Scene({}, {})
+        turn = np.zeros(9)
+        self._mujoco.mju_quat2Mat(turn, self._state[3:7])
+        w, *vector = self._state[3:7].tolist()
+        origin = self._state[:3] - turn.reshape(3, 3) @ self._centre
+        return Scene({self.base: (*origin.tolist(), *vector, w)}, {})
+
+
+class MujocoContacts(MujocoEngine):
+    """A robot in a world with contacts: MuJoCo's step."""
+
+    native = None
+
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        super().__init__(scenario, robot)
+        self._objects = [item.name for item in scenario.world.objects]
+        names = {self._m.geom(f"object/{name}").id: name for name in self._objects}
+        if scenario.world.ground:
+            names[self._m.geom(GROUND).id] = GROUND
+        self._owner = [names.get(index, ROBOT) for index in range(self._m.ngeom)]
+        self._m.dof_invweight0[:] *= LIGHTER
+        self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH
+
+    def start(
+        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """Begin a run. The time constants of the constraints are multiples of the step."""
+        m, room = self._m, self._room
+        self._mujoco.mj_resetData(m, self._d)
+        m.opt.timestep = step
+        joints = room.joint_v
+        m.dof_solimp[joints] = HARD
+        m.dof_solref[joints] = (-1.0, -HARD[0] / step)
+        places = [int(np.flatnonzero(m.jnt_dofadr == dof)[0]) for dof in joints]
+        limited = np.isfinite(room.lower) | np.isfinite(room.upper)
+        m.jnt_limited[places] = limited
+        m.jnt_range[places] = np.column_stack([np.maximum(room.lower, -1e9), np.minimum(room.upper, 1e9)])
+        m.jnt_solimp[places] = HARD
+        self._limited = [place for place, limit in zip(places, limited, strict=True) if limit]
+        m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
+        m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
+        return super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
+
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance by one step as without contacts, but MuJoCo computes friction, stops and contacts, with the means over the
+        pieces of the kick. The state has the accelerations from which the solver starts, instead of `regime`."""
+        mj, m, d, room, state = self._mujoco, self._m, self._d, self._room, self._state
+        loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
+        step = float(room.scheme[STEP])
+        kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
+        lagging = state[first : first + size].copy()
+        damping = loads[:, DAMPING]
+        m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
+        # Friction may vary from step to step. MuJoCo makes a constraint of friction only where the friction is not 0.
+        m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
+        d.qpos[:] = state[:first]
+        d.qvel[:] = lagging
+        d.qacc_warmstart[:] = state[first + 2 * size :]
+        # Only stops that may be reached in this step become constraints.
+        m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
+        mj.mj_fwdPosition(m, d)
+        d.qvel[:] = room.scheme[NOW] * lagging + room.scheme[BEFORE] * state[first + size : first + 2 * size]
+        mj.mj_fwdVelocity(m, d)
+        d.qvel[:] = lagging
+        mj.mj_referenceConstraint(m, d)
+        self._aim_at_stops(kick, step)
+        d.qfrc_applied[:] = 0.0
+        d.qfrc_applied[room.joint_v] = loads[:, TORQUE] - damping * lagging[room.joint_v]
+        if forces.size:
+            bound(mujoco_step.push)(self._record, forces, 0)
+            d.qfrc_applied += room.force
+        mj.mj_fwdActuation(m, d)
+        mj.mj_fwdAcceleration(m, d)
+        mj.mj_fwdConstraint(m, d)
+        change = kick * d.qacc
+        d.qvel[:] = lagging + change
+        mj.mj_integratePos(m, d.qpos, d.qvel, step)
+        state[:first] = d.qpos
+        state[first:] = [*d.qvel, *(lagging + (1.0 - 1.0 / fraction) * change), *d.qacc]
+        exchange[-1, :, POSITION] = d.qpos[room.joint_q]
+        exchange[-1, :, VELOCITY] = d.qvel[room.joint_v]
+
+    def _aim_at_stops(self, kick: float, step: float) -> None:
+        """Make stops inelastic: at the end of the step no joint has passed its stop (see exact_friction). A joint that is
+        beyond its stop already stays at rest there."""
+        d = self._d
+        rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
+        slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
+        d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
+
+    def vary(self, robot: Robot) -> bool:
+        """Whether the inertials are unchanged: the constraints depend on the inertials of the first robot."""
+        return robot.links == self.robot.links
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of a floating base link; contact forces on the objects, and of the ground on the
-        robot."""
-        poses: dict[str, tuple[float, ...]] = {}
-        if self.base:
-            turn = np.zeros(9)
-            self._mujoco.mju_quat2Mat(turn, self._state[3:7])
-            w, *vector = self._state[3:7].tolist()
-            poses[self.base] = (*(self._state[:3] - turn.reshape(3, 3) @ self._centre).tolist(), *vector, w)
-        if self._contacts is None:
-            return Scene(poses, {})
-        return Scene(poses | self._contacts.poses(self._state), self._contacts.forces())
+        """Poses of the world's objects, and of the base link, if it floats; contact forces. The poses follow from the
+        configuration, since the poses that MuJoCo stores lag by one step."""
+        m, poses = self._m, dict(super().scene().bodies)
+        for name in self._objects:
+            body = m.body(f"object/{name}")
+            if body.dofnum[0]:
+                at = int(m.jnt_qposadr[body.jntadr[0]])
+                pose = self._state[at : at + 7]
+            else:
+                pose = np.concatenate([m.body_pos[body.id], m.body_quat[body.id]])
+            poses[name] = (*pose[:3].tolist(), *pose[4:7].tolist(), float(pose[3]))
+        return Scene(poses, contact_forces(self._objects, self._scenario.world.ground, self._points()))
+
+    def _points(self) -> Iterator[tuple[str, str, Array]]:
+        values = np.zeros(6)
+        for index, contact in enumerate(self._d.contact):
+            first, second = (self._owner[geom] for geom in contact.geom)
+            self._mujoco.mj_contactForce(self._m, self._d, index, values)
+            # MuJoCo's frame points from the first shape to the second; the force is on the second.
+            yield second, first, values[:3] @ contact.frame.reshape(3, 3)
 
 
-def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
+def make(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
     """The scenario's world in MuJoCo, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
-    engine = MujocoEngine(scenario, robot)
+    engine = (MujocoEngine if scenario.world.empty else MujocoContacts)(scenario, robot)
     return engine, (*engine.warnings, *overlaps())

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.contact_forces import GROUND
+from asrsim.engines.base import GROUND
 from asrsim.errors import RobotError
 from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix

@@ -106,7 +106,7 @@ def bound(function: Any) -> Any:
 
 
 @cache
-def compiled_step(kind: Any, version: str) -> PackedFunction:
+def compiled_step(version: str, kind: Any) -> PackedFunction:
     """`asrsim.engines.mujoco_step.step` compiled by Numba for records of the type `kind`; all robots share the code."""
     from llvmlite import binding
     from numba import types

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Point
+from asrsim.engines.base import Point, Values
 from asrsim.engines.rigid import RigidModel
 from asrsim.samples import Array
 
@@ -37,7 +37,7 @@ class MujocoModel(RigidModel):
         self._block = np.ix_(rows, rows)
         self._known: bytes | None = None
 
-    def _place(self, positions: Sequence[float] | Array) -> Any:
+    def _place(self, positions: Values) -> Any:
         """MjData with the joints at `positions`, after forward kinematics."""
         data, mj = self._data, self._mujoco
         values = np.asarray(positions, dtype=float)
@@ -55,16 +55,14 @@ class MujocoModel(RigidModel):
         """Discard the last posture, since the parameters of the model have changed."""
         self._known = None
 
-    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def full_matrix(self, positions: Values) -> Array:
         """Mass matrix (v, v) of a floating base and the moving joints."""
         data = self._place(positions)
         full = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, data, full)
         return full[self._block]
 
-    def inverse_dynamics(
-        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
-    ) -> Array:
+    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
         """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
@@ -76,11 +74,11 @@ class MujocoModel(RigidModel):
         self._mujoco.mj_rne(self._model, data, 1, torques)
         return torques[self.at_v]
 
-    def potential(self, positions: Sequence[float] | Array) -> float:
+    def potential(self, positions: Values) -> float:
         """Gravitational energy of the links in J."""
         return -float(self._model.body_mass @ (self._place(positions).xipos @ self._model.opt.gravity))
 
-    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
         """Position (3,) m, rotation (3, 3), Jacobian (6, n) of a point of a link, world frame."""
         data = self._place(positions)
         body, offset, turn = self.places[link]

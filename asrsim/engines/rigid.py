@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim import compiling
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Native, Scene
+from asrsim.compiling import PackedFunction
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Model, Values
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
 from asrsim.robot.model import Robot
@@ -31,7 +32,7 @@ STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
 implicitness."""
 INLINE = (
-    "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet_contacts",
+    "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet",
 )  # fmt: skip
 """Modules whose functions are compiled into their callers."""
 
@@ -99,11 +100,6 @@ def make_room(
         joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
         **arrays,
     )  # fmt: skip
-
-
-def set_scheme(room: Room, *, step: float, staggered: bool, implicitness: float) -> None:
-    """Set the constants of the integration scheme; the arguments are those of `asrsim.engines.base.Engine.start`."""
-    room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
 
 
 def plain(record: Any) -> Any:
@@ -242,11 +238,6 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         exchange[last, j, VELOCITY] = speed
 
 
-def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Begin a step: the function `aim` for these arguments."""
-    aim(room, state)
-
-
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
     m."""
@@ -282,51 +273,62 @@ def _sizes(room: Any) -> tuple[int, int, int, int]:
 
 
 @cache
-def _compiled(function: Callable[..., None], kind: Any) -> Any:
-    return compiling.compile_packed(function, kind, _sizes, inline=INLINE).call
+def _compiled(function: Callable[..., None], kind: Any) -> PackedFunction:
+    return compiling.compile_packed(function, kind, _sizes, inline=INLINE)
 
 
 class Calculation:
-    """A function that changes a room, a vector of numbers (such as a state) and an exchange. Further arguments of the function
-    are the forces (p, v, 1) and the lengths (p,) of the pieces of a kick.
+    """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Further
+    arguments of the function are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
 
-    The function is compiled if this process has imported Numba; the results are bitwise identical.
+    The function runs as Python until it is compiled; the results are bitwise identical.
     """
 
-    def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
-        self._function, self._room = function, room
-        self._call: Any = None
+    def __init__(self, function: Callable[..., None], record: Any, make: Callable[[Any], PackedFunction] | None = None) -> None:
+        """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
+        compiled if this process has imported Numba."""
+        self._function, self._record, self._make = function, record, make
+        self._plain, self._packed = plain(record), pack(record)
+        self._compiled: PackedFunction | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
-        self._arguments: tuple[Any, ...] = ()
+        self._call, self._arguments = function, tuple[Any, ...]()
+
+    def compile(self) -> PackedFunction:
+        """The compiled function, which later calls use."""
+        if self._compiled is None:
+            kind = compiling.type_of(self._record)
+            self._compiled = self._make(kind) if self._make else _compiled(self._function, kind)
+            self._call, self._arrays = self._compiled.call, ()
+        return self._compiled
 
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to numbers, exchange, forces and lengths."""
-        if self._call is None:
-            self._call, self._plain, self._packed = self._function, plain(self._room), pack(self._room)
-            if "numba" in sys.modules:
-                self._call = _compiled(self._function, compiling.type_of(self._room))
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
-            self._arrays = arrays
-            self._arguments = self._plain, *[array.data for array in arrays]
-            if self._call is not self._function:
+            if self._make is None and "numba" in sys.modules:
+                self.compile()
+            self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
+            if self._compiled is not None:
                 self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
         self._call(*self._arguments)
 
 
-class RigidEngine:
+class RigidEngine(Engine):
     """The part of an engine for robots without contacts that does not depend on the physics library.
 
     The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`.
     """
 
-    def __init__(self, room: Room, home: Array) -> None:
-        """home: configuration (q,) at the start; the values of the joints are not used."""
+    robot: Robot
+
+    def __init__(self, room: Room, home: Array, calculation: Calculation | None = None) -> None:
+        """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
+        may be compiled; None: kick and drift."""
         self._room, self._home = room, home
         self._state = np.zeros(_sizes(room)[0])
-        self._numbers = self._state.data
+        self._plain_room, self._numbers = plain(room), self._state.data
         self._forces = np.zeros((1, len(room.force), 1))
-        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
+        self._calculation = calculation or Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
@@ -339,7 +341,7 @@ class RigidEngine:
         """Begin a run; see `asrsim.engines.base.Engine`."""
         room, state = self._room, self._state
         first, size = len(room.qpos), len(room.qvel)
-        set_scheme(room, step=step, staggered=staggered, implicitness=implicitness)
+        room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
         state[:first] = self._home
         state[first:] = 0.0
         state[room.joint_q] = positions
@@ -351,10 +353,9 @@ class RigidEngine:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
             self._forces = np.zeros((len(lengths), len(self._room.force), 1))
-        arrays = self._state, exchange, self._forces, lengths
-        self._aim(*arrays)
+        aim(self._plain_room, self._numbers)
         self.look(wrenches, self._forces)
-        self._advance(*arrays)
+        self._calculation(self._state, exchange, self._forces, lengths)
 
     @property
     def state(self) -> Array:
@@ -365,41 +366,29 @@ class RigidEngine:
     def state(self, values: Array) -> None:
         self._state[:] = values
 
-    def scene(self) -> Scene:
-        """An empty scene: without contacts, a robot on a fixed base has no other bodies to report."""
-        return Scene({}, {})
-
-    @property
-    def native(self) -> Native | None:
-        """None: this engine has no compiled step."""
-        return None
+    def vary(self, robot: Robot) -> bool:
+        """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""
+        return robot.links == self.robot.links
 
     def close(self) -> None:
         """Do nothing: this part of an engine owns no resources."""
 
 
-class RigidModel:
+class RigidModel(Model):
     """The part of `asrsim.engines.base.Model` that does not depend on the physics library."""
 
-    joints: tuple[str, ...]
     free: int
     """Number of degrees of freedom of a floating base, which precede the joints; 0 for a fixed base."""
 
-    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def full_matrix(self, positions: Values) -> Array:
         """Mass matrix (v, v) of all degrees of freedom."""
         raise NotImplementedError
 
-    def inverse_dynamics(
-        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
-    ) -> Array:
-        """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
-        raise NotImplementedError
-
-    def potential(self, positions: Sequence[float] | Array) -> float:
+    def potential(self, positions: Values) -> float:
         """Gravitational energy of the links in J."""
         raise NotImplementedError
 
-    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
+    def mass_matrix(self, positions: Values) -> Array:
         """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
         matrix = self.full_matrix(positions)
         if not self.free:
@@ -407,11 +396,11 @@ class RigidModel:
         base, cross = matrix[: self.free, : self.free], matrix[: self.free, self.free :]
         return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
 
-    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+    def bias(self, positions: Values, velocities: Values) -> Array:
         """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
         return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
 
-    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+    def energy(self, positions: Values, velocities: Values) -> float:
         """Kinetic and gravitational energy of the links in J, on a fixed base."""
         speeds = np.asarray(velocities, dtype=float)
         return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + self.potential(positions)

@@ -20,7 +20,7 @@ from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import one_scenario
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.worlds import Worlds
 
@@ -69,7 +69,8 @@ class ControlTask:
         self._random, self._start, self._goal = (Draws(options[name]) for name in ("randomise", "initial", "goal"))
         # Start positions beyond a stop must raise now, not after hours of training.
         for places in self._start.bounds():
-            prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
+            positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
+            prepared.started(Start(positions=positions))
         self._plan = plan(self._random, prepared)
         self._observe, self._tip = one_or_more(options["observe"]), options["tip"]
 

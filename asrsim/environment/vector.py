@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.prepared import Start
+from asrsim.simulation.worlds import Worlds
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):

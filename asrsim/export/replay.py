@@ -53,7 +53,7 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
     """Results of the scenario's run in asrsim: values (n, joints) by quantity. Raises SimulationError if it diverges."""
     with Worlds(prepared, 1, watched=False) as worlds:
         kinds = "link_position", "external_torque", "reference_", "motor_"
-        names = [name for name in worlds.selection.names if name.startswith(kinds)]
+        names = [name for name in worlds.names if name.startswith(kinds)]
         found = {name: values[0] for name, values in worlds.rollout(names).items()}
     if not np.isfinite(found["link_position"]).all():
         raise SimulationError("the scenario diverges in asrsim itself: find the cause by `asrsim run` first")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
@@ -47,7 +47,7 @@ def percent(share: float) -> str:
 def scales(layout: Layout, values: Array) -> Array:
     """Positive sizes (n,) to which relative changes of the values refer: magnitudes, or typical sizes near 0."""
     return np.array([
-        value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
+        value if entry.logarithmic else max(abs(value), 0.05 * entry.size)
         for value, entry in zip(values.tolist(), layout.entries, strict=True)
     ])  # fmt: skip
 
@@ -114,7 +114,7 @@ class _Known:
     def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self.found, self.free, self.track = found, list(free), problem.tracks[0]
         self.entries = [problem.layout.entries[i] for i in free]
-        self.keys = {entry.parameter.key for entry in problem.layout.entries}
+        self.keys = {entry.key for entry in problem.layout.entries}
         """Keys of all free parameters."""
         scaled, values = relative(problem.layout, x, found.jacobian)
         self.values, self.scales = values[self.free], scales(problem.layout, values)[self.free]
@@ -192,11 +192,11 @@ def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Itera
         yield Combination(f"{known.entries[other].name} / {about}", float(known.values[other]) / (size + beside), change)
 
 
-def _beside(known: _Known, entry: Entry) -> float:
+def _beside(known: _Known, entry: Parameter) -> float:
     """Term m r^2 of a link if the entry is the link's moment of inertia about the joint's axis; 0 for other entries, or if m or
     r is free.
     """
-    link, _, name = entry.parameter.key.rpartition(".")
+    link, _, name = entry.key.rpartition(".")
     if name not in AXES or known.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
         return 0.0
     robot = known.track.door.robot
@@ -216,10 +216,10 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[Combin
     # From d a / per_a + power d b / per_b = 0 follows that a + times b is constant for small changes.
     times = power * per_a / per_b
     whole = round(times)
-    factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
+    factors = first.logarithmic and first.unit in MULTIPLIED
     total = a + whole * b
     near = 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole)
-    if near and total and first.parameter.unit == second.parameter.unit and not factors:
+    if near and total and first.unit == second.unit and not factors:
         change = np.zeros(len(known.free))
         change[[other, pivot]] = per_a / total, whole * per_b / total
         size = "" if abs(whole) == 1 else f"{abs(whole)} "

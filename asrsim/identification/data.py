@@ -57,6 +57,8 @@ class Channel:
     """Standard deviation of the channel's noise, given or estimated from third differences."""
     quantum: float
     """Step of a quantised encoder; 0: not quantised."""
+    column: Column | None = None
+    """Recorded column; None for a compared torque of a controller."""
     guide: Guide | None = None
     """Controller whose torque is compared, if a recorded torque drives the joint."""
 
@@ -168,13 +170,13 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
         message = f"no channel of the recording is compared; its channels are {known}"
         hint = "; ".join(remarks) or None
-        raise RecordingError(message, file=recording.path, key="compare", hint=hint, code="nothing-compared")
+        raise RecordingError(message, file=recording.path, hint=hint, code="nothing-compared")
     if not any(np.ptp(channel.values) > 8.0 * max(channel.noise, channel.quantum) for channel in channels):
         message = "no channel moves by more than its noise, so no parameter can be identified"
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
-        name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
+        name=experiment.file.name, path=experiment.file, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
         predicted_only=predicted_only,
     )  # fmt: skip
@@ -193,25 +195,19 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
 
 
 def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
-    """Compared channels: the quantities that the task names, or all measured quantities that the simulation computes."""
+    """Compared channels: all measured quantities that the simulation computes."""
     possible = {
         f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in COMPARABLE
     }
-    unknown = [key for key in task.compare if key not in possible]
-    if unknown:
-        problem = Problem(
-            "is not in the recording, or is a command that is played", key=unknown[0], file=plan.recording.path,
-            choices=tuple(possible), code="unknown-key",
-        )  # fmt: skip
-        raise RecordingError(problem)
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     blocks, left_out = {block.joint: block for block in plan.robot.actuators}, dict[str, list[str]]()
     for key, (joint, column) in possible.items():
         quantity, block = str(column.quantity), blocks.get(joint)
         mode = MODES[block.mode] if block else None
-        if task.compare:
-            reason = None if key in task.compare else ""
-        elif block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
+        good = np.isfinite(column.values) & (column.time - plan.lag >= -1e-9)
+        time, values = column.time[good] - plan.lag, column.values[good]
+        reason = ""
+        if block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
             reason = "an adjuster stands at its reference"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
             reason = "drives compute velocities from their positions, which are compared"
@@ -220,20 +216,16 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
             reason = f"mode {mode.number} ({mode.name}) has no spring"
         elif column.source in computed:
-            reason = f"it was computed from {computed[column.source]}, not measured: a fit to it would be circular"
-        else:
-            reason = None
-        good = np.isfinite(column.values) & (column.time - plan.lag >= -1e-9)
-        time, values = column.time[good] - plan.lag, column.values[good]
-        if reason is None and (len(values) < 3 or not np.ptp(values) > 0.0):
+            reason = f"it was computed from '{computed[column.source]}', not measured: a fit to it would be circular"
+        elif len(values) < 3 or not np.ptp(values) > 0.0:
             reason = "it never changes"
         if reason:
             left_out.setdefault(reason, []).append(key)
-        if reason is None:
+        else:
             quantum, prismatic = quantum_of(values), plan.robot.joint(joint).kind == "prismatic"
             yield Channel(
                 joint=joint, quantity=quantity, unit=unit_of(quantity, prismatic=prismatic) or column.unit, time=time,
-                values=values, noise=task.noise.get(key) or fine_noise(values, quantum), quantum=quantum,
+                values=values, noise=task.noise.get(key) or fine_noise(values, quantum), quantum=quantum, column=column,
             )  # fmt: skip
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 
@@ -252,7 +244,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
             continue  # a column that copies another measurement, such as another topic of a log
         a, b = (c.values - c.values.mean() for c in (early, late))
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
-            found[late.source] = f"'{early.source}'"
+            found[late.source] = early.source
     return found
 
 

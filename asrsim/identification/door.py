@@ -17,10 +17,10 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import prepare, resolution_of
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.workers import cores
 
 __all__ = [
@@ -60,7 +60,7 @@ class Door:
         self.robot, self.drives = self._prepared.robot, self._prepared.drives
         self.joints = tuple(drive.name for drive in self.drives)
         self.positions, self.velocities = self._prepared.initial_positions, self._prepared.initial_velocities
-        self.substeps: Substeps = _substeps(self._prepared)
+        self.substeps: Substeps = self._prepared.resolution.substeps, self._prepared.resolution.motor_substeps
         self.exact_in_time = not self._prepared.stepping.released
         """Whether finer substeps reduce the error; false for the released code, which prescribes its steps."""
         self._made: dict[Substeps, Worlds] = {}
@@ -89,7 +89,7 @@ class Door:
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
         wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
-        quantities = [name for name in made.selection.names if name in wanted]
+        quantities = [name for name in made.names if name in wanted]
 
         def run(several: Sequence[Start]) -> Iterator[Array | None]:
             try:
@@ -115,13 +115,9 @@ class Door:
         rest = first if actuator is None else over_arrays(actuator.equilibrium_position)(first, second)
         return np.asarray(rest - position if name == "deflection" else rest)
 
-    def varied(self, parameters: Numbers) -> Prepared:
-        """Prepared scenario with changed parameters, in `drives` and `robot`. Raises RobotError."""
-        return self._prepared.vary(parameters)
-
     def substeps_of(self, parameters: Numbers) -> Substeps:
         """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
-        found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
+        found = resolution_of(replace(self._prepared.vary(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
 
     def close(self) -> None:
@@ -129,7 +125,3 @@ class Door:
         for one in self._made.values():
             one.close()
         self._made.clear()
-
-
-def _substeps(prepared: Prepared) -> Substeps:
-    return prepared.resolution.substeps, prepared.resolution.motor_substeps

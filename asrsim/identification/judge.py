@@ -12,6 +12,7 @@ import numpy as np
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Problem, differences
+from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
@@ -31,8 +32,6 @@ EXPLAINED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
-OPPOSED = 0.5
-"""Magnitude of a negative correlation of prediction and recording above which the channel's sign may be wrong."""
 MOVES = 8.0
 """Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving."""
 
@@ -62,8 +61,8 @@ class ChannelFit:
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
     """Largest RMS error of an encoder that rounds down."""
-    opposed: bool = False
-    """Whether prediction and recording have opposite directions, so that the channel's sign may be wrong."""
+    suspicion: str = ""
+    """Suspected error of the channel's sign or unit; empty if there is no suspicion."""
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0
@@ -150,7 +149,7 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
                 faults=tuple(doubts) if simulated and end else (),
                 shaken=rms(change[count:]), steps=channel.quantum / float(np.sqrt(3.0)),
-                opposed=_opposed(part.recorded + left, part.recorded),
+                suspicion=_suspicion(channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
                 track=part.track, lines=lines,
             )
@@ -158,9 +157,9 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
     return found
 
 
-def _opposed(predicted: Array, recorded: Array) -> bool:
-    a, b = predicted - predicted.mean(), recorded - recorded.mean()
-    return float(a @ b) < -OPPOSED * float(np.linalg.norm(a) * np.linalg.norm(b))
+def _suspicion(channel: Channel, predicted: Array, recorded: Array) -> str:
+    found = beside(predicted, recorded, channel.column, channel.joint, "the prediction") if channel.column else []
+    return f"{found[0].message} ({found[0].hint})" if found else ""
 
 
 def rms(values: Array) -> float:
@@ -200,17 +199,9 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    some = any(one.explained > EXPLAINED for one in fits)
-    found: dict[str, str] = {}
-    for one in fits:
-        if one.diverges or one.explained >= (0.0 if some else EXPLAINED):
-            continue
-        if one.opposed:
-            found[one.key] = f"{one.key} moves opposite to its prediction: is its sign wrong? (--map COLUMN=-{one.key})"
-        elif some:
-            found[one.key] = f"{one.key} is not explained at all: is its quantity or zero wrong? (--map COLUMN=ignore)"
-        else:
-            found[one.key] = f"{one.key} is hardly explained: its start may be far off, or its quantity wrong"
+    lowest = 0.0 if any(one.explained > EXPLAINED for one in fits) else EXPLAINED
+    doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
+    found = {one.key: f"{one.key}: {one.suspicion or doubt}" for one in fits if one.explained < lowest}
     return list(found.values())
 
 

@@ -4,7 +4,7 @@ of the problem; `dataclasses.replace` makes a changed problem.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel
-from asrsim.identification.layout import Layout
-from asrsim.identification.track import Playing, Track, numbers_of
+from asrsim.identification.parameters import Layout, numbers_of
+from asrsim.identification.track import Playing, Track
 from asrsim.samples import Array
 
 STEP = 1e-6
@@ -67,17 +67,15 @@ class Part:
 
 @dataclass
 class Meter:
-    """Counter of the evaluations of a search, which calls an observer after each evaluation."""
+    """Counter of the evaluations of a fit."""
 
     evaluations: int = 0
     cost: float = np.inf
     """Smallest mean Huber loss of the present search."""
-    observe: Callable[[], None] = lambda: None
 
     def count(self) -> None:
-        """Count an evaluation and call the observer."""
+        """Count an evaluation."""
         self.evaluations += 1
-        self.observe()
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +114,6 @@ class Problem:
     def played(self, staircases: frozenset[str]) -> Problem:
         """Problem in which the commands with given keys are played as staircases."""
         return replace(self, playing=replace(self.playing, staircases=staircases))
-
-    def under(self, layout: Layout) -> Problem:
-        """Problem with another layout of free parameters."""
-        return replace(self, layout=layout)
 
     def until(self, track: int) -> float:
         """End of the fitted part of a recording, s."""
@@ -177,7 +171,7 @@ def jacobian(
     wanted = range(len(x)) if columns is None else columns
     matrix, moves = np.zeros((len(at), len(wanted))), np.where(x + step <= problem.layout.bounds[1], step, -step)
     for track in problem.fitted:
-        touched = [column for column, i in enumerate(wanted) if track in problem.layout.touched(i)]
+        touched = [column for column, i in enumerate(wanted) if problem.layout.entries[i].track in (None, track)]
         points = [x + moves * (np.arange(len(x)) == wanted[column]) for column in touched]
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
@@ -231,10 +225,10 @@ def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROU
 
     low, high = problem.layout.bounds
     # The start must lie inside the bounds. The first trust region around it has the width REACH.
-    span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
+    span = np.minimum(high - low, 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     # A parameter that is searched without a logarithm may have grown far beyond its start value.
-    grown = [not entry.parameter.logarithmic for entry in problem.layout.entries]
+    grown = [not entry.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
 
     def left(move: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.identification.combinations import UNKNOWN, Combination, combinations, percent, relative
 from asrsim.identification.judge import ChannelFit
-from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
 from asrsim.identification.task import Task
 from asrsim.identification.track import Track
@@ -48,7 +48,6 @@ class Estimate:
     high: float
     verdict: str
     reason: str = ""
-    combinations: tuple[str, ...] = ()
     track: int | None = None
     is_place: bool = False
     """Whether the parameter is a position, zero or delay, whose relative error is meaningless."""
@@ -74,41 +73,30 @@ def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Esti
     ]  # fmt: skip
 
 
-def bounds_met(layout: Layout, x: Array) -> list[bool]:
-    """Whether each entry of the parameter vector is at its lower or upper bound."""
-    low, high = layout.bounds
-    near = 1e-4 * np.minimum(np.where(np.isfinite(high - low), high - low, 1.0), 1.0)
-    met: list[bool] = ((x - low < near) | (high - x < near)).tolist()
-    return met
-
-
-def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool]) -> tuple[list[Estimate], list[Combination]]:
-    """Estimates of all parameters, and combinations. met: whether each entry ended at a bound."""
-    layout, track = problem.layout, problem.tracks[0]
-    scaled, values = relative(layout, x, found.jacobian)
+def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:
+    """Estimates of all parameters, and combinations."""
+    scaled, values = relative(problem.layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
-    without = [bool(NONE * norm < 1.96) for norm in norms]
-    free = [i for i in range(len(x)) if not met[i] and not without[i]]
-    known = combinations(problem, x, found, free)
+    without = NONE * norms < 1.96
+    known = combinations(problem, x, found, np.flatnonzero(~found.at_bound & ~without).tolist())
     result = []
-    for i, entry in enumerate(layout.entries):
-        parameter, value = entry.parameter, float(values[i])
+    for i, entry in enumerate(problem.layout.entries):
+        value, met = float(values[i]), bool(found.at_bound[i])
         low, high = (entry.value(float(x[i] + sign * found.deviation[i] * found.quantile[i])) for sign in (-1.0, 1.0))
-        place = parameter.key.rpartition(".")[2] in PLACES or entry.track is not None
+        place = entry.key.rpartition(".")[2] in PLACES or entry.track is not None
         # An estimate of exactly 0 with a narrow interval is identified.
-        size = max(abs(value), 0.2 * parameter.size) if place or value == 0.0 else abs(value)
+        size = max(abs(value), 0.2 * entry.size) if place or value == 0.0 else abs(value)
         margin = 0.5 * (high - low) / size
-        listed: tuple[str, ...] = ()
-        reason, verdict = "", IDENTIFIED
-        if met[i]:
-            value = min(parameter.low, parameter.high, key=lambda bound, value=value: abs(bound - value))  # type: ignore[misc]
-            as_far = f"{value:.4g} {parameter.unit}".rstrip() + " is its bound"
-            verdict, reason = AT_BOUND, (_vanished(entry, value) if without[i] else "") or as_far
+        own = [str(one) for one in known if i in one.keys]
+        verdict, reason = IDENTIFIED, ""
+        if met:
+            value = entry.low if value - entry.low <= entry.high - value else entry.high
+            vanished = _vanished(entry, value) if without[i] else ""
+            verdict, reason = AT_BOUND, vanished or f"{value:.4g} {entry.unit}".rstrip() + " is its bound"
         elif without[i]:
-            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), track)
-        elif (own := [one for one in known if i in one.keys]) and not margin <= UNKNOWN:
-            verdict, listed = RATIO, tuple(map(str, own))
-            reason = "identified is " + "; ".join(listed)
+            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), problem.tracks[0])
+        elif own and not margin <= UNKNOWN:
+            verdict, reason = RATIO, "identified is " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
             verdict = RATIO
@@ -117,33 +105,33 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
         elif margin >= CLOSE:
             verdict = WEAK
-        if met[i] or without[i] or verdict == RATIO or not margin < HOPELESS:
+        if met or without[i] or verdict == RATIO or not margin < HOPELESS:
             low = high = math.nan
         result.append(
             Estimate(
-                key=parameter.key, name=entry.name, unit=parameter.unit, start=parameter.start, value=value, low=low, high=high,
-                verdict=verdict, reason=reason, combinations=listed, track=entry.track, is_place=place,
+                key=entry.key, name=entry.name, unit=entry.unit, start=entry.start, value=value, low=low, high=high,
+                verdict=verdict, reason=reason, track=entry.track, is_place=place,
             )
         )  # fmt: skip
     return result, known
 
 
-def _vanished(entry: Entry, value: float) -> str:
+def _vanished(entry: Parameter, value: float) -> str:
     """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
     move so far.
     """
-    share = value / entry.parameter.start if entry.parameter.logarithmic else 1.0
+    share = value / entry.start if entry.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""
     where = "fell to" if share < 1.0 else "rose to"
     return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
 
 
-def _reason(entry: Entry, norm: float, track: Track) -> str:
+def _reason(entry: Parameter, norm: float, track: Track) -> str:
     """Reason why a parameter has no effect on the compared channels."""
     if norm > 1e-9:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
-    owner = entry.parameter.key.partition(".")[0]
+    owner = entry.key.partition(".")[0]
     modes = [f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.name == owner and one.mode]
     return f"no compared channel depends on it{''.join(modes)}"
 
@@ -171,8 +159,6 @@ class Result:
     """Number of simulations."""
     seconds: float
     """Duration of the fit, s."""
-    how: str
-    """Name of the start from which the search reached the best fit."""
     attempts: int
     """Number of starts that were tried."""
     successes: int
@@ -193,13 +179,6 @@ class Result:
     """
     played: Mapping[str, str] = field(default_factory=dict)
     """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation matrix (n, n) of the estimates; 0 for entries without variance."""
-        deviation = np.sqrt(np.diag(self.covariance))
-        deviation[deviation == 0.0] = np.inf
-        return np.asarray(self.covariance / np.outer(deviation, deviation))
 
     @property
     def fits(self) -> bool:

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,9 +18,9 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
-from asrsim.identification.problem import Problem, differences, jacobian, mean_square
-from asrsim.identification.result import ACCEPTABLE, Result, bounds_met, doubted, estimates
-from asrsim.identification.search import Best, Stopped, refined, search, settle
+from asrsim.identification.problem import Meter, Problem, differences, jacobian, mean_square
+from asrsim.identification.result import ACCEPTABLE, Result, doubted, estimates
+from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -46,71 +46,62 @@ OFTEN = 0.2
 """Time between progress reports, s."""
 SEARCH, AFTERWARDS = 12, 40
 """Estimated number of evaluations per parameter in a search, and in all later stages together."""
+APART = 10.0
+"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
+"""
 UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 """Status of a fit that reached its time limit, or that the user stopped."""
 
 
-class Watch:
-    """Observer that calls the user's functions between evaluations, and ends the search when its time is over."""
+class Watch(Meter):
+    """Counter that reports the progress to the user after evaluations, and ends the search when its time is over."""
 
-    def __init__(
-        self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
-    ) -> None:
+    def __init__(self, progress: Callable[[Progress], None] | None, seconds: float | None) -> None:
         """seconds: time limit of the search."""
-        self._progress, self.stop = progress, stop
-        """Functions of the user; `stop` is None if requests to stop are ignored."""
-        self._seconds = self.limit = math.inf if seconds is None else seconds
-        """Time after which the next evaluation ends the computation, s; infinity if the time limit is ignored."""
-        self.ended = INTERRUPTED
-        """Status of a search that was stopped."""
+        super().__init__()
+        self._progress, self._seconds = progress, math.inf if seconds is None else seconds
+        self.stop: Callable[[], bool] | None = None
+        """Function by which the user stops the fit; None: the fit cannot be stopped."""
+        self.limited = False
+        """Whether the present computation ends when the time is over."""
         self.began = self._reported = clock.perf_counter()
         self._stage, self._before = "start", 0
         self.best: Best | None = None
 
     def stage(self, name: str) -> None:
         """Begin a stage, or a start of the search."""
-        if self.best is not None:
-            self.best.problem.meter.cost, self._before = math.inf, self.best.problem.meter.evaluations
-        self._stage = name
+        self.cost, self._before, self._stage = math.inf, self.evaluations, name
         self._report()
 
-    def tick(self) -> None:
-        """Report progress after an evaluation. Raises Stopped if the user stops the fit or its time is over."""
-        late = clock.perf_counter() - self.began > self.limit
-        if late or (self.stop is not None and self.stop()):
-            self.ended = UNFINISHED if late else INTERRUPTED
+    def count(self) -> None:
+        """Count an evaluation and report the progress. Raises Stopped if the user stops the fit or its time is over."""
+        super().count()
+        if self.limited and clock.perf_counter() - self.began > self._seconds:
+            raise OutOfTime
+        if self.stop is not None and self.stop():
             raise Stopped
         if clock.perf_counter() - self._reported > OFTEN:
             self._report()
 
-    def in_time(self, found: Callable[[], Iterable[str]]) -> list[str]:
-        """Results of an optional computation; empty if the time limit is reached before its end."""
-        self.limit = self._seconds
+    @contextmanager
+    def in_time(self) -> Iterator[None]:
+        """Apply the time limit: evaluations inside of this context raise OutOfTime when the time is over."""
+        self.limited = True
         try:
-            return list(found())
-        except Stopped:
-            if self.ended == INTERRUPTED:
-                raise
-            return []
+            yield
         finally:
-            self.limit = math.inf
+            self.limited = False
 
     def _report(self) -> None:
         self._reported = clock.perf_counter()
         if self._progress is None:
             return
-        elapsed, left, cost, done = self._reported - self.began, math.nan, math.nan, 0
+        elapsed, left, cost = self._reported - self.began, math.nan, math.nan
         if self.best is not None:
-            meter = self.best.problem.meter
-            cost, done = min(self.best.cost, meter.cost), meter.evaluations
-            wanted = self._before + (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
-            left = min(max(wanted - done, 0) * elapsed / max(done, 1), max(self._seconds - elapsed, 0.0))
-        self._progress(Progress(self._stage, cost, done, elapsed, left))
-
-
-APART = 10.0
-"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
-"""
+            cost, wanted = min(self.best.cost, self.cost), (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
+            missing = max(self._before + wanted - self.evaluations, 0)
+            left = min(missing * elapsed / max(self.evaluations, 1), max(self._seconds - elapsed, 0.0))
+        self._progress(Progress(self._stage, cost, self.evaluations, elapsed, left))
 
 
 def identify(
@@ -144,35 +135,36 @@ def identify(
         SimulationError: The simulation diverges at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
-    watch = Watch(progress, stop, seconds)
+    watch = Watch(progress, seconds)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
-        setup = set_up(task, stack)
+        setup = set_up(task, stack, watch)
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = differences(problem.everything, start)
         parts = zip(problem.everything.parts, before, strict=True)
         if any(np.isnan(left).any() for part, left in parts if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        problem.meter.observe = watch.tick
-        watch.best = best = Best(problem, start.copy())
-        status = "checked" if check else _searched(best, setup, watch)
-        watch.limit = math.inf
+        watch.best, watch.stop = Best(problem, start), stop
+        status = "checked" if check else _searched(watch.best, task.starts, watch)
         try:
-            return _judged(setup, best, before, status, watch, accept=accept)
+            return _judged(setup, watch.best, before, status, watch, accept=accept)
         except Stopped:
             # The user interrupts the judgement after the search is complete.
-            return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
+            return _judged(setup, watch.best, before, INTERRUPTED, watch, accept=accept)
 
 
-def _searched(best: Best, setup: Setup, watch: Watch) -> str:
+def _searched(best: Best, starts: int, watch: Watch) -> str:
     """Search for the parameters, store the best fit in `best`, and return the status of the search."""
     try:
-        search(best, setup, watch.stage)
-        watch.stage("substeps and weights")
-        settle(best, setup)
+        with watch.in_time():
+            search(best, starts, watch.stage)
+            watch.stage("substeps and weights")
+            settle(best)
+    except OutOfTime:
+        return UNFINISHED
     except Stopped:
-        return watch.ended
+        return INTERRUPTED
     return "complete"
 
 
@@ -184,22 +176,24 @@ def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watc
     misfit, causes = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else [], list[str]()
     if misfit:
         watch.stage("what may be missing")
-        causes = foreign(fits) + watch.in_time(lambda: _causes(problem, trained))
-    final, x, found, met = _final(problem, trained, status)
+        causes += foreign(fits)
+        with watch.in_time(), suppress(OutOfTime):
+            causes += _causes(problem, trained)
+    final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(final, x) if complete else ()
     accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
     found = found.of_a_block if accepted else found
-    known, combined = estimates(final, x, found, met)
+    known, combined = estimates(final, x, found)
     if misfit:
         missed, channel = max((1.0 if one.diverges else max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
         known = doubted(known, missed, channel)
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
-        remarks=tuple(_remarks(setup, best)), evaluations=problem.meter.evaluations,
-        seconds=clock.perf_counter() - watch.began, how=best.how, attempts=best.attempts, successes=best.successes,
+        remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
+        seconds=clock.perf_counter() - watch.began, attempts=best.attempts, successes=best.successes,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={
@@ -222,7 +216,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[str]:
 
 def _unsure(problem: Problem, x: Array) -> list[float]:
     """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
-    values, vectors = np.linalg.eigh(uncertainty(problem, x, bounds_met(problem.layout, x)).covariance)
+    values, vectors = np.linalg.eigh(uncertainty(problem, x).covariance)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in problem.tracks)
     everything = replace(problem.everything, weights=weights)
     moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
@@ -233,37 +227,32 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
     return sizes
 
 
-def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool]]:
-    """Problem, estimate, uncertainty and entries at bounds, from whole recordings if the fit is complete and explains them."""
+def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty]:
+    """Problem, estimate and uncertainty, from whole recordings if the fit is complete and explains them."""
     if status != "complete":
-        # In a check an entry may start at a bound, such as a delay of 0; then no search moved the entry to the bound.
-        met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
-        found = uncertainty(problem, trained, met, foreseen=status == "checked", quick=status == INTERRUPTED)
-        return problem, trained, found, met
+        return problem, trained, uncertainty(problem, trained, foreseen=status == "checked", quick=status == INTERRUPTED)
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
         x = min((refined(whole, x, 20), x), key=lambda there: mean_square(whole, there))
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
-    met = bounds_met(whole.layout, x)
-    return whole, x, widened(whole, x, uncertainty(whole, x, met)), met
+    return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, best: Best) -> Iterator[str]:
+def _remarks(setup: Setup, problem: Problem) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
-    keys = {entry.parameter.key for entry in best.problem.layout.entries}
-    for key in sorted(keys - setup.freed):
-        if key.endswith("friction_stiffness"):
-            yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
-    if staircases := best.problem.playing.staircases:
+    for entry in problem.layout.entries[len(setup.problem.layout) :]:
+        yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
+    if staircases := problem.playing.staircases:
         yield (
             f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held "
             "until the next (`interpolation: hold` of the scenario's playback)"
         )
-    for track in best.problem.tracks:
+    for track in problem.tracks:
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
-        for key in keys.intersection(track.uncertain):
-            yield (
-                f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
-                "scenario, in motion, or at a measured position"
-            )
+        for key in track.uncertain:
+            if key in problem.layout.keys:
+                yield (
+                    f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
+                    "scenario, in motion, or at a measured position"
+                )

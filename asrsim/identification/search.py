@@ -10,7 +10,7 @@ from itertools import islice
 
 import numpy as np
 
-from asrsim.identification.causes import Extended, extended, presliding, stairs
+from asrsim.identification.extensions import Extended, extended, presliding, stairs
 from asrsim.identification.judge import fits_noise, is_explained
 from asrsim.identification.noise import size_of
 from asrsim.identification.problem import (
@@ -21,7 +21,6 @@ from asrsim.identification.problem import (
     solve,
     with_own_substeps,
 )
-from asrsim.identification.setup import Setup
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
@@ -35,7 +34,11 @@ SPREAD = 3.0
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
-    """Raised between evaluations when the user stops the fit, or when its time is over."""
+    """Raised between evaluations when the user stops the fit."""
+
+
+class OutOfTime(Stopped):
+    """Raised between evaluations when the time of the fit is over."""
 
 
 @dataclass
@@ -61,12 +64,12 @@ class Best:
             self.successes += 1
 
 
-def search(best: Best, setup: Setup, begin: Callable[[str], None]) -> None:
-    """Search from several starts until the model fits, and store the best fit in `best`.
+def search(best: Best, starts: int, begin: Callable[[str], None]) -> None:
+    """Search from at most this number of starts until the model fits, and store the best fit in `best`.
 
     begin: called with the name of each start.
     """
-    for number, (how, start, horizons) in enumerate(islice(_attempts(best, best.x.copy()), setup.task.starts)):
+    for how, start, horizons in islice(_attempts(best, best.x.copy()), starts):
         begin(how)
         # Far from the solution, staircase commands might fit better by chance.
         problem = best.problem.played(frozenset())
@@ -75,12 +78,8 @@ def search(best: Best, setup: Setup, begin: Callable[[str], None]) -> None:
             here, last = replace(problem, share=share), share == 1.0
             x = solve(here, x, tolerance=1e-5 if last else 1e-2, rounds=ROUNDS if last else 12)
             x = refined(here, x, ROUNDS) if last and has_outliers(residuals(here, x)) else x
-        first = number == 0
-        found = extended(
-            problem, x, lambda wider, _, first=first: (*stairs(wider), *(presliding(wider, setup.robot) if first else ())),  # type: ignore[misc]
-            enough=fits_noise,
-        )  # fmt: skip
-        best.offer(found, how)
+        kinds = (stairs,) if best.attempts else (stairs, presliding)
+        best.offer(extended(problem, x, kinds, enough=fits_noise), how)
         if fits_noise(best.problem, best.x):
             break
 
@@ -96,17 +95,16 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
     start = np.append(start, np.zeros(len(layout) - len(start)))
     if any("friction" in entry.name for entry in layout.entries):
         yield "the start, friction last", _frictionless(best.problem, start), SHORT[-1:]
-    losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
     number = 1
     while best.successes < AGREED:
         moved = best.x.copy() if number % 2 else start.copy()
         for i, entry in enumerate(layout.entries):
-            if i in losses:
+            if any(word in entry.name for word in ("friction", "damping")):
                 # Friction may be attributed to the motor instead of the link, or vice versa.
-                size = max(entry.value(float(moved[i])), 0.3 * entry.parameter.size)
+                size = max(entry.value(float(moved[i])), 0.3 * entry.size)
                 moved[i] = entry.place(size * float(np.exp(generator.uniform(-1.0, 1.0) * np.log(2.0 * SPREAD))))
             elif number % 2 == 0:
-                reach = np.log(SPREAD) if entry.parameter.logarithmic else 1.0
+                reach = np.log(SPREAD) if entry.logarithmic else 1.0
                 moved[i] += generator.uniform(-reach, reach)
         yield f"scattered start {number}", np.clip(moved, *layout.bounds), SHORT if number % 2 else GROWING
         number += 1
@@ -118,7 +116,7 @@ def _frictionless(problem: Problem, start: Array) -> Array:
     """
     layout, x = problem.layout, start.copy()
     kept = [i for i, entry in enumerate(layout.entries) if "friction" not in entry.name]
-    smooth = problem.under(replace(layout, entries=tuple(layout.entries[i] for i in kept)))
+    smooth = replace(problem, layout=replace(layout, entries=tuple(layout.entries[i] for i in kept)))
     for share in GROWING if kept else ():
         x[kept] = solve(replace(smooth, share=share), x[kept], tolerance=1e-2, rounds=12)
     return x
@@ -137,11 +135,11 @@ def refined(problem: Problem, x: Array, rounds: int) -> Array:
     return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
 
-def settle(best: Best, setup: Setup) -> None:
+def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates, and add pre-sliding friction if it is significant."""
     _resolve(best)
     # With many samples, pre-sliding is significant even if the residuals look like noise.
-    found = extended(best.problem, best.x, lambda wider, _: presliding(wider, setup.robot), enough=is_explained)
+    found = extended(best.problem, best.x, (presliding,), enough=is_explained)
     if found.chosen:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
@@ -160,11 +158,10 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     """Problem weighted by the noise in the residuals, and its solution. A recording whose simulation diverges keeps its
     weights.
     """
-    found = [*problem.weights]
-    parts = list(zip(problem.parts, differences(problem, x), strict=True))
-    for track in problem.fitted:
-        left = [one for part, one in parts if part.track == track]
-        if all(np.isfinite(one).all() for one in left):
-            found[track] = tuple(max(size_of(one), 1e-12) for one in left)
-    weighted = replace(problem, weights=tuple(found))
+    found: dict[int, list[float]] = {}
+    for part, left in zip(problem.parts, differences(problem, x), strict=True):
+        size = max(size_of(left), 1e-12) if np.isfinite(left).all() else part.noise
+        found.setdefault(part.track, []).append(size)
+    weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights))
+    weighted = replace(problem, weights=weights)
     return weighted, refined(weighted, x, 15)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from asrsim.errors import InputError
 from asrsim.identification.data import guided, read_data
 from asrsim.identification.door import load_plugin_file
-from asrsim.identification.keys import free_parameters, parameters_of
-from asrsim.identification.layout import make_layout
+from asrsim.identification.parameters import free_parameters, make_layout, parameters_of
 from asrsim.identification.problem import Meter, Problem
 from asrsim.identification.task import Task
-from asrsim.identification.track import Track
+from asrsim.identification.track import Playing, Track
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
@@ -24,8 +23,6 @@ class Setup:
     task: Task
     scenario: Scenario
     robot: Robot
-    freed: frozenset[str]
-    """Keys of the parameters that the task frees."""
     problem: Problem
 
 
@@ -42,34 +39,29 @@ def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
     return scenario, given, apply_to_robot(scenario, given)
 
 
-def set_up(task: Task, stack: ExitStack) -> Setup:
-    """Prepared fit of a task. Raises InputError with every problem."""
+def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
+    """Prepared fit of a task. meter: counts the evaluations. Raises InputError with every problem."""
     scenario, given, robot = read_scenario(task)
     data = read_data(task, scenario, robot)
     commands = {command.key: command.unit for one in data for command in one.commands}
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
-    freed = frozenset(parameter.key for parameter in free)
-    trusted = {key.removesuffix(".offset") for key in freed if key.endswith("_position.offset")}
-    tracks = []
+    freed, tracks = {parameter.key for parameter in free}, list[Track]()
     for one in data:
-        tracks.append(Track(scenario, given, guided(one, robot, freed), trusted))
+        tracks.append(Track(scenario, given, guided(one, robot, freed), freed))
         stack.callback(tracks[-1].close)
-    # Initial states are free for links that start in motion, or at other positions than in the scenario.
-    starts = dict.fromkeys(key for track in tracks if not track.data.predicted_only for key in track.uncertain)
-    free += [known[key] for key in starts if key not in freed]
     # Recordings that are not fitted keep the start values of their separate parameters.
-    layout = make_layout(
-        free, ties, [one.name for one in data], [track.initial for track in tracks if not track.data.predicted_only]
-    )
+    fitted = [track for track in tracks if not track.data.predicted_only]
+    # Initial states are free for links that start in motion, or at other positions than in the scenario.
+    free += [known[key] for key in dict.fromkeys(key for track in fitted for key in track.uncertain)]
+    layout = make_layout(free, ties, [one.name for one in data], [track.initial for track in fitted])
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.predicted_only else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
-    problem = Problem(
-        tuple(tracks), layout, max((track.playing for track in tracks), key=lambda one: one.substeps), weights, ends, Meter()
-    )
+    playing = Playing(max(track.door.substeps for track in tracks))
+    problem = Problem(tuple(tracks), layout, playing, weights, ends, meter or Meter())
     count = problem.parts[-1].rows.stop
     if count <= len(layout):
         message = f"{count} samples are too few for {len(layout)} parameters"
         raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
-    return Setup(task, scenario, robot, freed, problem)
+    return Setup(task, scenario, robot, problem)

@@ -22,8 +22,6 @@ from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, 
 from asrsim.outfile import write_text
 from asrsim.robot.model import INERTIAS
 
-CORRELATED = 0.95
-"""Correlation of two estimates above which the correlation is reported."""
 NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
 
@@ -62,16 +60,10 @@ def errors(result: Result) -> Columns:
 
 
 def remarks(result: Result) -> Iterator[tuple[str, str]]:
-    """Reasons, correlations and remarks as pairs (text, style)."""
+    """Reasons and remarks as pairs (text, style)."""
     for one in result.estimates:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
-    names = [one.name for one in result.estimates]
-    known = [i for i, one in enumerate(result.estimates) if one.has_interval]
-    for i in known:
-        for j in known:
-            if i < j and abs(result.correlation[i, j]) > CORRELATED:
-                yield f"{names[i]} and {names[j]} are correlated ({result.correlation[i, j]:.3f})", "dim"
     for text in result.remarks:
         yield text, "dim"
 

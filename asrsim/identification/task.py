@@ -12,14 +12,16 @@ from typing import Any
 from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.file import kind_of, read_document
-from asrsim.document.kinds import NUMBER, Boolean, Either, File, Integer, ListOf, MapOf, Number, Optional, Text
-from asrsim.document.node import Node, node_from_data
+from asrsim.document.kinds import NUMBER, Boolean, File, Integer, ListOf, MapOf, Number, Text
+from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.scenario.overrides import override_texts
 
-_TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
+_TIE = re.compile(r"(?:(?P<factor>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
+_WISHES = ((), ("start",), ("low", "high"), ("low", "start", "high"))
+"""Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by the count of numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +60,7 @@ class Tie:
 
 
 _EXPERIMENT: Block[Experiment] = block_of(Experiment, "recording", main="file")
-_WISH = Either((block_of(Wish, "free parameter"), Optional(NUMBER)))
-_FREE = MapOf(of=_WISH, noun="key", star=False)
+_FREE = MapOf(of=block_of(Wish, "free parameter", main="start"), noun="key", star=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +86,6 @@ class Task:
     ties: tuple[Tie, ...] = declare(
         MapOf(of=Text(), noun="key", star=False), default=(), doc="key -> `other key`, or `0.5 * other key`"
     )
-    compare: tuple[str, ...] = declare(
-        ListOf(of=Text()), default=(), shown="all that are simulated and recorded", doc="`joint.quantity` to compare"
-    )
     noise: Mapping[str, float] = declare(
         MapOf(of=Number(above=0.0), noun="joint.quantity", star=False), default={}, shown="estimated",
         doc="standard deviation of a channel's noise, in its unit",
@@ -108,8 +106,11 @@ class Task:
     """Path of the fit file; None if the task was made from a scenario."""
 
 
-_KEYS: Block[Any] = block_of(Task, "fit")
-TASK: Block[dict[str, Any]] = replace(_KEYS, build=dict)
+def _task(*, ties: Any, **keys: Any) -> Task:
+    return Task(**keys, ties=tuple(_tie(key, text) for key, text in dict(ties).items()))
+
+
+TASK: Block[Task] = replace(block_of(Task, "fit"), build=_task)
 
 
 def task_of(
@@ -126,20 +127,20 @@ def task_of(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to those of the fit file;
-    other arguments replace values of the fit file. Raises InputError with every problem.
+    """Task of a scenario or a fit file. Free parameters and ties are added to those of the fit file; other arguments replace
+    values of the fit file. Raises InputError with every problem.
 
     free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
     parameters with a separate value for each recording; mapping, rate: apply to all recordings; plugins: files that the fit
     file may load.
     """
-    path, faults, base = Path(scenario), list[Problem](), Path()
+    path, faults, reading = Path(scenario), list[Problem](), DocumentReading()
     fit = kind_of(path) == "fit"
     if fit:
         if said := [name for name, value in (("experiments", experiments), ("mapping", mapping), ("rate", rate)) if value]:
             message = f"a fit file names its recordings; these options are not allowed beside it: {', '.join(said)}"
             raise InputError(message, file=path, hint="Write them into the fit file, under `experiments`", code="fit-file")
-        root, base = read_document(path, "fit", faults=faults)[0], path.parent
+        root, reading = read_document(path, "fit", faults=faults)[0], DocumentReading(base=path.parent)
     else:
         read_document(path, "scenario")
         if not experiments:
@@ -148,23 +149,19 @@ def task_of(
             )
         options |= {"experiments": _recordings(experiments, mapping, rate), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})
-    options["free"] = free if isinstance(free, Mapping) else dict(map(_wish, one_or_more(free)))
+    if validate:
+        options["validate"] = _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate)
+    wishes = free if isinstance(free, Mapping) else dict(map(_wish, one_or_more(free)))
+    options["free"] = {key: {} if wish is None else wish for key, wish in wishes.items()}
     options["ties"] = ties if isinstance(ties, Mapping) else dict(text.partition("=")[::2] for text in one_or_more(ties))
-    options["validate"] = _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate)
-    found = _read(_with(root, options), base, faults)
-    check_named(found["plugins"], one_or_more(plugins), file=path)
-    wishes = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
-    for key in one_or_more(own):
-        wishes[key] = replace(wishes.get(key, Wish()), own=True)
-    made = tuple(_tie(key, text, path) for key, text in dict(found.pop("ties")).items())
-    return Task(
-        **found,
-        free=wishes,
-        ties=made,
-        overrides=override_texts(overrides),
-        name=path.stem,
-        file=path if fit else None,
-    )
+    separate = {"free": {key: {"own": True} for key in one_or_more(own)}}
+    root, found = TASK.merge(TASK.merge(root, node_from_data(options)), node_from_data(separate)), None
+    with suppress(Rejected):
+        found = TASK.read(root, (), reading)
+    if faults or reading.problems or found is None:
+        raise InputError([*faults, *reading.problems])
+    check_named(found.plugins, one_or_more(plugins), file=path)
+    return replace(found, overrides=override_texts(overrides), name=path.stem, file=path if fit else None)
 
 
 def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float | None) -> list[dict[str, Any]]:
@@ -172,56 +169,22 @@ def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float
     return [{"file": str(one), "map": one_or_more(mapping), "rate": rate} for one in one_or_more(files)]
 
 
-def _with(root: Node, given: Mapping[str, Any]) -> Node:
-    """Document of a fit file with replaced values; mappings and recordings to validate are merged."""
-    if not isinstance(root.value, dict):
-        return root
-    merged = dict(root.value)
-    for key, value in given.items():
-        if isinstance(value, Sequence | Mapping) and not value:
-            continue
-        node, before = node_from_data(value), merged.get(key)
-        if before is not None and isinstance(before.value, dict) and isinstance(node.value, dict):
-            node = replace(before, value=before.value | node.value)
-        elif key == "validate" and before is not None and isinstance(before.value, list) and isinstance(node.value, list):
-            node = replace(before, value=before.value + node.value)
-        merged[key] = node
-    return replace(root, value=merged)
-
-
-def _read(root: Node, base: Path, faults: list[Problem]) -> dict[str, Any]:
-    reading = DocumentReading(base=base)
-    with suppress(Rejected):
-        found = TASK.read(root, (), reading)
-    if faults or reading.problems:
-        raise InputError([*faults, *reading.problems])
-    return found
-
-
-def _tie(key: str, text: str, path: Path) -> Tie:
+def _tie(key: str, text: str) -> Tie:
     """Tie of a parameter, from a text such as `other` or `0.5 * other`. Raises InputError."""
     match = _TIE.fullmatch(text.strip())
-    if match is None or (number := _number(match["factor"] or "1")) is None:
-        hint = "Write KEY=OTHER or KEY=0.5*OTHER"
-        raise InputError("is not a tie", file=path, key=key, value=text, hint=hint, code="tie")
-    return Tie(key=key.strip(), to=match["key"].strip(), factor=number)
+    if match is None:
+        raise InputError("is not a tie", key=f"ties.{key}", value=text, hint="Write KEY=OTHER or KEY=0.5*OTHER", code="tie")
+    return Tie(key=key.strip(), to=match["key"].strip(), factor=float(match["factor"] or 1.0))
 
 
-def _wish(text: str) -> tuple[str, dict[str, float | None]]:
+def _wish(text: str) -> tuple[str, dict[str, float]]:
     """Key, start and bounds of a parameter, from a text `KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises
     InputError.
     """
     key, equals, value = text.partition("=")
-    numbers = [_number(part) for part in value.split(":")] if equals else []
-    if not key.strip() or None in numbers or len(numbers) > 3:
-        hint = "Write KEY, KEY=START, KEY=LOW:HIGH or KEY=LOW:START:HIGH"
-        raise InputError("is not a free parameter", key="free", value=text, hint=hint, code="free")
-    names = ((), ("start",), ("low", "high"), ("low", "start", "high"))[len(numbers)]
-    return key.strip(), dict(zip(names, numbers, strict=True))
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
+    with suppress(ValueError):
+        numbers = [float(part) for part in value.split(":")] if equals else []
+        if key.strip() and len(numbers) < len(_WISHES):
+            return key.strip(), dict(zip(_WISHES[len(numbers)], numbers, strict=True))
+    hint = "Write KEY, KEY=START, KEY=LOW:HIGH or KEY=LOW:START:HIGH"
+    raise InputError("is not a free parameter", key="free", value=text, hint=hint, code="free")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import repeat
@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Data, PlayedCommand
-from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
-from asrsim.identification.keys import CLOCK
+from asrsim.identification.data import Data, PlayedCommand
+from asrsim.identification.door import EXTERNAL, Door, Start, Substeps
 from asrsim.identification.noise import at_rest, fine_noise, first_samples, onset
+from asrsim.identification.parameters import CLOCK, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -80,13 +80,11 @@ def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[Playe
     ]
 
 
-NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
-"""Endings of the keys of parameters that belong to a recording, not to the robot."""
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL, DOUBTFUL = 4.5, 2.0
-"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state; and within
-which a velocity counts as 0 if the scenario's initial position was copied from the recording.
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
+initial velocity counts as 0 if the scenario's initial position was copied from the recording.
 """
 SOON = 0.05
 """A channel gives the initial state only if its first sample is not later than this time, s."""
@@ -112,15 +110,13 @@ class Playing:
 class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Set[str] = frozenset()) -> None:
-        """trusted: names `joint.quantity` of the channels whose zero is free; the joints of these channels start as in the
-        scenario.
-        """
-        self.data = data
+    def __init__(self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = ()) -> None:
+        """freed: keys of the parameters that the user frees."""
+        self.data, self.channels = data, data.channels
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
         self.wanted = [
-            (self.door.joints.index(one.joint), one.quantity if one.guide is None else "link_position") for one in data.channels
+            (self.door.joints.index(one.joint), one.quantity if one.guide is None else "link_position") for one in self.channels
         ]
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
@@ -129,24 +125,23 @@ class Track:
         self.motors: dict[str, list[float]] = {}
         """Positions of motors at time 0, by joint; other motors start where the scenario says."""
         self.uncertain: list[str] = []
-        """Keys of initial positions and velocities that differ from the scenario's."""
-        self._begin(trusted)
-        self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in data.channels)
+        """Keys of initial positions and velocities that differ from the scenario's, and that the user does not free."""
+        self._begin(freed)
+        self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """Channels that are compared with the simulation."""
-        return self.data.channels
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin(self, trusted: Set[str]) -> None:
-        """Set the initial state of the scenario, or of the recording where the recording contradicts the scenario."""
+    def _begin(self, freed: Collection[str]) -> None:
+        """Set the initial state of the scenario, or of the recording where the recording contradicts the scenario.
+
+        A joint whose sensor has a free zero starts at the scenario's position.
+        """
+        sensors = {one.key: one for one in (*self.data.guides, *self.channels)}
         for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
             keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
-            channel = self._channel(joint, "link_position")
+            channel = sensors.get(f"{joint}.link_position")
             found = None if channel is None else first_samples(channel, SOON)
             if channel is None or found is None:
                 continue
@@ -157,26 +152,25 @@ class Track:
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
-                shown = {keys[0]: place} if channel.key not in trusted else {}
+                shown = {} if f"{channel.key}.offset" in freed else {keys[0]: place}
                 shown |= {keys[1]: speed} if moving else {}
                 self.initial |= shown
-                self.uncertain += shown if channel in self.channels else ()
+                self.uncertain += [key for key in shown if channel in self.channels and key not in freed]
         for drive in self.door.drives:
-            numbers, link = range(1, drive.dynamic_motors + 1), f"{drive.name}.initial_position"
-            channels = [c for i in numbers if (c := self._channel(drive.name, f"motor_{i}_position")) and c.time[0] <= SOON]
-            if not channels or len(channels) < len(numbers) or trusted & {channel.key for channel in channels}:
+            names, link = (
+                [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
+                f"{drive.name}.initial_position",
+            )
+            channels = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
+            if not names or len(channels) < len(names) or any(channel.time[0] > SOON for channel in channels):
                 continue
-            rest = (drive.motor_positions or (self.initial[link],) * len(numbers))[: len(numbers)]
-            places = [at_rest(channel) for channel in channels]
-            if any(abs(place - was) > STILL * error for (place, error), was in zip(places, rest, strict=True)):
-                self.motors[drive.name] = [place for place, _ in places]
-                if self._channel(drive.name, "link_position") is None:
+            rest = (drive.motor_positions or (self.initial[link],) * len(names))[: len(names)]
+            places, errors = zip(*map(at_rest, channels), strict=True)
+            if np.any(np.abs(np.subtract(places, rest)) > STILL * np.array(errors)):
+                self.motors[drive.name] = list(places)
+                if f"{drive.name}.link_position" not in sensors:
                     # A link at rest moves with the initial positions of its motors.
-                    self.initial[link] += float(np.mean(self.motors[drive.name]) - np.mean(rest))
-
-    def _channel(self, joint: str, quantity: str) -> Channel | None:
-        known = (*self.channels, *self.data.guides)
-        return next((one for one in known if (one.joint, one.quantity) == (joint, quantity)), None)
+                    self.initial[link] += float(np.mean(places) - np.mean(rest))
 
     # -- prediction ----------------------------------------------------------------------------------------------------
 
@@ -273,16 +267,6 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     )  # fmt: skip
 
 
-def numbers_of(values: Mapping[str, float]) -> Numbers:
-    """Parameters of the robot, by joint or link."""
-    robot: dict[str, dict[str, float]] = {}
-    for key, value in values.items():
-        owner, _, name = key.rpartition(".")
-        if owner and name not in NOT_THE_ROBOTS:
-            robot.setdefault(owner, {})[name] = value
-    return robot
-
-
 def interpolate(series: Array, place: Array) -> Array:
     """Series (n,) interpolated at positions (m,) in samples, by cubics through four samples; constant beyond the ends."""
     last = len(series) - 1
@@ -290,8 +274,6 @@ def interpolate(series: Array, place: Array) -> Array:
     nearest = np.round(place)
     if np.abs(place - nearest).max(initial=0.0) < 1e-6:
         return np.asarray(series[nearest.astype(np.intp)])
-    if last < 3:
-        return np.interp(place, np.arange(last + 1), series)
     base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
     t, nodes = place - base, (-1, 0, 1, 2)
     # Lagrange's polynomials.

@@ -7,7 +7,7 @@ its encoder.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +67,8 @@ class Uncertainty:
     """Gradients (blocks, n) of the blocks' sums of squares; empty if only white noise is assumed."""
     firsts: NDArray[np.intp]
     """First row of each recording in the scores, (recordings,)."""
+    at_bound: NDArray[np.bool_]
+    """Whether each entry (n,) of the vector ended at a bound."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
         """Uncertainty with other standard deviations (n,) and quantiles (n,), and the resulting covariance."""
@@ -191,14 +193,13 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     return weigh(shown, part.noise, step)
 
 
-def uncertainty(
-    problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False, quick: bool = False
-) -> Uncertainty:
-    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: the residuals are assumed to be white
-    noise; quick: derivatives are computed with one simulation for each entry.
+def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bool = False) -> Uncertainty:
+    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: no search was made, and the residuals
+    are assumed to be white noise; quick: derivatives are computed with one simulation for each entry.
     """
-    n = len(x)
-    left = residuals(problem, x)
+    n, left = len(x), residuals(problem, x)
+    # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
+    at_bound = problem.layout.at_bound(x) & (not foreseen)
     slopes = jacobian(problem, x, CORNER, base=left)
     # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
@@ -215,10 +216,9 @@ def uncertainty(
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
         # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
-        bound = np.asarray(at_bound, dtype=bool)
-        scores[:, bound] -= scores[:, bound].mean(axis=0)
+        scores[:, at_bound] -= scores[:, at_bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
-    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts)
+    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
     deviation, quantile = found.deviations(inverse)
     # Entries in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6

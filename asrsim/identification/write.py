@@ -4,19 +4,20 @@ of recorded and predicted channels and residuals.
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.identification.judge import ChannelFit
+from asrsim.identification.parameters import numbers_of
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
-from asrsim.identification.track import numbers_of
-from asrsim.outfile import write_text, written
+from asrsim.outfile import write_json, write_text, written
 from asrsim.plain import finite_or_none, mapped
-from asrsim.plots.output import save_figure, styled
+from asrsim.plots.output import save_pairs
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
@@ -24,7 +25,7 @@ from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -35,47 +36,33 @@ def as_dict(result: Result) -> dict[str, Any]:
     """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
     sweep --fit`.
     """
-    from asrsim import __version__
-
-    rows, parameters = result.estimates, [entry.parameter for entry in result.layout.entries]
+    rows, entries = result.estimates, result.layout.entries
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
         i for i, one in enumerate(rows)
         if one.track is None and numbers_of({one.key: one.value})
-        and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not parameters[i].logarithmic))
+        and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not entries[i].logarithmic))
     ]  # fmt: skip
     # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
-    logarithmic = [parameters[i].logarithmic for i in drawn]
-    means = np.array([rows[i].value for i in drawn])
+    logarithmic = [entries[i].logarithmic for i in drawn]
+    means = [math.log(rows[i].value) if entries[i].logarithmic else rows[i].value for i in drawn]
     # Parameters without an interval are not varied.
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
+    about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "attempts", "successes", "evaluations", "seconds")
     data = {
-        "generator": f"asrsim {__version__}",
-        "format": 1,
-        **{name: getattr(result, name) for name in ("status", "fits", "accepted", "misfit", "causes", "remarks")},
+        **{name: getattr(result, name) for name in about},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
-        "estimates": [
-            {
-                "key": one.key, "unit": one.unit, "start": one.start, "estimate": one.value,
-                "interval": [one.low, one.high] if one.has_interval else None, "verdict": one.verdict, "reason": one.reason,
-                "known": one.combinations, "recording": one.track,
-            }
-            for one in rows
-        ],
-        "ties": [vars(tie) for tie in result.layout.ties],
+        "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
-        "names": [one.name for one in rows],
-        "correlation": np.round(result.correlation, 4).tolist(),
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
-        "training_ends": result.ends,
-        "search": {name: getattr(result, name) for name in ("how", "attempts", "successes", "evaluations", "seconds")},
+        "ties": [vars(tie) for tie in result.layout.ties],
         "keys": [rows[i].key for i in drawn],
-        "mean": np.where(logarithmic, np.log(np.where(logarithmic, means, 1.0)), means).tolist(),
+        "mean": means,
         "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
         "logarithmic": logarithmic,
-        "bounds": [[parameters[i].low, parameters[i].high] for i in drawn],
-    }  # fmt: skip
+        "bounds": [[entries[i].low, entries[i].high] for i in drawn],
+    }
     plain: dict[str, Any] = mapped(data, lambda value: finite_or_none(value) if isinstance(value, float) else value)
     return plain
 
@@ -99,9 +86,8 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
 
 def write_fit(result: Result, folder: Path) -> Path:
     """Write fit.json, and return its path. Raises OutputError."""
-    path = folder / FIT
-    write_text(path, json.dumps(as_dict(result), indent=1, allow_nan=False) + "\n", "json")
-    return path
+    write_json(folder / FIT, as_dict(result))
+    return folder / FIT
 
 
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
@@ -122,10 +108,10 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
         block.joint: block.parameters for block in result.robot.actuators if {block.joint, "*"} & {*result.scenario.actuators}
     }
     in_file = {owner: {k: v for k, v in own.items() if k not in mounted.get(owner, {})} for owner, own in changes.items()}
-    edited = edited_urdf(data, result.robot, {owner: own for owner, own in in_file.items() if own}).rstrip(b"\n") + b"\n"
+    edited = edited_urdf(data, result.robot, in_file).rstrip(b"\n") + b"\n"
     path, scenario = folder / name, folder / SCENARIO
     with written(path, "robot") as stream:
-        stream.write(edited if edited.endswith(MARK) else edited + MARK)
+        stream.write(edited.removesuffix(MARK) + MARK)
     delays: dict[str, float] = {}
     for block in result.robot.actuators:
         names = [f"{block.joint}.reference_{i}" for i in range(1, len(reference_names(block)) + 1)]
@@ -153,12 +139,11 @@ def _scenario_text(
         if own:
             data["parameters"].setdefault(block.joint, {}).update(own)
     if delays:
-        effects = dict(data.get("effects") or {})
-        commands = dict(effects.get("commands") or {})
+        effects = data["effects"] = data.get("effects") or {}
+        commands = effects["commands"] = effects.get("commands") or {}
         for joint, delay in delays.items():
             before = for_joint(commands, joint, {})
             commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
-        data["effects"] = {**effects, "commands": commands}
     lines = [
         "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
         *(f"# {one.name}: {one.value:.6g} {one.unit}, {one.verdict}" for one in result.estimates),
@@ -176,54 +161,40 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LINES = (
+LINES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("recorded", {"color": "0.6", "linewidth": 2.2}),
     ("before", {"color": "C1", "linewidth": 0.9, "linestyle": "--"}),
     ("after", {"color": "C0", "linewidth": 1.0}),
 )
 
 
-def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Write all pictures. Raises OutputError."""
+def draw(result: Result, folder: Path) -> list[Path]:
+    """Write a picture of each recording. Raises OutputError."""
     paths: list[Path] = []
-    with styled(mathematics=False):
-        for name, figure in figures(result).items():
-            paths += save_figure(figure, folder, name, formats)
+    for number, end in enumerate(result.ends):
+        channels = [one for one in result.channels if one.track == number]
+        # Recordings in different folders may have the same name.
+        name = f"overlay_{number + 1}_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
+        paths += save_pairs(folder / f"{name}.png", len(channels), partial(_overlay, channels, end))
     return paths
 
 
-def figures(result: Result) -> dict[str, Figure]:
-    """Figures of the recordings, by file name; to be called inside `asrsim.plots.output.styled`."""
-    found: dict[str, Figure] = {}
-    for number, end in enumerate(result.ends):
-        channels = [one for one in result.channels if one.track == number]
-        name = f"overlay_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
-        # Recordings in different folders may have the same name.
-        found[f"{name}_{number + 1}" if name in found else name] = _overlay(channels, end)
-    return found
-
-
-def _overlay(channels: Sequence[ChannelFit], end: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 2.3 * len(channels) + 0.4), layout="constrained")
-    axes = figure.subplots(len(channels), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
-    for one, (left, right) in zip(channels, axes, strict=True):
-        time, recorded = one.lines["time"], one.lines["recorded"]
-        for label, style in LINES:
-            if label in one.lines:
-                left.plot(time, one.lines[label], label=label, **style)
-        low, high = float(np.min(recorded)), float(np.max(recorded))
-        left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
-        if "after" in one.lines:
-            right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
-        for axis in (left, right):
-            # Shade the part that was predicted but not fitted.
-            if end < time[-1] - 1e-9:
-                axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
-    axes[0, 0].set_title(channels[0].recording, fontsize="medium")
-    axes[0, 1].set_title("predicted minus recorded", fontsize="medium")
-    axes[0, 0].legend(fontsize="x-small", ncols=4, loc="upper right")
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]")
-    return figure
+def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Axes, right: Axes) -> None:
+    """Draw a channel and its residuals. end: end of the training part, s."""
+    one = channels[row]
+    time, recorded = one.lines["time"], one.lines["recorded"]
+    for label, style in LINES:
+        if label in one.lines:
+            left.plot(time, one.lines[label], label=label, **style)
+    low, high = float(np.min(recorded)), float(np.max(recorded))
+    left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
+    if "after" in one.lines:
+        right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
+    for axis in (left, right):
+        # Shade the part that was predicted but not fitted.
+        if end < time[-1] - 1e-9:
+            axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
+    if row == 0:
+        left.set_title(one.recording, fontsize="medium")
+        right.set_title("predicted minus recorded", fontsize="medium")
+        left.legend(fontsize="x-small", ncols=4, loc="upper right")

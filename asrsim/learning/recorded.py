@@ -42,7 +42,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
     recording that is too short, lacks a joint, or has columns with implausible units or signs, unless the user stated units and
     signs.
     """
-    pairing, findings = match_joints(plant.joints, recording)
+    pairing = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}
     columns = [recording.column(named.get(joint, joint), "link_position") for joint in plant.joints]
     moving = int(np.argmax(np.ptp(plant.reference, axis=0)))
@@ -50,7 +50,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
     name = f"{plant.joints[moving]}.link_position"
     chosen = align(*motion, *measured, choice=lag, name=name)
     outputs = np.column_stack([resample(column.time - chosen.lag, column.values, plant.time) for column in columns])
-    findings += [*recording.findings, *chosen.findings, *_bridge(outputs, plant, recording, columns, chosen.lag)]
+    findings = [*recording.findings, *chosen.findings, *_bridge(outputs, plant, recording, columns, chosen.lag)]
     wrong: list[Problem] = []
     for joint, column, wanted, values in zip(plant.joints, columns, plant.reference.T, outputs.T, strict=True):
         unit = wrong_unit(column, joint, prismatic=plant.unit(joint) == "m")

@@ -103,7 +103,7 @@ def compare_run(
     """
     reader = open_log(path)
     infos = reader.info.joints
-    pairings = [match_joints([joint.name for joint in infos], recording)[0] for recording in recordings]
+    pairings = [match_joints([joint.name for joint in infos], recording) for recording in recordings]
     paired, common = _in_both(reader, recordings, pairings, joints, quantities)
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:

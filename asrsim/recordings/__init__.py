@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from asrsim.recordings.align import Alignment, align, resample
-from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.formats import READERS, Reader
 from asrsim.recordings.read import read_recording
-from asrsim.recordings.suspicions import suspect_scale
 
 __all__ = [
     "READERS",
@@ -17,14 +15,11 @@ __all__ = [
     "Column",
     "Comparison",
     "Reader",
-    "RecordedSeries",
     "Recording",
     "Series",
     "align",
     "band",
     "compare",
     "read_recording",
-    "require_columns",
     "resample",
-    "suspect_scale",
 ]

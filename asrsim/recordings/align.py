@@ -183,26 +183,21 @@ def align(
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
     found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
-    if found is None:
-        return _unaligned(f"{name} must move in both records", None)
     # A periodic signal with reversed sign would be aligned half a period off.
     turned = estimate_lag(time_simulation, simulation, time_recording, -recording, limit=limit)
-    if turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
-        return Alignment(lag=turned.seconds, how=f"cross-correlation of {name}, which has the opposite sign", found=turned)
-    if found.correlation < TRUSTED:
-        return _unaligned(f"the best correlation of {name} is {found.correlation:.2f} (at {found.seconds:.4g} s)", found)
-    if found.at_limit:
-        return _unaligned(f"{name} fits best at the limit of the search, {found.seconds:.4g} s", found)
-    findings: tuple[Problem, ...] = ()
-    if found.ambiguous:
-        findings = (
-            Problem(f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
-                    hint="Set the lag with --lag if another period is meant"),
-        )  # fmt: skip
-    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings)
-
-
-def _unaligned(why: str, found: Lag | None) -> Alignment:
+    how = f"cross-correlation of {name}"
+    if found is None:
+        why = f"{name} must move in both records"
+    elif turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
+        return Alignment(lag=turned.seconds, how=f"{how}, which has the opposite sign", found=turned)
+    elif found.correlation < TRUSTED:
+        why = f"the best correlation of {name} is {found.correlation:.2f} (at {found.seconds:.4g} s)"
+    elif found.at_limit:
+        why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
+    else:
+        message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
+        periodic = Problem(message, code="lag", hint="Set the lag with --lag if another period is meant")
+        return Alignment(lag=found.seconds, how=how, found=found, findings=(periodic,) * found.ambiguous)
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
 

@@ -14,6 +14,8 @@ from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.times import is_time
 
+_OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
+"""SciPy's classes for MATLAB's objects, which it cannot read."""
 Leaf = tuple[str, list[RawColumn]]
 """Path of a struct, and the columns of a variable in this struct: a vector has one column, a matrix several."""
 
@@ -23,13 +25,13 @@ def read_matlab(path: Path, reading: Reading) -> Content:
     with path.open("rb") as stream:
         start = stream.read(520)
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
-        h5py = library("h5py", "hdf5")
-        with h5py.File(path) as file:
-            return of_tree("matlab", _of_group(h5py, file), [], reading)
+        with library("h5py", "hdf5").File(path) as file:
+            # MATLAB keeps the contents of objects in groups with a #.
+            return of_tree({name: file[name] for name in file if not name.startswith("#")}, [], reading)
     from scipy.io import loadmat
 
     found = loadmat(path, simplify_cells=True)
-    return of_tree("matlab", {name: value for name, value in found.items() if not name.startswith("__")}, [], reading)
+    return of_tree({name: value for name, value in found.items() if not name.startswith("__")}, [], reading)
 
 
 def read_numpy(path: Path, reading: Reading) -> Content:
@@ -52,7 +54,7 @@ def read_numpy(path: Path, reading: Reading) -> Content:
                 raise
             # Unpickling a Python object would run code from the file.
             findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
-    return of_tree("numpy", found, findings, reading)
+    return of_tree(found, findings, reading)
 
 
 def read_arrow(path: Path, reading: Reading) -> Content:
@@ -69,21 +71,10 @@ def read_arrow(path: Path, reading: Reading) -> Content:
     unread = listed([name for name in columns if name not in numbers], 8)
     found = {"time" if name.startswith("__index") else name: values for name, values in numbers.items()}
     note = Problem("text, lists and records are not read", key=unread, code="text-column")
-    return of_tree("arrow", found, [note] if unread else [], reading)
+    return of_tree(found, [note] if unread else [], reading)
 
 
-def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
-    """Numeric arrays of an HDF5 group and of its subgroups, by name. MATLAB writes its arrays transposed."""
-    found: dict[str, Any] = {}
-    for name, item in group.items():
-        if isinstance(item, h5py.Group) and not name.startswith("#"):
-            found[name] = _of_group(h5py, item)
-        elif isinstance(item, h5py.Dataset):
-            found[name] = np.asarray(item[()]).T if item.dtype.kind in "fiub" else object()
-    return found
-
-
-def of_tree(form: str, tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
+def of_tree(tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
     """Content made of named arrays and structs of arrays. Raises RecordingError where no array is a series."""
     tables = tuple(_tables([*_leaves(tree, "", findings)], {*reading.time.columns}))
     if not tables:
@@ -91,7 +82,7 @@ def of_tree(form: str, tree: Mapping[str, Any], findings: list[Problem], reading
             findings or Problem("contains no series of numbers", code="no-numbers",
                                 hint="Expected vectors of time and signals, also in a struct, or as columns of a matrix")
         )  # fmt: skip
-    return Content(format=form, tables=tables, findings=tuple(findings))
+    return Content(tables=tables, findings=tuple(findings))
 
 
 def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> Iterator[Leaf]:
@@ -102,13 +93,15 @@ def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> It
             [(f"{struct}{name}[{i}]", item) for i, item in enumerate(np.ravel(value))] if cells else [(struct + name, value)]
         )
         for path, item in items:
-            if isinstance(item, Mapping):
+            dataset = type(item).__name__ == "Dataset"
+            if isinstance(item, Mapping):  # also a group of an HDF5 file
                 yield from _leaves(item, f"{path}.", findings)
-            elif type(item).__name__ in ("MatlabOpaque", "MatlabFunction", "MatlabObject", "object"):
+            elif type(item).__name__ in _OBJECTS or (dataset and item.dtype.kind not in "fiub"):
                 message = "is a MATLAB object (timeseries, table, function), which cannot be read"
                 hint = "Save its parts, for example s.time = ts.Time; s.data = ts.Data"
                 findings.append(Problem(message, key=path, code="mat-object", hint=hint))
-            elif columns := _columns(path, item):
+            # MATLAB writes the arrays of an HDF5 file transposed.
+            elif columns := _columns(path, np.transpose(item) if dataset else item):
                 yield struct, columns
 
 
@@ -132,9 +125,11 @@ def _columns(name: str, value: Any) -> list[RawColumn]:
     """Columns of a vector or matrix; none for other values. The longer side of a matrix is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
-    if array.dtype.kind in "Mm" and array.ndim == 1 and len(array):
-        zero = int(array[0].astype("M8[ns]").astype(np.int64)) if array.dtype.kind == "M" else None
-        array = (array - (array[0] if array.dtype.kind == "M" else np.timedelta64(0))) / np.timedelta64(1, "s")
+    if array.dtype.kind == "M" and array.ndim == 1 and len(array):
+        zero = int(array[0].astype("M8[ns]").astype(np.int64))
+        array = array - array[0]
+    if array.dtype.kind == "m":
+        array = array / np.timedelta64(1, "s")
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or len(array) < 2:
         return []
     array = array.astype(float)

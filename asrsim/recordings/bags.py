@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import struct
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ import numpy as np
 from asrsim.errors import Problem, RecordingError, counted, printable
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
 from asrsim.quantities import QUANTITIES
-from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
+from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable, unique
 from asrsim.recordings.reading import Reading
 
 _SAME_CLOCK = 1.0
@@ -41,8 +39,6 @@ _NO_TIME = 2**63
 """Time stamps from this value on are invalid, ns."""
 Label = tuple[str, str | None]
 """Path of a number in a message, and the joint that the message states for this number."""
-Messages = Iterator[tuple[int, int, bytes]]
-"""For each message: id of its topic, time of recording in ns, and its bytes."""
 
 
 class NoSignal(Exception):  # noqa: N818
@@ -106,13 +102,17 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
     return joint, None
 
 
-@dataclass
+@dataclass(eq=False)
 class _Topic:
     name: str
     kind: str
     decode: Callable[[bytes], Any] | None
     """Decoder of the messages; None: the topic is not read."""
     reason: str = ""
+
+
+Messages = Iterator[tuple[_Topic, int, bytes]]
+"""For each message: its topic, time of recording in ns, and its bytes."""
 
 
 @dataclass
@@ -130,66 +130,62 @@ class _Group:
 def read_bag(path: Path, reading: Reading) -> Content:
     """All numeric series of a bag. Raises RecordingError where nothing can be read."""
     findings: list[Problem] = []
-    with ExitStack() as stack:
-        if path.suffix.lower() in (".bag", ".db3") or path.is_dir():
-            topics, messages = _open_bag(path, stack, findings)
-        else:
-            topics, messages = _open_mcap(path, stack, findings)
-        tables = tuple(_tables(topics, messages, reading.time.columns, findings))
-    unknown = [topic for topic in topics.values() if topic.decode is None]
+    topics: list[_Topic] = []
+    tables = tuple(_tables(_messages(path, topics, findings), reading.time.columns, findings))
+    unknown = [topic for topic in topics if topic.decode is None]
     findings += [
         Problem(f"topic is not read: {one.reason}", key=one.name, value=one.kind, code="unknown-message-type")
         for one in unknown
     ]
     if not tables:
-        names = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
-        reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
+        names = ", ".join(f"{one.name} ({': '.join(filter(None, (one.kind, one.reason)))})" for one in topics)
         raise RecordingError(
-            f"contains no readable numeric messages; its topics: {names}" + (f"; {reasons}" if reasons else ""),
+            f"contains no readable numeric messages; its topics: {names or 'none'}",
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other numeric messages whose definitions are in the "
             "file",
         )  # fmt: skip
-    return Content(format="bag", tables=tables, findings=tuple(findings))
+    return Content(tables=tables, findings=tuple(findings))
 
 
-def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
+def _messages(path: Path, topics: list[_Topic], findings: list[Problem]) -> Messages:
+    """Messages of a bag. Its topics are added to `topics`. Raises RecordingError where no topic can be read."""
+    suffix = path.suffix.lower()
+    kind = "a ROS 1 bag" if suffix == ".bag" else "a ROS 2 bag" if suffix == ".db3" or path.is_dir() else "MCAP"
+    try:
+        yield from _of_mcap(path, topics) if kind == "MCAP" else _of_bag(path, topics, ros1=suffix == ".bag")
+    except Exception as error:  # on damaged files rosbags and mcap raise errors of many types (struct, sqlite, KeyError, ...)
+        said = f"{type(error).__name__} {str(error)[:80]}".rstrip()
+        if not topics:
+            hint = "`rosbag reindex`, `ros2 bag reindex` or `mcap recover` repair a file that its recorder did not close"
+            raise RecordingError(f"cannot be read as {kind}: {said}", code="damaged", hint=hint) from None
+        message = f"is damaged or was not closed (was the recorder killed?); it is read up to there ({said})"
+        findings.append(Problem(message, code="truncated"))
+
+
+def _of_bag(path: Path, topics: list[_Topic], *, ros1: bool) -> Messages:
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
-    ros1 = path.suffix.lower() == ".bag"
-    try:
-        reader: Any = stack.enter_context(Reader1(path) if ros1 else Reader2(path))
-    except Exception as error:  # on damaged files rosbags raises errors of many types (struct, sqlite, KeyError, ...)
-        raise RecordingError(
-            f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", code="damaged",
-            hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`",
-        ) from None  # fmt: skip
     types = _Types(ros1=ros1)
-    topics = {
-        one.id: types.topic(one.topic, one.msgtype, one.msgdef.data, one.msgdef.format.name) for one in reader.connections
-    }
-
-    def messages() -> Messages:
-        wanted = [c for c in reader.connections if topics[c.id].decode is not None]
-        try:
-            for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
-                yield connection.id, stamp, data
-        except Exception as error:  # as above
-            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); it is read up to there", code="truncated"))
-
-    return topics, messages()
+    opened: Any = Reader1(path) if ros1 else Reader2(path)
+    with opened as reader:
+        known = {
+            one.id: types.topic(one.topic, one.msgtype, one.msgdef.data, one.msgdef.format.name) for one in reader.connections
+        }
+        topics += known.values()
+        wanted = [one for one in reader.connections if known[one.id].decode is not None]
+        for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
+            yield known[connection.id], stamp, data
 
 
-def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
-    from mcap.exceptions import McapError
+def _of_mcap(path: Path, topics: list[_Topic]) -> Messages:
     from mcap.records import Channel, Message, Schema
     from mcap.stream_reader import StreamReader
 
-    stream = stack.enter_context(path.open("rb"))
     types = {"ros1": _Types(ros1=True), "cdr": _Types(ros1=False)}
     schemas: dict[int, Schema] = {}
-    topics: dict[int, _Topic] = {}
+    known: dict[int, _Topic] = {}
 
     def topic_of(channel: Channel) -> _Topic:
         schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
@@ -201,23 +197,15 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
         language = "IDL" if schema.encoding == "ros2idl" else "MSG"
         return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
 
-    def messages() -> Messages:
-        try:
-            for record in StreamReader(stream, record_size_limit=path.stat().st_size).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel) and record.id not in topics:
-                    topics[record.id] = topic_of(record)
-                elif isinstance(record, Message) and record.channel_id in topics and record.log_time < _NO_TIME:
-                    yield record.channel_id, record.log_time, record.data
-        except (McapError, MemoryError, OverflowError, EOFError, ValueError, struct.error) as error:
-            if not topics:
-                raise RecordingError(f"cannot be read as MCAP: {type(error).__name__} {error}", code="damaged") from None
-            findings.append(
-                Problem("is truncated (was the recorder killed?); it is read up to its last complete chunk", code="truncated")
-            )
-
-    return topics, messages()
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, record_size_limit=path.stat().st_size).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel) and record.id not in known:
+                known[record.id] = topic_of(record)
+                topics.append(known[record.id])
+            elif isinstance(record, Message) and record.channel_id in known and record.log_time < _NO_TIME:
+                yield known[record.channel_id], record.log_time, record.data
 
 
 class _Types:
@@ -252,14 +240,11 @@ class _Types:
         return _Topic(name, kind, lambda data: read(data, full))
 
 
-def _tables(
-    topics: dict[int, _Topic], messages: Messages, stated: Sequence[str], findings: list[Problem]
-) -> Iterator[RawTable]:
+def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) -> Iterator[RawTable]:
     """Tables of a bag: one for each topic and set of labels in its messages. stated: time columns that the user states."""
-    groups: dict[tuple[int, frozenset[Label]], _Group] = {}
-    broken: Counter[int] = Counter()
-    for topic_id, logged, data in messages:
-        topic = topics[topic_id]
+    groups: dict[tuple[_Topic, frozenset[Label]], _Group] = {}
+    broken: Counter[_Topic] = Counter()
+    for topic, logged, data in messages:
         if topic.decode is None:
             continue
         try:
@@ -269,38 +254,30 @@ def _tables(
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
         except Exception:  # a message that does not match its definition is counted and reported
-            broken[topic_id] += 1
+            broken[topic] += 1
             continue
         if numbers:
-            group = groups.setdefault((topic_id, frozenset(numbers)), _Group(tuple(numbers)))
+            group = groups.setdefault((topic, frozenset(numbers)), _Group(tuple(numbers)))
             group.received.append(logged)
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
-    findings += [
-        Problem(f"skipped {counted(count, 'message')} that do not match the definition of their type", key=topics[id_].name,
-                value=topics[id_].kind, code="broken-message")
-        for id_, count in broken.items()
-    ]  # fmt: skip
+    for topic, count in broken.items():
+        message = f"skipped {counted(count, 'message')} that do not match the definition of their type"
+        findings.append(Problem(message, key=topic.name, value=topic.kind, code="broken-message"))
     seen: Counter[str] = Counter()
-    for (topic_id, _), group in groups.items():
-        topic, labels, count = topics[topic_id], group.labels, len(group.received)
+    for (topic, _), group in groups.items():
         if topic.decode is None:
             continue
-        if count < 2:
+        if len(group.received) < 2:
             findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
             continue
-        values = np.frombuffer(group.values).reshape(count, len(labels))
         columns = [_time_of(topic.name, group, stated, findings)]
-        for i, (label, joint) in enumerate(labels):
-            name = printable(topic.name if label == "data" else f"{topic.name}/{label}")
-            seen[name] += 1
-            joint, quantity = understand(topic.name, topic.kind, label, joint)
-            columns.append(
-                RawColumn(
-                    name=name if seen[name] == 1 else f"{name}#{seen[name]}", values=np.ascontiguousarray(values[:, i]),
-                    quantity=quantity, joint=None if joint is None else printable(joint),
-                )
-            )  # fmt: skip
+        values = np.frombuffer(group.values).reshape(-1, len(group.labels))
+        for (label, own), numbers in zip(group.labels, np.ascontiguousarray(values.T), strict=True):
+            joint, quantity = understand(topic.name, topic.kind, label, own)
+            name = unique(printable(topic.name if label == "data" else f"{topic.name}/{label}"), seen)
+            joint = None if joint is None else printable(joint)
+            columns.append(RawColumn(name=name, values=numbers, quantity=quantity, joint=joint))
         yield RawTable(name=topic.name, columns=tuple(columns))
 
 

@@ -80,10 +80,16 @@ class Comparison:
         pair = f"{source} - {name}" if source else name
         rows: list[MetricRow] = []
         for s in self.series:
-            rows += [_row(pair, s, what, value) for what, value in s.metrics.items()]
+            values = [(pair, what, value) for what, value in s.metrics.items()]
             for what, (ours, recorded) in s.steps.items():
-                rows.append(_row(source or "simulation", s, what, ours))
-                rows.append(_row(name, s, what, recorded))
+                values += [(source or "simulation", what, ours), (name, what, recorded)]
+            rows += [
+                MetricRow(
+                    source=of, joint=s.joint, quantity=s.quantity, measure=what, value=value,
+                    unit=MEASURES.get(what).unit_of(s.unit),
+                )
+                for of, what, value in values
+            ]  # fmt: skip
         return rows
 
 
@@ -103,7 +109,7 @@ def compare(
         samples: Samples of the simulation, for example of a log.
         recording: The experiment.
         infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
-        joints: Maps joints of the recording to joints of the simulation; None: by name, or by order for guessed names.
+        joints: Maps joints of the recording to joints of the simulation; None: by name.
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: auto, off, start, or the delay of the recording in s.
         lag_limit: s, largest lag that auto may find.
@@ -111,13 +117,11 @@ def compare(
     Raises:
         RecordingError: No common joint, no common quantity, or no overlap in time.
     """
-    pairing, findings = match_joints(samples.joints, recording, joints)
-    columns, wrong = comparable(recording, pairing, infos, quantities)
-    values = {(joint, quantity): simulated(samples, joint, quantity, infos) for joint, quantity in columns}
-    found = {key: own for key, own in values.items() if own is not None}
-    if wrong and not found:
-        raise RecordingError(condense(wrong))
-    findings += wrong
+    pairing = match_joints(samples.joints, recording, joints)
+    columns, findings = comparable(recording, pairing, infos, quantities)
+    found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
+    if findings and not found:
+        raise RecordingError(condense(findings))
     if not found:
         recorded = sorted({c.meaning for c in recording.channels.values() if c.joint in pairing and c.quantity})
         asked = f" of {', '.join(quantities)}" if quantities else ""
@@ -170,11 +174,6 @@ def _series(
     )  # fmt: skip
 
 
-def _row(source: str, s: Series, name: str, value: float) -> MetricRow:
-    unit = MEASURES.get(name).unit_of(s.unit)
-    return MetricRow(source=source, joint=s.joint, quantity=s.quantity, measure=name, value=value, unit=unit)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Band:
     """Range and mean of several runs of one experiment, at common times."""
@@ -204,8 +203,7 @@ def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band |
     runs = np.stack([s.recording if s.time is time else resample(s.time, s.recording, time) for s in found])
     known = np.isfinite(runs)
     within = np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
-    there = within.all(axis=0) & known.any(axis=0)
-    low, high, mean = (np.full(len(time), np.nan) for _ in range(3))
-    low[there], high[there] = np.nanmin(runs[:, there], axis=0), np.nanmax(runs[:, there], axis=0)
-    mean[there] = np.nanmean(runs[:, there], axis=0)
-    return Band(time=time, mean=mean, low=low, high=high, count=len(found))
+    runs[:, ~within.all(axis=0)] = np.nan
+    with np.errstate(invalid="ignore"):  # no run may have a value
+        mean = np.nansum(runs, axis=0) / np.isfinite(runs).sum(axis=0)
+    return Band(time=time, mean=mean, low=np.fmin.reduce(runs), high=np.fmax.reduce(runs), count=len(found))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +14,20 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.samples import Array
 
-EPOCH = 1e8
-"""Times above this value are Unix times (1973 and later), s."""
+EPOCH = 1e9
+"""Times above this value are Unix times (September 2001 and later), s."""
+
+
+def places_text(noun: str, numbers: Iterable[int]) -> str:
+    """Numbers as text, such as `lines 3, 11`."""
+    words = [*map(str, numbers)]
+    return f"{noun}{'s' if len(words) > 1 else ''} {listed(words, 8)}"
+
+
+def unique(name: str, seen: Counter[str]) -> str:
+    """Name that was not used before: `q` at first, then `q#2`, `q#3`, ... seen: number of uses of each name."""
+    seen[name] += 1
+    return name if seen[name] == 1 else f"{name}#{seen[name]}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +59,10 @@ class RawTable:
     """Line number (n,) of each row in a text file, counted from 1."""
     time: Array = field(default_factory=lambda: np.empty(0))
     """Strictly increasing times (n,), s, which `asrsim.recordings.times` finds; empty as returned by a reader."""
-    clock: str = ""
-    """Column and unit of the time, in the syntax of a reading document."""
+    clock: Mapping[str, Any] = field(default_factory=dict)
+    """Column and unit of the time, as under the key `time` of a reading document."""
+    zero: int = 0
+    """Unix time in ns of time 0; 0 for times that do not count from a date."""
 
     def line(self, row: int) -> int | None:
         """Line number of a row; None outside of text files."""
@@ -54,8 +70,7 @@ class RawTable:
 
     def places(self, rows: NDArray[np.intp]) -> str:
         """Rows as text, such as `lines 3, 11`, or `samples 2, 10` outside of text files."""
-        numbers, noun = (rows + 1, "sample") if self.lines is None else (self.lines[rows], "line")
-        return f"{noun}{'s' if len(rows) > 1 else ''} {listed(numbers.tolist(), 8)}"
+        return places_text("sample", rows + 1) if self.lines is None else places_text("line", self.lines[rows])
 
     def selected(self, rows: NDArray[np.bool_]) -> RawTable:
         """Table with the rows of a mask (n,)."""
@@ -68,8 +83,9 @@ class RawTable:
 class Content:
     """Content of a file, as its format's reader returns it."""
 
-    format: str
     tables: tuple[RawTable, ...]
+    format: str = ""
+    """Name of the reader in `asrsim.recordings.READERS`, which `asrsim.recordings.formats.content_of` enters."""
     findings: tuple[Problem, ...] = ()
     layout: Mapping[str, str | int] = field(default_factory=dict)
     """Detected layout of a text or sheet, under the keys of a reading document."""

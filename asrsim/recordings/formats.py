@@ -70,17 +70,9 @@ def content_of(path: Path, reading: Reading) -> Content:
         name = format_of(path)
         reader = READERS.get(name)
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
+        return replace(found, format=name)
     except OSError as error:
         raise RecordingError(f"cannot be read: {error}", code="no-file") from None
-    if reading.missing is None:
-        return found
-    return replace(found, tables=tuple(_without(table, reading.missing) for table in found.tables))
-
-
-def _without(table: RawTable, missing: float) -> RawTable:
-    """Table with NaN in place of the number that marks missing values, such as -9999."""
-    columns = [replace(one, values=np.where(one.values == missing, np.nan, one.values)) for one in table.columns]
-    return replace(table, columns=tuple(columns))
 
 
 def format_of(path: Path) -> str:
@@ -96,15 +88,15 @@ def format_of(path: Path) -> str:
     if not start:
         raise RecordingError("the file is empty", code="empty", hint="Expected a header and rows of numbers")
     readers = {name: READERS.get(name) for name in READERS}
-    by_magic = next((name for name, reader in readers.items() if reader.magic and start.startswith(reader.magic)), None)
-    by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
+    by_magic = next((name for name, reader in readers.items() if start.startswith(reader.magic)), None)
     if by_magic is not None:
         return by_magic
+    by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
     # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start
-    if by_suffix not in ("text", "json") and not text:
-        return by_suffix
-    return "json" if is_json(path) else "text"
+    if text or by_suffix in ("text", "json"):
+        return "json" if is_json(path) else "text"
+    return by_suffix
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
@@ -155,35 +147,34 @@ def answer_of(request: dict[str, str]) -> bytes:
 
 
 def pack(answer: Content | Sequence[Problem]) -> bytes:
-    """Content or problems as bytes without executable code: a line of JSON, followed by NumPy arrays."""
+    """Content or problems as bytes without executable code: JSON and NumPy arrays in one archive."""
     arrays: list[NDArray[Any]] = []
 
     def plain(one: Any) -> Any:
         if isinstance(one, np.ndarray):
             arrays.append(one)
-            return {"array": len(arrays) - 1}
+            return {"array": f"arr_{len(arrays) - 1}"}
         return {type(one).__name__: vars(one)} if is_dataclass(one) else str(one)
 
-    head = json.dumps(answer, default=plain).encode()
+    head = json.dumps(answer, default=plain)
     stream = BytesIO()
-    np.savez(stream, *arrays)
-    return head + b"\n" + stream.getvalue()
+    np.savez(stream, *arrays, head=np.array(head))
+    return stream.getvalue()
 
 
 def unpack(data: bytes) -> Content:
     """Content from the bytes of `pack`. Raises RecordingError where the bytes contain problems."""
-    head, _, rest = data.partition(b"\n")
-    arrays = np.load(BytesIO(rest), allow_pickle=False)
+    arrays = np.load(BytesIO(data), allow_pickle=False)
 
     def built(found: dict[str, Any]) -> Any:
         name = next(iter(found), "")
         if name == "array":
-            return arrays[f"arr_{found[name]}"]
+            return arrays[found[name]]
         if name == "Problem":
             found[name]["choices"] = tuple(found[name]["choices"])
         return _CLASSES[name](**found[name]) if name in _CLASSES else found
 
-    answer = json.loads(head, object_hook=built)
+    answer = json.loads(str(arrays["head"]), object_hook=built)
     if isinstance(answer, Content):
         return answer
     raise RecordingError(answer)

@@ -1,4 +1,4 @@
-"""Maps the joints of a recording to those of the simulation: by name, or by order where the recording has no names."""
+"""Maps the joints of a recording to those of the simulation by their names, and checks the units of columns."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
 
 
-def match_joints(
-    names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
-) -> tuple[dict[str, str], list[Problem]]:
-    """Map from joints of the recording to joints of the simulation, and notes. Raises RecordingError without a common joint."""
+def match_joints(names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None) -> Mapping[str, str]:
+    """Map from joints of the recording to joints of the simulation. Raises RecordingError without a common joint."""
     recorded = recording.joints
     if joints is not None:
         unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
@@ -21,16 +19,10 @@ def match_joints(
             raise RecordingError(
                 f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names), code="no-such-joint"
             )
-        return dict(joints), []
-    plain = {_plain(name): name for name in names}
-    pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
+        return joints
+    pairing = {joint: name for joint in recorded if (name := matching_name(joint, names)) is not None}
     if pairing:
-        return pairing, []
-    if recorded and all(_made_up(recording, joint) for joint in recorded) and len(recorded) <= len(names):
-        pairing = dict(zip(recorded, names, strict=False))
-        message = f"the file names no joints; they are matched by order: {', '.join(f'{a} is {b}' for a, b in pairing.items())}"
-        hint = "Use another order with --map COLUMN=JOINT.QUANTITY"
-        return pairing, [Problem(message, file=recording.path, code="joints-by-order", hint=hint)]
+        return pairing
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
     doubt = next((f"; {one.source}: {one.question}" for one in recording.asked), "")
     raise RecordingError(
@@ -66,14 +58,8 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
 
 def matching_name(name: str, names: Sequence[str]) -> str | None:
     """Name in `names` that equals `name` up to case and separators; None if no name does."""
-    return next((other for other in names if _plain(other) == _plain(name)), None)
 
+    def plain(text: str) -> str:
+        return text.lower().translate({ord(sign): None for sign in "_- "})
 
-def _plain(name: str) -> str:
-    return name.lower().replace("_", "").replace("-", "").replace(" ", "")
-
-
-def _made_up(recording: Recording, joint: str) -> bool:
-    """Whether asrsim made the joint's name up, such as joint_3 from a number in a column's name."""
-    columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
-    return joint.startswith("joint_") and all(column.origin.startswith("by its name") for column in columns)
+    return next((other for other in names if plain(other) == plain(name)), None)

@@ -27,7 +27,7 @@ _WORDS = {
         "elastic": "el spring", "equilibrium": "eq",
         "reference": "references ref cmd command commanded des desired target setpoint qref qdes qcmd",
         "": "joint joints axis link measured meas actual data value values angular state states",
-        "?": "eff moment th qd phi rate enc encoder rotation omega load trq",
+        "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
     }.items()
     for word in words.split()
 }  # fmt: skip
@@ -95,7 +95,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
     # Other characters (q', q*, a dot above) are ambiguous.
     if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
-        doubtful = _DOUBTFUL & {*_words(tokens_of(rest))} or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
+        doubtful = named or _DOUBTFUL & {*_words(tokens_of(rest))} or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
         if doubtful and "reference" not in words:
             raise DoubtError("its name may or may not be a quantity of a joint")
         return joint, None

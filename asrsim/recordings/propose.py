@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from asrsim.errors import OutputError
 from asrsim.recordings.data import Recording
@@ -40,14 +41,14 @@ def propose(
         f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
         "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
         "# each line, answer the questions, and delete the columns that are not to be used.",
-        f"file: {_text(called or path.name)}",
-        *(_line(f"{key}: {_text(value)}", "as found in the file") for key, value in content.layout.items()),
+        _yaml({"file": called or path.name}),
+        *(_line(_yaml({key: value}), "as found in the file") for key, value in content.layout.items()),
     ]
     if rate is not None:
         lines.append(_line(f"time: {{rate: {rate:g}}}", "Hz, as stated"))
     elif clock := content.tables[0].clock:
-        doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
-        lines.append(_line(f"time: {clock}", f"? {doubt}" if doubt else "its name and unit"))
+        doubt = next((one.message for one in recording.findings if one.hint and one.key == clock["column"]), "")
+        lines.append(_line(f"time: {_yaml(clock, flow=True)}", f"? {doubt}" if doubt else "its name and unit"))
     lines += _map(recording, reading)
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return place, recording
@@ -63,10 +64,10 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
             unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
             target = given.get(column.source) or column.meaning + (f" [{unit}]" if unit else "")
             doubt = "" if " assumed" not in column.conversion else "; ? the file states no unit"
-            yield _line(f"  {_text(column.source)}: {_text(target)}", column.origin + doubt)
+            yield _line(f"  {_yaml({column.source: target})}", column.origin + doubt)
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
-        yield _line(f"  # {_text(column.source)}: {target}", f"? {column.question}")
+        yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
     if others := [column.source for column in columns if not (column.quantity or column.question)]:
         yield f"# not used: {', '.join(others)}"
 
@@ -75,8 +76,8 @@ def _line(text: str, reason: str) -> str:
     return f"{text.ljust(58)}  # {reason}"
 
 
-def _text(value: object) -> str:
-    """Value in YAML syntax, quoted where YAML needs quotes."""
-    text = str(value)
-    plain = text.replace("_", "").replace(".", "").replace("/", "").replace(" ", "").isalnum() and not text[:1].isdigit()
-    return text if isinstance(value, int) or (plain and text == text.strip()) else json.dumps(text, ensure_ascii=False)
+def _yaml(data: Mapping[str, Any], *, flow: bool = False) -> str:
+    """Data as one line of YAML; flow: in braces."""
+    import yaml
+
+    return yaml.safe_dump(dict(data), default_flow_style=flow, allow_unicode=True, width=math.inf, sort_keys=False).strip()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 
@@ -63,6 +64,19 @@ def read_recording(
     return read_tables(path, resolve_reading(mapping, path, rate), joints)[1]
 
 
+@lru_cache(maxsize=4)
+def read_cached(
+    path: Path, _modified: tuple[int, int], *, mapping: tuple[str, ...] = (), joints: tuple[str, ...] | None = None,
+    rate: float | None = None, in_seconds: bool = False,
+) -> tuple[Content, Recording]:  # fmt: skip
+    """Content and recording as by `read_tables`, from memory where they were read before.
+
+    _modified: `asrsim.recordings.reading.modified` of the path. in_seconds: as in `Reading`. The other arguments are those of
+    `read_recording`.
+    """
+    return read_tables(path, replace(resolve_reading(mapping, path, rate), in_seconds=in_seconds), joints)
+
+
 def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = None) -> tuple[Content, Recording]:
     """Content of the file, with times and with all findings, and the recording made of its tables."""
     findings: list[Problem] = []
@@ -87,25 +101,17 @@ def _recording(
     path: Path, content: Content, reading: Reading, joints: Sequence[str] | None, findings: list[Problem]
 ) -> Recording:
     """Recording made of the tables. Raises RecordingError with all problems of the mapping."""
-    raw = [(column, table.time) for table in content.tables for column in table.columns]
-    explicit = _explicit([column for column, _ in raw], reading, joints)
-    names = Counter(_first_of(column.name) for column, _ in raw)
+    raw = [column for table in content.tables for column in table.columns]
+    times = [table.time for table in content.tables for _ in table.columns]
+    meanings = _meanings(raw, _explicit(raw, reading, joints), reading, joints)
     with np.errstate(over="ignore", invalid="ignore"):
-        columns = [
-            _column(one, time, explicit.get(i), reading, joints, repeated=names[_first_of(one.name)] > 1)
-            for i, (one, time) in enumerate(raw)
-        ]
+        columns = [in_si(column, time, meaning) for column, time, meaning in zip(raw, times, meanings, strict=True)]
     columns = _without_repeats(columns, findings)
-    findings += [*suspicions(columns, [column.values for column, _ in raw]), *_questions(path, columns)]
+    findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
-        path=path, format=content.format, time=max(columns, key=lambda column: len(column.time)).time,
+        path=path, format=content.format, time=max(times, key=len),
         channels={column.source: column for column in columns}, reading=reading.origin,
     )  # fmt: skip
-
-
-def _first_of(name: str) -> str:
-    """Name without its repetition number: q for q#2."""
-    return re.sub(r"#\d+$", "", name)
 
 
 def _windowed(content: Content, reading: Reading) -> Content:
@@ -127,23 +133,25 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
 
     joints: joints of the simulation. Documents may name other joints, as they may describe a larger robot.
     """
-    names = [column.name for column in raw]
+    names = tuple(column.name for column in raw)
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in reading.maps:
-        index = find_raw(one.column, raw)
+        problem, index = Problem("", key=one.column), find_raw(one.column, raw)
         if index is None:
             message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
-            problems.append(Problem(message, key=one.column, choices=tuple(names[:20]), hint=hint, code="no-such-column"))
+            problem = replace(problem, message=message, choices=names[:20], hint=hint, code="no-such-column")
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, KNOWN[one.quantity].unit):
             message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({KNOWN[one.quantity].unit})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
-            problems.append(Problem(message, key=one.column, hint=hint, code="wrong-unit"))
+            problem = replace(problem, message=message, hint=hint, code="wrong-unit")
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
             message, hint = f"the simulation has no joint '{one.joint}'", did_you_mean(one.joint, tuple(joints))
-            problems.append(Problem(message, key=one.column, choices=tuple(joints[:20]), hint=hint, code="no-such-joint"))
+            problem = replace(problem, message=message, choices=tuple(joints[:20]), hint=hint, code="no-such-joint")
         else:
             found[index] = one
+            continue
+        problems.append(problem)
     if problems:
         raise RecordingError(problems)
     return found
@@ -155,23 +163,27 @@ def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
     return stated or stated_unit(raw.name) or Unit("", "", 1.0)
 
 
-def _column(
-    raw: RawColumn, time: Array, explicit: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, *, repeated: bool
-) -> Column:
-    """Column in SI units, by its mapping, or else by the file or the column's name. repeated: the name is not unique."""
-    if explicit is not None:
-        return in_si(raw, time, explicit)
-    if reading.columns is not None:
-        origin = f"not used: missing in {reading.origin.name if reading.origin else 'the document'}"
-        return in_si(raw, time, ColumnMap(origin=origin))
-    try:
-        joint, quantity = _meaning(raw, joints)
-        if quantity and repeated:
-            raise DoubtError("several columns have its name")
-    except DoubtError as doubt:
-        return in_si(raw, time, ColumnMap(origin=f"asked: {doubt}"))
-    origin = ORIGINS[2 if raw.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
-    return in_si(raw, time, ColumnMap(joint=joint, quantity=quantity, origin=origin))
+def _meanings(
+    raw: Sequence[RawColumn], explicit: Mapping[int, ColumnMap], reading: Reading, joints: Sequence[str] | None
+) -> Iterator[ColumnMap]:
+    """Meaning of each column, by its mapping, or else by the file or the column's name."""
+    names = [re.sub(r"#\d+$", "", column.name) for column in raw]
+    uses = Counter(names)
+    for i, (column, name) in enumerate(zip(raw, names, strict=True)):
+        if i in explicit:
+            yield explicit[i]
+        elif reading.columns is not None:
+            yield ColumnMap(origin=f"not used: missing in {reading.document}")
+        else:
+            try:
+                joint, quantity = _meaning(column, joints)
+                if quantity and uses[name] > 1:
+                    raise DoubtError("several columns have its name")
+            except DoubtError as doubt:
+                yield ColumnMap(origin=f"asked: {doubt}")
+                continue
+            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
+            yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
 def _meaning(raw: RawColumn, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
@@ -201,25 +213,26 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     Values above `LARGEST` become NaN, as no sensor measures them.
     """
     unit = _unit(raw, meaning)
-    quantity = KNOWN[meaning.quantity].unit if meaning.quantity is not None else ""
-    stated = bool(unit.symbol)
-    steps = [f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"] if unit.factor != 1.0 else []
+    quantity = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
     # The unit of a reference depends on the mode.
     assumed = "SI" if meaning.quantity in ("reference_1", "reference_2") else quantity
-    steps += [f"{assumed} assumed"] if assumed and not stated and not meaning.origin.startswith("named") else []
+    steps = (
+        (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
+        (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),
+        (meaning.scale != 1.0, f"x {meaning.scale:g}"),
+        (meaning.unwrapped, "unwrapped"),
+        (meaning.offset, f"{meaning.offset:+g}"),
+    )
     values = raw.values * unit.factor * meaning.scale
-    steps += [] if meaning.scale == 1.0 else [f"x {meaning.scale:g}"]
     values[np.abs(values) > LARGEST] = np.nan
     if meaning.unwrapped:
         good = np.isfinite(values)
         values[good] = np.unwrap(values[good])
-        steps.append("unwrapped")
-    steps += [f"{meaning.offset:+g}"] if meaning.offset else []
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
         time=time, values=values + meaning.offset, unit="" if unit.si == "1" else unit.si or quantity, joint=meaning.joint,
-        quantity=meaning.quantity, source=raw.name, conversion="; ".join(steps), stated=stated,
-        origin=f"not used: {meaning.origin}" if unused else meaning.origin,
+        quantity=meaning.quantity, source=raw.name, conversion="; ".join(text for applies, text in steps if applies),
+        stated=bool(unit.symbol), origin=f"not used: {meaning.origin}" if unused else meaning.origin,
     )  # fmt: skip
 
 
@@ -238,13 +251,12 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=rank):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
+        message = f"is a second column for {column.meaning}, beside '{first.source}'"
         if rank(column) == rank(first) < 2:
-            message = f"is a second column for {column.meaning}, beside '{first.source}'"
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):
-            message = f"is a second column for {column.meaning}, beside '{first.source}', which is used"
             hint = f"To use this column: --map '{column.source}={column.meaning}'"
-            findings.append(Problem(message, key=column.source, code="second-column", hint=hint))
+            findings.append(Problem(f"{message}, which is used", key=column.source, code="second-column", hint=hint))
         origin = f"not used: {column.meaning} is '{first.source}'"
         result[column.source] = replace(column, joint=None, quantity=None, origin=origin)
     if problems:

@@ -6,7 +6,7 @@ import codecs
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -75,13 +75,12 @@ class TimeKeys:
         return () if self.column is None else one_or_more(self.column)
 
     @property
-    def factor(self) -> float | None:
-        """Size of the time unit, s; None where no unit is stated."""
-        unit = None if self.unit is None else parse_unit(self.unit)
-        return None if unit is None else unit.factor
+    def stated(self) -> Unit | None:
+        """Stated unit of the time; None where no unit is stated."""
+        return None if self.unit is None else find_unit(self.unit)
 
     def __post_init__(self) -> None:
-        if self.unit is not None and (find_unit(self.unit) is None or parse_unit(self.unit).si != "s"):
+        if self.unit is not None and (self.stated is None or self.stated.si != "s"):
             raise _error("unit", f"{self.unit} is no unit of time", choices=("s", "ms", "us", "ns"))
 
 
@@ -108,6 +107,10 @@ class Reading:
     sheet: str | None = declare(
         Text(noun="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
+    joint: str | None = declare(
+        Text(noun="name of a column"), doc="text and sheets: column that names the joint of each row, if the rows of several "
+        "joints take turns", default=None, shown="none",
+    )  # fmt: skip
     missing: float | None = declare(
         NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",
@@ -121,8 +124,10 @@ class Reading:
         MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
         doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
     )  # fmt: skip
-    maps: tuple[ColumnMap, ...] = ()
-    """Meanings of the columns, from `columns` and the items of `--map`."""
+    given: tuple[ColumnMap, ...] = ()
+    """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
+    maps: tuple[ColumnMap, ...] = field(default=(), init=False)
+    """Meanings of the columns, from `given` and `columns`."""
     in_seconds: bool = False
     """True: a time without a unit is in s, as in scenarios; False: an implausible step is asked about."""
     origin: Path | None = None
@@ -136,16 +141,21 @@ class Reading:
                 problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
         if self.span[0] >= self.span[1]:
             problems.append(Problem("must be a start and a later end", key="window", value=self.window, code="range"))
-        known = {one.column for one in self.maps}
-        maps: list[ColumnMap] = []
+        maps = list(self.given)
+        taken = {one.column for one in self.given}
         for column, text in (self.columns or {}).items():
             try:
-                maps += [parse_meaning(column, text, origin="")] if column not in known else []
+                maps += [] if column in taken else [parse_meaning(column, text, self.document)]
             except RecordingError as error:
                 problems += [replace(one, key="columns", message=f"{column}: {one.message}") for one in error.problems]
         if problems:
             raise RecordingError(problems)
-        object.__setattr__(self, "maps", (*self.maps, *maps))
+        object.__setattr__(self, "maps", tuple(maps))
+
+    @property
+    def document(self) -> str:
+        """Name of the document; "" without a document."""
+        return "" if self.origin is None else self.origin.name
 
     @property
     def span(self) -> tuple[float, float]:
@@ -181,10 +191,9 @@ def modified(path: Path) -> tuple[int, int]:
 def load_reading(path: Path) -> Reading:
     """Reading options from a document. Raises RecordingError with all problems."""
     try:
-        found = read_file(READING, path)
+        return replace(read_file(READING, path), origin=path)
     except InputError as error:
         raise RecordingError(error.problems) from None
-    return replace(found, maps=tuple(replace(one, origin=path.name) for one in found.maps), origin=path)
 
 
 def resolve_reading(
@@ -197,19 +206,9 @@ def resolve_reading(
     document = documents[-1] if documents else reading_file(path) if beside else None
     reading = Reading() if document is None else load_reading(document)
     problems: list[Problem] = []
-    maps: list[ColumnMap] = []
     for text in (str(item) for item in items if not is_document(item)):
-        column, _, target = (part.strip() for part in text.rpartition("="))
-        time = _TIME.fullmatch(target)
         try:
-            if not column or not target:
-                raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
-            if column == "window" and ".." in target:
-                reading = replace(reading, window=_window(target))
-            elif time is not None:
-                reading = replace(reading, time=TimeKeys(column=column, unit=time["unit"]))
-            else:
-                maps.append(parse_meaning(column, target))
+            reading = _with_item(reading, text)
         except RecordingError as error:
             problems += error.problems
     if rate is not None:
@@ -218,8 +217,19 @@ def resolve_reading(
         reading = replace(reading, time=replace(reading.time, rate=rate))
     if problems:
         raise RecordingError(problems)
-    taken = {one.column for one in maps}
-    return replace(reading, maps=(*maps, *(one for one in reading.maps if one.column not in taken)))
+    return reading
+
+
+def _with_item(reading: Reading, text: str) -> Reading:
+    """Reading with an item of `--map`. Raises RecordingError."""
+    column, _, target = (part.strip() for part in text.rpartition("="))
+    if not column or not target:
+        raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
+    if column == "window" and ".." in target:
+        return replace(reading, window=_window(target))
+    if (time := _TIME.fullmatch(target)) is not None:
+        return replace(reading, time=TimeKeys(column=column, unit=time["unit"]))
+    return replace(reading, given=(*reading.given, parse_meaning(column, target)))
 
 
 def is_document(item: str | Path) -> bool:
@@ -236,13 +246,12 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)
     found = _TARGET.fullmatch(target)
-    if found is None:
-        raise _error(column, f"'{target}' is not JOINT.QUANTITY")
+    if target == "time":
+        raise _error(column, "is the time; state its column under `time`")
+    if found is None or found["joint"] is None:
+        hint = None if found is None else f"Did you mean {found['name']}.link_position?"
+        raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=hint)
     quantity = ALIASES.get(found["name"], found["name"])
-    if found["joint"] is None:
-        if quantity == "time":
-            raise _error(column, "is the time; state its column under `time`")
-        raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=f"Did you mean {found['name']}.link_position?")
     if quantity not in KNOWN:
         raise _error(column, f"no quantity is called '{found['name']}'", choices=(*KNOWN, *ALIASES), meant=found["name"])
     return ColumnMap(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
-from datetime import date, datetime, time, timedelta
+from datetime import date, time, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ def _content(data: Any, reading: Reading) -> Content:
     if isinstance(data, dict):
         lists = [one for one in data.values() if isinstance(one, list) and one and isinstance(one[0], dict)]
         if not lists:
-            return of_tree("json", _arrays(data), [], reading)
+            return of_tree(_arrays(data), [], reading)
         data = lists[0]
     records = [dict(_flat(one, "")) for one in data]
     if len(records) < 2:
@@ -59,15 +60,13 @@ def _content(data: Any, reading: Reading) -> Content:
             hint="Expected records with a time and signals: one per line, a list of records, or an object of lists",
         )  # fmt: skip
     labels = list(dict.fromkeys(label for record in records for label in record))
-    return read_cells("json", [labels, *([record.get(label, "") for label in labels] for record in records)], reading)
+    return read_cells([labels, *([record.get(label, "") for label in labels] for record in records)], reading)
 
 
 def _arrays(data: Any) -> Any:
     """JSON data in which lists of numbers are arrays, with NaN for null. Text and lists of unequal length become None."""
     if isinstance(data, dict):
         return {name: _arrays(one) for name, one in data.items()}
-    if isinstance(data, list) and data and all(isinstance(one, dict) for one in data):
-        return [_arrays(one) for one in data]
     try:
         return np.array(data, dtype=float)
     except (ValueError, TypeError, OverflowError):
@@ -76,15 +75,14 @@ def _arrays(data: Any) -> Any:
 
 def _of_lines(text: str, whole: Exception) -> list[Any]:
     """Records of a file with one record per line. The last line of a truncated file may be incomplete."""
-    records = []
-    lines = [line for line in text.splitlines() if line.strip()]
-    for count, line in enumerate(lines, start=1):
-        try:
-            records.append(json.loads(line))
-        except (ValueError, RecursionError):
-            if count < len(lines) or len(lines) < 3:
-                number = getattr(whole, "lineno", None)
-                raise RecordingError(f"cannot be read as JSON: {whole}", line=number, code="bad-json") from None
+    *lines, last = [line for line in text.splitlines() if line.strip()]
+    try:
+        records = [json.loads(line) for line in lines or [last]]
+    except (ValueError, RecursionError):
+        line = getattr(whole, "lineno", None)
+        raise RecordingError(f"cannot be read as JSON: {whole}", line=line, code="bad-json") from None
+    with suppress(ValueError, RecursionError):
+        records.append(json.loads(last))
     return records
 
 
@@ -114,7 +112,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
         raise RecordingError("has no sheet with rows of numbers", code="no-numbers")
     # A row with a single filled cell is a title, not part of the table.
     rows = [row if sum(cell != "" for cell in row) > 1 else [] for row in tables[full[0]]]
-    found = read_cells("excel", [[_text(cell) for cell in row] for row in rows], reading)
+    found = read_cells([[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:
         return found
     message = f"has {len(full)} sheets with numbers: {listed(full, 6)}; the first is read"
@@ -125,6 +123,6 @@ def read_excel(path: Path, reading: Reading) -> Content:
 def _text(cell: Any) -> str:
     if isinstance(cell, timedelta):
         return f"{cell.total_seconds():.9f}"
-    if isinstance(cell, date | datetime | time):
+    if isinstance(cell, date | time):
         return cell.isoformat()
     return " ".join(str(cell).split()) if not isinstance(cell, bool) else str(int(cell))

@@ -32,7 +32,9 @@ def suspicions(columns: Sequence[Column], raw: Sequence[Array]) -> list[Problem]
 
 
 def beside(expected: Array, measured: Array, column: Column, joint: str, than: str = "the simulation") -> list[Problem]:
-    """Suspected errors of unit and sign in a column, against expected values.
+    """Suspected errors of unit (values 57.3 or 1000 times too large or too small) and of sign in a column.
+
+    The ranges (5 to 95 %) of both series are compared; where one series is constant, the mean magnitudes are compared.
 
     Args:
         expected: Expected values (n,).
@@ -41,46 +43,20 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         joint: Joint of the simulation.
         than: Name of the expected values in messages.
     """
-    target = f"{joint}.{column.quantity}"
-    found = [] if (scale := suspect_scale(expected, measured, than, column.source, target)) is None else [scale]
-    both = np.isfinite(expected) & np.isfinite(measured)
-    correlation = _correlation(expected[both], measured[both]) if both.sum() >= 10 else 0.0
-    if correlation < _TURNED:
-        message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
-        found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
-    return found
-
-
-def suspect_scale(
-    expected: Array, measured: Array, than: str = "the simulation", source: str = "COLUMN", target: str = "JOINT.QUANTITY"
-) -> Problem | None:
-    """Suspected wrong unit: values 57.3 or 1000 times too large or too small; None if there is no suspicion.
-
-    The ranges (5 to 95 %) of both series, (n,) and (m,), are compared; where one series is constant, the mean
-    magnitudes are compared.
-    """
-    ratio = _ratio(expected, measured)
+    target, ratio = f"{joint}.{column.quantity}", _ratio(expected, measured)
+    found: list[Problem] = []
     for factor, unit in _FACTORS:
         for size, what in ((factor, f"is it in {unit}"), (1 / factor, f"was it converted from {unit} twice")):
             if 0.8 < ratio / size < 1.25:
                 message = f"is {ratio:.4g} times as large as {than}, close to {size:.4g}: {what}?"
-                cure = f"Convert it: --map '{source}={1 / size:.7g}*{target}'"
-                return Problem(message, hint=cure, code="suspected-unit")
-    return None
-
-
-def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
-    """Question to the user if link positions without a stated unit exceed the joint's stops; None otherwise."""
-    most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
-    if column.quantity != "link_position" or column.stated or not len(values):
-        return None
-    farthest = float(np.percentile(values, 98))  # percentiles ignore single outliers
-    if farthest < 1.5 * most:
-        return None
-    return (
-        f"{column.source}: states no unit and reaches {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
-        f"in degrees or mm? State the unit with --map '{column.source}={joint}.link_position [deg]'"
-    )
+                cure = f"Convert it: --map '{column.source}={1 / size:.7g}*{target}'"
+                found.append(Problem(message, hint=cure, code="suspected-unit"))
+    both = np.isfinite(expected) & np.isfinite(measured)
+    correlation = _correlation(expected[both], measured[both])
+    if correlation < _TURNED:
+        message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
+        found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
+    return found
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:
@@ -109,6 +85,17 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         )
         hint = "Comparisons skip these samples; they are not interpolated"
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
+    start = values[:1000]
+    if len(start) > _FEWEST and np.ptp(start) > 0.0:
+        changes = [float(np.median(np.abs(start[lag:] - start[:-lag]))) for lag in range(1, 9)]
+        # A resting sensor alternates between neighbouring values.
+        if min(changes) < 0.1 * changes[0] and changes[0] > 10 * np.diff(np.unique(start)).min():
+            count = np.argmin(changes) + 1
+            message = (
+                f"is close to its value {count} samples before, but far from its neighbours: do {count} joints take turns?"
+            )
+            hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
+            yield Problem(message, key=column.source, hint=hint, code="suspected-turns")
     whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
     periods = [(numbers, 2.0**bits) for bits in (8, 16, 32) if whole and numbers.max() < 2.0**bits]
     for series, period in [(values, math.tau)] * (column.unit == "rad") + periods:
@@ -152,8 +139,8 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
 
 
 def _correlation(a: Array, b: Array) -> float:
-    """Correlation coefficient of two series (n,); 0 where one of them is constant."""
-    return float(np.corrcoef(a, b)[0, 1]) if min(np.ptp(a), np.ptp(b)) > 1e-9 else 0.0
+    """Correlation coefficient of two series (n,); 0 for short series, and where one of them is constant."""
+    return float(np.corrcoef(a, b)[0, 1]) if len(a) >= _FEWEST and min(np.ptp(a), np.ptp(b)) > 1e-9 else 0.0
 
 
 def _ratio(expected: Array, measured: Array) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, counted, listed
+from asrsim.plain import one_or_more
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
 from asrsim.recordings.names import find_raw, tokens_of
 from asrsim.recordings.reading import Reading
@@ -18,8 +18,8 @@ from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
-              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "header", "field", "zeit", "s", "ms",
-              "us", "ns"}  # fmt: skip
+              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "unix", "header", "field", "zeit", "s",
+              "ms", "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _SYMBOLS = ("s", "ms", "us", "ns")
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
@@ -38,29 +38,41 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
     """
     faults: list[Problem] = []
     tables: list[RawTable] = []
-    zeros: list[int] = []
-    for table in content.tables:
+    for prefix, part in [part for table in content.tables for part in _by_joint(table, reading.joint)]:
         try:
-            timed, name, zero = _timed(table, reading, findings)
-            found = _cleaned(timed, table.name or name, findings)
+            timed = _cleaned(_timed(part, reading, findings), findings)
         except RecordingError as error:
             faults += error.problems
             continue
-        if found.columns:
-            tables.append(found)
-            zeros.append(zero if zero > EPOCH * 1e9 else 0)
+        if timed.columns:
+            tables.append(replace(timed, columns=tuple(replace(one, name=prefix + one.name) for one in timed.columns)))
     if not tables:
         message = "has only a time column; expected a time and at least one signal"
         hint = "For a signal without a time give the sampling rate with --rate"
         raise RecordingError(faults or Problem(message, code="one-column", hint=hint))
     findings += [replace(one, message=f"table is not read: {one.message}", code="unread") for one in faults]
-    starts = [zero + round(table.time[0] * 1e9) for table, zero in zip(tables, zeros, strict=True) if zero]
-    first = min(starts, default=0)
-    tables = [
-        replace(table, time=table.time + (zero - first if zero else 0) * 1e-9)
-        for table, zero in zip(tables, zeros, strict=True)
-    ]
+    first = min((table.zero + round(table.time[0] * 1e9) for table in tables if table.zero), default=0)
+    tables = [replace(table, time=table.time + (table.zero - first) * 1e-9) if table.zero else table for table in tables]
     return replace(content, tables=tuple(tables))
+
+
+def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
+    """Table of each joint that the column `name` names row by row, and the prefix of its columns' names, such as `elbow.`.
+
+    Without a name the table itself, with the prefix "". Raises RecordingError if there is no such column.
+    """
+    if name is None:
+        return [("", table)]
+    names = [column.name for column in table.columns]
+    if name not in names:
+        raise RecordingError("the file has no such column", key=f"joint: {name}", choices=tuple(names[:12]), code="no-joint")
+    joints = table.columns[names.index(name)].values
+    others = replace(table, columns=tuple(one for one in table.columns if one.name != name), time=np.zeros(len(joints)))
+    parts = []
+    for joint in dict.fromkeys(joints.tolist()):
+        label = str(joint).removesuffix(".0")
+        parts.append((f"joint_{label}." if label.isdecimal() else f"{label}.", others.selected(joints == joint)))
+    return parts
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
@@ -89,23 +101,23 @@ def unit_of_time(column: RawColumn) -> Unit | None:
     unit = unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
     if unit is not None and unit.si == "s":
         return unit
-    known = column.values[np.isfinite(column.values)]
-    size = float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
-    return UNITS[("s", "ms", "us", "ns")[min(int(np.log10(size / EPOCH) / 3), 3)]] if size > EPOCH else None
+    size = _median(column.values)
+    return UNITS[_SYMBOLS[min(int(np.log10(size / EPOCH) / 3), 3)]] if size > EPOCH else None
 
 
-def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[RawTable, str, int]:
-    """Table with its times in s and without its time columns, the name of the time, and the clock reading at time 0 in ns.
+def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTable:
+    """Table with its times in s, without its time columns, and with NaN in place of the number that marks missing values.
 
-    The time is in the columns that the user states, or else in the first column with the name of a time. Times that are
-    neither dates nor Unix times have the clock reading 0.
+    The time is in the columns that the user states, or else in the first column with the name of a time.
     """
     columns, names = table.columns, [column.name for column in table.columns]
+    if (lost := reading.missing) is not None:
+        columns = tuple(replace(one, values=np.where(one.values == lost, np.nan, one.values)) for one in columns)
     mapped = {find_raw(one.column, columns) for one in reading.maps}
     named = [i for i, column in enumerate(columns) if is_named_time(column) and i not in mapped]
     if reading.time.rate is not None:
         signals = tuple(column for i, column in enumerate(columns) if i not in named)
-        return replace(table, columns=signals, time=np.arange(len(columns[0].values)) / reading.time.rate), "time", 0
+        return replace(table, columns=signals, time=np.arange(len(columns[0].values)) / reading.time.rate)
     stated = {name: find_raw(name, columns) for name in reading.time.columns}
     missing = [name for name, place in stated.items() if place is None]
     if missing and not table.name:  # for topics without the stated column, the times of the messages are used
@@ -120,11 +132,12 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[
         _check_second_time(names, named[0], named[1], findings)
     alone = len(places) == 1
     seconds, zeros, units = zip(*(_seconds(columns[place], reading, findings, alone=alone) for place in places), strict=True)
-    label = json.dumps(names[places[0]] if alone else [names[place] for place in places], ensure_ascii=False)
-    unit = f", unit: {units[0]}" if alone and units[0] else ""
+    clock: dict[str, object] = {"column": names[places[0]] if alone else [names[place] for place in places]}
+    if alone and units[0]:
+        clock["unit"] = units[0]
     signals = tuple(column for i, column in enumerate(columns) if i not in (*places, *named))
-    timed = replace(table, columns=signals, time=np.sum(seconds, axis=0), clock=f"{{column: {label}{unit}}}")
-    return timed, names[places[0]], sum(zeros)
+    zero = sum(zeros) if sum(zeros) > EPOCH * 1e9 else 0
+    return replace(table, columns=signals, time=np.sum(seconds, axis=0), clock=clock, zero=zero)
 
 
 def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:
@@ -145,59 +158,57 @@ def _stem(name: str) -> list[str]:
 def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> tuple[Array, int, str]:
     """Times of a column in s, the clock reading at time 0 in ns, and the unit of the column ("" for dates).
 
-    alone: Whether this column is the whole time, not one of two columns that are added.
+    Unix times count from the first time. alone: Whether this column is the whole time, not one of two columns that are added.
     """
     name, values = column.name, column.values
     if column.zero is not None:
         return values, column.zero, ""
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
-    unit = unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
-    factor = reading.time.factor or (None if unit is None else unit.factor)
-    if factor is None and not alone:
+    unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
+    if unit is None and not alone:
         raise RecordingError(
             "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
         )
-    if reading.time.factor is None:
-        _check_steps(values, factor, name=name, findings=findings)
-    word = reading.time.unit or ("s" if unit is None else unit.symbol)
-    return *_since_first_date(values, factor or 1.0, float(np.nanpercentile(values, 50, method="nearest"))), word
+    if reading.time.stated is None:
+        _check_steps(values, unit, name=name, findings=findings)
+    unit = unit or UNITS["s"]
+    size = _median(values)
+    if size * unit.factor <= EPOCH:
+        return values * unit.factor, 0, unit.symbol
+    zero = float(values[np.abs(values - size) * unit.factor < EPOCH][0])
+    # A float of 1.7e9 s resolves 2.4e-7 s. Rounding restores the written digits: 0.2 s instead of 0.20000005 s.
+    digits = int(np.floor(-np.log10(np.spacing(size) * unit.factor)))
+    return np.round((values - zero) * unit.factor, digits), round(zero * unit.factor * 1e9), unit.symbol
 
 
-def _check_steps(values: Array, factor: float | None, *, name: str, findings: list[Problem]) -> None:
+def _median(values: Array) -> float:
+    """Middle one of the values that are numbers; 0 without a number."""
+    known = values[np.isfinite(values)]
+    return float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
+
+
+def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[Problem]) -> None:
     """Report time steps that are implausible in the stated unit. Raises RecordingError if no unit is stated for them."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
-    step = float(np.median(steps[steps > 0])) * (factor or 1.0) if steps.any() else SLOWEST
+    step = float(np.median(steps[steps > 0])) * (unit.factor if unit else 1.0) if steps.any() else SLOWEST
     if FASTEST <= step <= SLOWEST:
         return
-    message = f"its samples are {step:g} {'s' if factor else 'units'} apart: is the time in another unit than s?"
+    message = f"its samples are {step:g} {'s' if unit else 'units'} apart: is the time in another unit than s?"
     hint = f"State the unit (s, ms, us, ns, min, h, days): `{name} [ms]` in the header, or --map '{name}=time [ms]'"
-    problem = Problem(message, key=name, hint=hint, code="suspected-time" if factor else "time-unit")
-    if factor is None:
+    problem = Problem(message, key=name, hint=hint, code="suspected-time" if unit else "time-unit")
+    if unit is None:
         raise RecordingError(problem)
     findings.append(problem)
 
 
-def _since_first_date(values: Array, factor: float, size: float) -> tuple[Array, int]:
-    """Times in s, and the Unix time in ns of time 0; Unix times are counted from the first time; other times are unchanged.
-
-    size: median of the values.
-    """
-    if size * factor <= EPOCH:
-        return values * factor, 0
-    zero = float(values[np.abs(values - size) * factor < EPOCH][0])
-    # A float of 1.7e9 s resolves 2.4e-7 s. Rounding restores the written digits: 0.2 s instead of 0.20000005 s.
-    digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
-    return np.round((values - zero) * factor, digits), round(zero * factor * 1e9)
-
-
-def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
+def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     """Table with the samples whose times strictly increase. Removed samples and gaps are reported.
 
     Of samples with equal stamps the first is kept. Raises RecordingError where many samples are removed or the time jumps far,
-    as with two time bases or two recordings in one file. name: name of the time in messages.
+    as with two time bases or two recordings in one file.
     """
-    time = table.time
+    time, name = table.time, table.name or str(one_or_more(table.clock.get("column", "time"))[0])
     keep = np.ones(len(time), dtype=bool)
 
     def leave_out(bad: NDArray[np.intp], noun: str, code: str, most: float, why: str) -> None:
@@ -218,7 +229,10 @@ def _cleaned(table: RawTable, name: str, findings: list[Problem]) -> RawTable:
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
-    why = "too few digits, a row for each of several joints, or a time in two columns (state both: `time: [sec, nanosec]`)"
+    why = (
+        "too few digits, a row for each joint (state the column with its name: `joint: name`), "
+        "or a time in two columns (state both: `time: [sec, nanosec]`)"
+    )
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]

@@ -265,6 +265,10 @@ class Scenario:
         """References of a joint by name. Entries for the joint take precedence over entries for all joints."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
 
+    def ranges_of(self, joint: str) -> dict[str, tuple[float, float]]:
+        """Declared ranges of a joint's references by name. Entries for the joint take precedence."""
+        return {**self.reference_ranges.get("*", {}), **self.reference_ranges.get(joint, {})}
+
     def placed(self, problem: Problem) -> Problem:
         """Problem with the file and line of its key, or of the nearest parent key, unless it already states a file."""
         if problem.file is not None:

@@ -11,7 +11,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import RecordingError
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
-from asrsim.recordings.suspicions import beyond_stops, condense
+from asrsim.recordings.suspicions import condense
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import overridden, reference_names
 
@@ -84,13 +84,12 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     without commands is accepted. None: any recorded quantity may replace a missing command. Raises RecordingError, with the
     columns of the recording, if it has no joint of the robot or no command.
     """
-    pairing, found = match_joints([joint.name for joint in robot.moving_joints], recording)
-    remarks = [problem.message for problem in found]
+    pairing = match_joints([joint.name for joint in robot.moving_joints], recording)
     columns = {
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
-    remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
+    remarks = [*filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
     for block in robot.actuators:
@@ -136,6 +135,20 @@ def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[flo
     start = min(float(column.time[0]) for column in columns.values())
     end = max(float(column.time[-1]) for column in columns.values())
     return (0.0 if 0.0 <= start <= latest and end > start else start), end
+
+
+def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
+    """Question to the user if link positions without a stated unit exceed the joint's stops; None otherwise."""
+    most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
+    if column.quantity != "link_position" or column.stated or not len(values):
+        return None
+    farthest = float(np.percentile(values, 98))  # percentiles ignore single outliers
+    if farthest < 1.5 * most:
+        return None
+    return (
+        f"{column.source}: states no unit and reaches {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
+        f"in degrees or mm? State the unit with --map '{column.source}={joint}.link_position [deg]'"
+    )
 
 
 def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[str, str], Column]) -> None:

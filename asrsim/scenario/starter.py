@@ -286,7 +286,7 @@ def write_starter(
     starter = Starter(
         robot=changed if mode is None else with_overrides(changed, modes={"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
-        mode=None if given else mode,
+        mode=mode if loaded.actuators else None,
         given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
     )
     found = sizing(starter.scenario(out.parent), starter.robot)

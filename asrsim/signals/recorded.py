@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,13 +31,12 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     """
     from asrsim.recordings.names import find_raw
     from asrsim.recordings.read import LARGEST
-    from asrsim.recordings.reading import modified
 
-    content, recording = _read(path, time_column, modified(path))
+    content, recording = _read(path, time_column)
     columns = [(table, raw) for table in content.tables for raw in table.columns]
     place = find_raw(column, [raw for _, raw in columns])
     table = None if place is None else columns[place][0]
-    if table is None or (table.name and time_column and f'"{time_column}"' not in table.clock):
+    if table is None or (table.name and time_column and time_column != table.clock.get("column")):
         wanted, key = (column, "column") if table is None else (str(time_column), "time")
         choices = series_names(path) if table is None else ("received",)
         unread = [one for one in content.findings if one.code == "unread"]
@@ -62,20 +59,14 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
 
 def series_names(path: Path) -> tuple[str, ...]:
     """Headers of all columns except the time, without units. Raises RecordingError for a file without a table."""
-    from asrsim.recordings.reading import modified
     from asrsim.recordings.units import split_header
 
-    content, _ = _read(path, None, modified(path))
+    content, _ = _read(path, None)
     return tuple(split_header(column.name)[0] for table in content.tables for column in table.columns)
 
 
-# Cached, as a scenario often plays several columns of one file.
-@lru_cache(maxsize=2)
-def _read(path: Path, time_column: str | None, _modified: tuple[int, int]) -> tuple[Content, Recording]:
-    from asrsim.recordings.read import read_tables
-    from asrsim.recordings.reading import TimeKeys, resolve_reading
+def _read(path: Path, time_column: str | None) -> tuple[Content, Recording]:
+    from asrsim.recordings.read import read_cached
+    from asrsim.recordings.reading import modified
 
-    reading = replace(resolve_reading(None, path), in_seconds=True)
-    if time_column is not None:
-        reading = replace(reading, time=TimeKeys(column=time_column))
-    return read_tables(path, reading)
+    return read_cached(path, modified(path), mapping=() if time_column is None else (f"{time_column}=time",), in_seconds=True)

@@ -22,15 +22,16 @@ NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
 class BoundEngine:
     """Adapter for a kernel that runs in Python. The engine contains the state of one world at a time."""
 
-    def __init__(self, engine: Engine) -> None:
-        self.engine = engine
+    def __init__(self, engine: Engine, watch: Callable[[], None] | None = None) -> None:
+        """watch: function that is called before each step of the engine."""
+        self.engine, self._watch = engine, watch
         self._exchange = np.zeros((0, len(engine.joints), 5))
         self._parts: list[Array] = []
         """Exchange arrays, indexed by the number of pieces of the kick."""
+        self.states: Any = {}
+        """States of the engine by number of the world, except for the world whose state the engine contains."""
         self._world: int | None = None
         """Number of the world whose state the engine contains; None if this state belongs to no world."""
-        self.watch: Callable[[], None] | None = None
-        """Function that is called before each step of the engine."""
 
     @property
     def step(self) -> Any:
@@ -49,38 +50,45 @@ class BoundEngine:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
     def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
-        if self.watch is not None:
-            self.watch()
+        if self._watch is not None:
+            self._watch()
         # Most kicks pass the same arrays. `asrsim.engines.rigid.Calculation` keeps the addresses of these arrays, which halves
         # the time of a step in PyBullet.
         self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
 
-    def leave(self, states: Any, world: int | None) -> None:
-        """Save the engine's state, before the state of another world or a new state replaces this state."""
-        if self._world is not None and self._world != world:
-            states[self._world] = self.engine.state
+    def leave(self) -> None:
+        """Save the engine's state, before a new state replaces this state."""
+        if self._world is not None:
+            self.states[self._world] = self.engine.state
+            self._world = None
 
-    def entered(self, states: Any, world: int) -> None:
+    def entered(self, world: int) -> None:
         """Note that the engine now contains the state of this world."""
         self._world = world
 
-    def enter(self, states: Any, world: int) -> None:
+    def enter(self, world: int) -> None:
         """Load the state of a world into the engine."""
         if self._world != world:
-            self.leave(states, world)
-            self.engine.state = states[world]
+            self.leave()
+            self.engine.state = self.states[world]
             self._world = world
 
-    def state(self, states: Any, world: int) -> Any:
+    def state(self, world: int) -> Any:
         """A copy of the engine's state for a world."""
-        return self.engine.state if self._world == world else states[world]
+        return self.engine.state if self._world == world else self.states[world]
+
+    def put(self, world: int, state: Any) -> None:
+        """Set the engine's state for a world."""
+        if self._world == world:
+            self._world = None
+        self.states[world] = state
 
 
 class CalledEngine(BoundEngine):
     """Adapter for a compiled kernel and an engine whose step runs in Python."""
 
-    def __init__(self, engine: Engine) -> None:
-        super().__init__(engine)
+    def __init__(self, engine: Engine, watch: Callable[[], None] | None = None) -> None:
+        super().__init__(engine, watch)
         own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
 
         def called(record: int, x: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
@@ -128,50 +136,41 @@ def _numbers_at(address: int, shape: tuple[int, ...]) -> Array:
 class NativeEngine(BoundEngine):
     """Adapter for a compiled kernel and an engine whose step is a C function, for the states of many worlds."""
 
-    def __init__(self, engine: Engine, native: Native) -> None:
-        self.engine = engine
-        self.size, self._joints = native.size, len(engine.joints)
-        self._address = native.address
-        self._make_record = native.make_record
+    def __init__(self, engine: Engine, native: Native, states: Array) -> None:
+        """states: states of all worlds, (worlds, values)."""
+        self.engine, self._native, self.states = engine, native, states
         self._records: list[Record] = []
         """Records that no thread uses at present."""
 
     @property
     def step(self) -> Any:
         """Address of the engine's step function."""
-        return self._address
+        return self._native.address
 
     def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
         """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
-        record = self._records.pop() if self._records else self._make_record()
-        return np.zeros((pieces, self._joints, 5)), record
+        record = self._records.pop() if self._records else self._native.make_record()
+        return np.zeros((pieces, len(self.engine.joints), 5)), record
 
     def give_back(self, record: Any) -> None:
         """End a call of the kernel."""
         self._records.append(record)
 
-    def leave(self, states: Any, world: int | None) -> None:
+    def leave(self) -> None:
         """Do nothing: the array always contains the states of all worlds."""
 
-    def entered(self, states: Any, world: int) -> None:
+    def entered(self, world: int) -> None:
         """Copy the engine's new state to the array."""
-        states[world] = self.engine.state
+        self.states[world] = self.engine.state
 
-    def enter(self, states: Any, world: int) -> None:
+    def enter(self, world: int) -> None:
         """Load the state of a world into the engine."""
-        self.engine.state = states[world]
+        self.engine.state = self.states[world]
 
-    def state(self, states: Any, world: int) -> Any:
+    def state(self, world: int) -> Any:
         """A copy of the engine's state for a world."""
-        return states[world].copy()
+        return self.states[world].copy()
 
-
-def bind_engine(engine: Engine, *, compiled: bool, watch: Callable[[], None] | None = None) -> BoundEngine:
-    """The adapter for an engine. compiled: whether the kernel is compiled. watch: function that is called before each step of
-    the engine, which then runs in Python."""
-    native = engine.native if compiled else None
-    if native is not None and watch is None:
-        return NativeEngine(engine, native)
-    bound = CalledEngine(engine) if compiled else BoundEngine(engine)
-    bound.watch = watch
-    return bound
+    def put(self, world: int, state: Any) -> None:
+        """Set the engine's state for a world."""
+        self.states[world] = state

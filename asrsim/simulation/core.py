@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.compiling import available
-from asrsim.engines.base import Engine
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import kernel
-from asrsim.simulation.bound_engine import BoundEngine, NativeEngine, bind_engine
+from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.laws import plain_law
-from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STEP
+from asrsim.simulation.layout import HEALTHY, JOINT_STEP, LINK_IMPLICITNESS, SPRING_LAW, STEP
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.rows import RowShape, positions_of, shape_of, start_of, tables
+from asrsim.simulation.quantities import RowColumns
+from asrsim.simulation.rows import RowShape, shape_of, start_of, tables
 
 SECONDS_SAVED = 20e-6
 """Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
@@ -48,23 +49,17 @@ class Core:
         compiled: bool = False,
         watch: Callable[[], None] | None = None,
     ) -> None:
-        """watch: function that is called before each step of the engine. Raises SimulationError if compiled code is requested
-        and not available."""
-        self.compiled, self._watch = compiled, watch
+        """engine: engine of the prepared scenario, which `close` closes. watch: function that is called before each step of the
+        engine. Raises SimulationError if compiled code is requested and not available."""
+        self.prepared, self.compiled, self._watch = prepared, compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
-        self._sensors, self.stepping = prepared.sensors, stepping
         self.shape: RowShape = shape_of(drives, prepared.sensors)
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._link_implicitness = prepared.resolution.link_implicitness
         self._z = np.array([
-            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, self._link_implicitness,
+            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, prepared.resolution.link_implicitness,
             float(stepping.staggered),
         ])  # fmt: skip
-        self._options: dict[str, Any] = {
-            "motor_substeps": prepared.resolution.motor_substeps,
-            "cutoff": prepared.velocity_cutoff,
-        }
-        kinds, constants = tables(drives, prepared.sensors, self.shape, **self._options)
+        kinds, constants = tables(prepared, self.shape)
         self._kinds: Any = kinds if compiled else kinds.tolist()
         """Table K of `asrsim.simulation.layout`; for the Python loop, a list that contains functions instead of addresses."""
         self._owners: list[Any] = []
@@ -77,33 +72,78 @@ class Core:
         """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
         """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.layout`."""
+        self.held = np.full((worlds, len(drives), self.shape.goals), np.nan)
+        """Inputs that callers have set, (worlds, joints, input columns), in place of the scenario's signals; NaN: not set."""
         self.done = np.zeros(worlds, dtype=np.int64)
         """Number of completed substeps of each world, (worlds,)."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """Health of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`) and number of the joint at fault, (worlds, 2)."""
         self._pieces = 1
         """Largest number of pieces of a kick so far."""
-        self._engines = [self._bound(engine, prepared)] * worlds
-        self.X: Any = [None] * worlds
-        """States of the engine: an array (worlds, values) if the engine has a compiled step, else a list of state objects."""
-        if isinstance(self._engines[0], NativeEngine):
-            self.X = np.zeros((worlds, self._engines[0].size))
+        self._states: Array | None = None
+        """States of the engine, (worlds, values), if the engine has a compiled step."""
+        self._own: dict[int, BoundEngine] = {}
+        """Separate engines, by number of the world that has used one."""
+        self._shared = self._bound(engine, prepared)
+        self._engines = [self._shared] * worlds
+        """Engine of each world."""
+
+    def record(self, columns: RowColumns, *, watched: bool) -> None:
+        """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
+        self.columns, self._watched = columns, int(watched)
+        self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
+        """Row (worlds, joints, columns) of each world at its last whole step."""
 
     @property
     def native(self) -> bool:
         """Whether the whole loop is machine code, including the engine's step."""
-        return isinstance(self._engines[0], NativeEngine)
+        return isinstance(self._shared, NativeEngine)
+
+    @property
+    def model(self) -> Model | None:
+        """Model of the prepared scenario's robot."""
+        return self._shared.engine.model
+
+    def close(self) -> None:
+        """Close the engines."""
+        for bound in (self._shared, *self._own.values()):
+            bound.engine.close()
+        self._own = {}
+
+    # -- engines ----------------------------------------------------------------------------------------------------
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
         """Adapter for the engine, after the engine has started a run: the engine offers its compiled step only from then on."""
-        self._start_engine(engine, prepared.initial_positions, prepared.initial_velocities)
-        return bind_engine(engine, compiled=self.compiled, watch=self._watch)
+        self._start_engine(engine, prepared)
+        native = engine.native if self.compiled else None
+        if native is None or self._watch is not None:
+            return (CalledEngine if self.compiled else BoundEngine)(engine, self._watch)
+        if self._states is None:
+            self._states = np.zeros((len(self.S), native.size))
+        return NativeEngine(engine, native, self._states)
 
-    def _start_engine(self, engine: Engine, positions: Sequence[float], velocities: Sequence[float]) -> Any:
+    def _start_engine(self, engine: Engine, prepared: Prepared) -> Any:
         return engine.start(
-            positions, velocities, step=float(self._z[STEP]), staggered=self.stepping.staggered,
-            implicitness=self._link_implicitness,
+            prepared.initial_positions, prepared.initial_velocities, step=float(self._z[STEP]),
+            staggered=prepared.stepping.staggered, implicitness=float(self._z[LINK_IMPLICITNESS]),
         )  # fmt: skip
+
+    def model_for(self, world: int, prepared: Prepared) -> Model | None:
+        """Model of a robot with other parameters; the world's own engine then has this robot's inertias."""
+        if prepared.robot.links == self.prepared.robot.links:
+            return self.model
+        bound = self._own.get(world)
+        if bound is None or not bound.engine.vary(prepared.robot):
+            if bound is not None:
+                bound.engine.close()
+            bound = self._own[world] = self._bound(prepared.make_engine(), prepared)
+        return bound.engine.model
+
+    def take_over(self, world: int, prepared: Prepared) -> None:
+        """Give a world other parameters, after `model_for`. The world must then be started again."""
+        _, self.P[world] = tables(prepared, self.shape)
+        shared = prepared.robot.links == self.prepared.robot.links
+        self._engines[world] = self._shared if shared else self._own[world]
 
     # -- binding ----------------------------------------------------------------------------------------------------
 
@@ -111,11 +151,11 @@ class Core:
         laws: dict[Any, Any] = {}
         for k, drive in zip(self._kinds, drives, strict=True):
             if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-                key = drive.actuator, positions_of(drive)
+                key = drive.actuator, drive.positions
                 laws[key] = laws.get(key) or self._law_of(*key)
                 k[SPRING_LAW] = laws[key]
-            if self.stepping.joint_step is not None:
-                k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
+            if self.prepared.stepping.joint_step is not None:
+                k[JOINT_STEP] = self._joint_step(self.prepared.stepping.joint_step)
 
     def _law_of(self, actuator: Any, motors: int) -> Any:
         """Address of the actuator's laws."""
@@ -140,40 +180,29 @@ class Core:
         self._owners.append(callback)
         return callback.address
 
-    def take_over(self, world: int, prepared: Prepared, engine: Engine) -> None:
-        """Give a world other parameters, and possibly another engine. The world must then be started again."""
-        _, self.P[world] = tables(prepared.drives, prepared.sensors, self.shape, **self._options)
-        if engine is not self._engines[world].engine:
-            self._engines[world] = self._bound(engine, prepared)
-
     # -- state ------------------------------------------------------------------------------------------------------
 
-    def start(
-        self, world: int, drives: Sequence[SteppedJoint], positions: Sequence[float], velocities: Sequence[float]
-    ) -> None:
+    def start(self, world: int, prepared: Prepared) -> None:
         """Put a world at the start of a run."""
         bound = self._engines[world]
-        bound.leave(self.X, None)
-        placed = self._start_engine(bound.engine, positions, velocities)
-        rows = zip(drives, self._sensors, *placed, strict=True)
+        bound.leave()
+        placed = self._start_engine(bound.engine, prepared)
+        rows = zip(prepared.drives, prepared.sensors, *placed, strict=True)
         self.S[world] = [start_of(drive, sensor, self.shape, q, v) for drive, sensor, q, v in rows]
-        self.done[world] = 0
-        self.fault[world] = HEALTHY
-        bound.entered(self.X, world)
+        self.held[world] = self.rows[world] = np.nan
+        self.done[world], self.fault[world] = 0, HEALTHY
+        bound.entered(world)
 
-    def state(self, world: int) -> tuple[int, Array, Array, Any]:
+    def state(self, world: int) -> tuple[Any, ...]:
         """A copy of the complete state of a world."""
-        engine = self._engines[world].state(self.X, world)
-        return int(self.done[world]), self.S[world].copy(), self.P[world].copy(), engine
+        tables = (table[world].copy() for table in (self.done, self.S, self.P, self.held, self.rows))
+        return *tables, self._engines[world].state(world)
 
-    def put(self, world: int, state: tuple[int, Array, Array, Any]) -> None:
+    def put(self, world: int, state: tuple[Any, ...]) -> None:
         """Set the complete state of a world. Continuing from this state gives bitwise identical results."""
-        self.done[world], self.S[world], self.P[world], engine = state
+        self.done[world], self.S[world], self.P[world], self.held[world], self.rows[world], engine = state
         self.fault[world] = HEALTHY
-        bound = self._engines[world]
-        bound.leave(self.X, None)
-        bound.engine.state = engine
-        bound.entered(self.X, world)
+        self._engines[world].put(world, engine)
 
     def engine_of(self, world: int) -> Engine:
         """The engine of a world; the engine may contain the state of another world."""
@@ -181,7 +210,7 @@ class Core:
 
     def look(self, world: int) -> Engine:
         """The engine of a world, set to the state of this world."""
-        self._engines[world].enter(self.X, world)
+        self._engines[world].enter(world)
         return self._engines[world].engine
 
     # -- running ----------------------------------------------------------------------------------------------------
@@ -195,49 +224,50 @@ class Core:
         lists: Any = [table.tolist() for table in given]
         return Given(*lists)._replace(wrenches=given.wrenches, lengths=given.lengths)
 
-    def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
-        """Advance worlds with the inputs `given`. options: first, count, every, watched, columns, out, last_rows,
-        last_references; see `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
+    def run(self, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
+        """Advance worlds by `count` substeps with the inputs `given`, and record rows in `out`. which, first: see
+        `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
-            self._call(bounds[0], which, given, *options)
+            self._call(bounds[0], which, given, first, count, out)
             return
-        run = self._call if self.compiled else self._plain
+        call = self._call if self.compiled else self._plain
         for place, bound in enumerate(bounds):
-            run(bound, which[place : place + 1], given, *options)
+            if not isinstance(bound, NativeEngine):
+                bound.enter(int(which[place, 0]))
+            call(bound, which[place : place + 1], given, first, count, out)
 
-    def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
-        native = isinstance(bound, NativeEngine)
-        if not native:
-            bound.enter(self.X, int(which[0, 0]))
+    def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
+        """Run the compiled kernel."""
         exchange, record = bound.borrow(self._pieces, given.wrenches.shape[2])
         self._run(
-            which, *options[:4], self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, *options[4:],
+            which, first, count, self.prepared.resolution.substeps, self._watched, self.done, self.fault, self.S, self.P,
+            self._kinds, self._z, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given, exchange,
+            bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows,
         )  # fmt: skip
         bound.give_back(record)
 
-    def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+    def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
+        """Run the kernel in Python, for one world."""
         ((world, *places),) = which.tolist()
-        bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(self._pieces, given.wrenches.shape[2])
         own = slice(world, world + 1)
-        columns, out, last_rows, last_references = options[4:]
         try:
             plain: Any = kernel.run
             plain(
-                [(0, *places)], *options[:4], self.done[own], self.fault[own], [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data,
-                last_rows[own].data, last_references[own].data,
+                [(0, *places)], first, count, self.prepared.resolution.substeps, self._watched, self.done[own],
+                self.fault[own], [state], [self.P[world].tolist()], self._kinds, self._z.tolist(), [None], *given,
+                exchange.data, bound.step, 0, self.columns.of_state.tolist(), self.columns.of_inputs.tolist(), out.data,
+                self.rows[own].data,
             )  # fmt: skip
         finally:
             self.S[world] = state
 
 
 def make_core(
-    prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1,
-    watch: Callable[[], None] | None = None,
+    prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int,
+    watch: Callable[[], None] | None,
 ) -> tuple[Core, str]:  # fmt: skip
     """A core, and the reason why its loop runs in Python although compiled code would be faster (empty if there is no such
     reason).

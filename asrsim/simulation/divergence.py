@@ -6,13 +6,12 @@ but is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.ledger import SHARE
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3
@@ -38,20 +37,29 @@ class EnergyGuard:
     residual exceeds this bound.
     """
 
-    def __init__(self, energy: float) -> None:
-        self._start = energy
-        self._fastest = 0.0
+    def __init__(self, prepared: Prepared, model: Model | None) -> None:
+        """prepared: with the start of the run. model: model of the robot."""
+        scenario, self._joints = prepared.scenario, prepared.drives
+        # The released order is not passive and runs springs that the step does not resolve: it is not checked.
+        self._active = model is not None and not prepared.stepping.released
+        # The energy balance of the links ignores the work of contacts and wrenches.
+        alone = scenario.world.empty and scenario.fixed_base and not scenario.wrenches
+        self._model = model if self._active and alone else None
+        self._start = self._fastest = 0.0
+        if self._model is not None:
+            self._start = self._model.energy(prepared.initial_positions, prepared.initial_velocities)
 
-    def look(self, model: Model | None, state: Array, names: Sequence[str]) -> tuple[str, str] | None:
-        """Joint with a violated energy balance and a description of the fault; None if there is none.
-
-        model: None if contacts or wrenches do work on the links. state: (joints, columns).
-        """
+    def look(self, state: Array) -> tuple[str, str] | None:
+        """Joint with a violated energy balance and a description of the fault; None if there is none. state: (joints,
+        columns)."""
+        if not self._active:
+            return None
+        model = self._model
         given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
         worst = int(excess.argmax())
         if excess[worst] > FLOOR:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
-            return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
+            return self._joints[worst].name, f"{abs(residual[worst]):.3g} J {change} its actuator"
         if model is None:
             return None
         positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
@@ -61,5 +69,5 @@ class EnergyGuard:
         kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
         self._fastest = max(self._fastest, kinetic)
         if created > FLOOR + SHARE * (float(turnover.sum()) + self._fastest):
-            return names[int(turnover.argmax())], f"the links hold {created:.3g} J that nothing gave them"
+            return self._joints[int(turnover.argmax())].name, f"the links hold {created:.3g} J that nothing gave them"
         return None

@@ -11,7 +11,7 @@ from asrsim.actuators.electric import Electric
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import LinkDamping, for_joint
+from asrsim.scenario.data import LinkDamping, Scenario, for_joint
 from asrsim.simulation.steppings import Stepping
 
 
@@ -24,6 +24,7 @@ class SteppedJoint:
     """Drive of the joint; None for a joint without actuator plugin."""
     stepping: Stepping
     initial_position: float
+    initial_velocity: float = 0.0
     motor_positions: tuple[float, ...] | None = None
     """Start positions of the motors in rad; None: the positions at which springs are unloaded, so that runs begin smoothly."""
     motor_velocities: tuple[float, ...] | None = None
@@ -93,6 +94,16 @@ class SteppedJoint:
         """Number of motors that have dynamics in this mode."""
         return self.drive.dynamic_motors if self.drive else 0
 
+    @property
+    def motors(self) -> int:
+        """Number of motors of the joint's actuator."""
+        return self.actuator.motors if self.actuator else 0
+
+    @property
+    def positions(self) -> int:
+        """Number of motor positions that the spring's law takes: at least two."""
+        return self.actuator.positions() if self.actuator else 2
+
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
         """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
         of the controller (in units of the command). Motors start at the link's position; in the released order, at 0."""
@@ -116,16 +127,8 @@ def references_of(drive: SteppedJoint) -> tuple[str, ...]:
     return mode.references_of(actuator.motors)
 
 
-def make_drives(
-    robot: Robot,
-    stepping: Stepping,
-    *,
-    initial_positions: Mapping[str, float],
-    link_damping: Mapping[str, LinkDamping],
-    motor_positions: Mapping[str, tuple[float, ...]] | None = None,
-    motor_velocities: Mapping[str, tuple[float, ...]] | None = None,
-) -> tuple[SteppedJoint, ...]:
-    """All moving joints of `robot` with their drives, in the order of the robot."""
+def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:
+    """All moving joints of `robot` with their drives and the scenario's start, in the order of the robot."""
     blocks = {block.joint: block for block in robot.actuators}
     drives = []
     for joint in robot.moving_joints:
@@ -135,10 +138,11 @@ def make_drives(
                 joint=joint,
                 drive=drive_of(block) if block else None,
                 stepping=stepping,
-                initial_position=float(for_joint(initial_positions, joint.name, 0.0)),
-                motor_positions=for_joint(motor_positions or {}, joint.name),
-                motor_velocities=for_joint(motor_velocities or {}, joint.name),
-                link_damping=for_joint(link_damping, joint.name) if block else None,
+                initial_position=float(for_joint(scenario.initial_positions, joint.name, 0.0)),
+                initial_velocity=float(for_joint(scenario.initial_velocities, joint.name, 0.0)),
+                motor_positions=for_joint(scenario.initial_motor_positions, joint.name),
+                motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name),
+                link_damping=for_joint(scenario.link_damping, joint.name) if block else None,
                 block=block,
             )
         )

@@ -40,7 +40,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
     positions. Raises ScenarioError that names a joint without an equilibrium.
     """
-    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    inputs = Inputs(scenario, drives)
     sampled = np.ascontiguousarray(inputs.sample(np.zeros(1)).T)
     goals: list[tuple[float, ...]] = []
     for j, drive in enumerate(drives):

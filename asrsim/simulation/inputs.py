@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -16,30 +16,15 @@ from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
+from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.effects import through
 from asrsim.simulation.layout import GOALS
-from asrsim.simulation.rows import shape_of
 from asrsim.simulation.sensors import Sensor
 
 REST = Constant(value=0.0)
-KEPT = 3
-"""Number of chunks that are cached in addition to the first chunk, since worlds may be at different times."""
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A kick that is split into pieces because inputs jump in it, or the first kick of a run."""
-
-    substep: int
-    edges: list[float]
-    """Times in s at which the pieces begin and end."""
-
-    @property
-    def sample_times(self) -> list[float]:
-        """Time in s at which the signals are sampled, for each piece."""
-        middles = [0.5 * (a + b) for a, b in pairwise(self.edges)]
-        return self.edges[:1] if not self.substep and len(middles) == 1 else middles
+KEPT = 4
+"""Number of chunks that are cached, since worlds may be at different times and return to their start."""
 
 
 class Given(NamedTuple):
@@ -60,17 +45,6 @@ class Given(NamedTuple):
     at the time of the substep. Unused entries are -1."""
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Inputs of a scenario for `count` substeps; the rows of pieces follow those of the substeps."""
-
-    count: int
-    sensors: Array
-    """Two columns for each sensor: whether the sensor takes a sample, and the noise; shape (rows, joints, columns)."""
-    given: Given
-    """One set of inputs, without references that the caller has set."""
-
-
 class Inputs:
     """All input signals of a run, by joint."""
 
@@ -79,24 +53,24 @@ class Inputs:
         scenario: Scenario,
         drives: Sequence[SteppedJoint],
         *,
-        substep: float,
-        staggered: bool,
+        substep: float | None = None,
+        staggered: bool = False,
         sensors: Sequence[Sensor | None] = (),
+        longest: int = LONGEST,
     ) -> None:
-        self.substep = substep
-        self._chunks: dict[tuple[int, int], Chunk] = {}
+        """substep: length of a substep in s; None: a step. longest: largest number of substeps in a chunk."""
+        self.substep, self.staggered, self._longest = substep or scenario.step, staggered, longest
+        self._chunk = lru_cache(maxsize=KEPT)(self._make_chunk)
         self._sensors = tuple(sensors)
         self._sensed = 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
         self._wrenches = [(*wrench.force, *wrench.torque) for wrench in scenario.wrenches]
-        self.staggered = staggered
         mapped: dict[type[Actuator], list[int]] = {}
         for index, drive in enumerate(drives):
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
-        self._shape = shape_of(drives, sensors or [None] * len(drives))
         self._signals: list[list[Signal]] = [[for_joint(scenario.external_torques, drive.name, REST) for drive in drives]]
-        for slot in range(self._shape.motors):
+        for slot in range(max((drive.positions for drive in drives), default=2)):
             self._signals.append([self._reference(scenario, drive, j, slot) for j, drive in enumerate(drives)])
 
     def _reference(self, scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
@@ -153,49 +127,44 @@ class Inputs:
                 inputs[:, :, joints, GOALS + slot] = values.T
         return inputs
 
-    def chunk(self, first: int, count: int) -> Chunk:
-        """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest chunks are
-        cached."""
-        key = first, count
-        if key not in self._chunks:
-            kept = [one for one in self._chunks if not one[0] or one in list(self._chunks)[-KEPT:]]
-            self._chunks = {one: self._chunks[one] for one in kept} | {key: self._make_chunk(first, count)}
-        return self._chunks[key]
-
-    def _make_chunk(self, first: int, count: int) -> Chunk:
-        cuts = self._cuts(first, count)
-        times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
-        pieces: list[float] = []
-        table = []
-        for cut in cuts:
-            begin, now = count + len(pieces), cut.edges.index(cut.substep * self.substep)
-            pieces += [(b - a) / self.substep for a, b in pairwise(cut.edges)]
-            table.append((cut.substep - first, begin, count + len(pieces), begin + now))
-        lengths = np.concatenate([np.ones(count), pieces])
+    def _make_chunk(self, first: int, count: int) -> tuple[Given, Array]:
+        """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set), and the columns of the sensors (rows,
+        joints, columns). The rows of pieces follow those of the substeps."""
+        times, pieces, cuts = [grid(first, count, self.substep)], [np.ones(count)], []
+        begin = count
+        for substep, edges in self._cuts(first, count):
+            middles = [0.5 * (a + b) for a, b in pairwise(edges)]
+            times.append(np.array(edges[:1] if not substep and len(middles) == 1 else middles))
+            pieces.append(np.diff(edges) / self.substep)
+            end = begin + len(middles)
+            cuts.append((substep - first, begin, end, begin + edges.index(substep * self.substep)))
+            begin = end
+        lengths = np.concatenate(pieces)
         sensors = np.zeros((len(lengths), len(self._signals[0]), self._sensed))
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
-        parts = [self.sample(time) for time in times]
-        references = (np.concatenate(parts) if cuts else parts[0])[None]
-        wrenches = np.concatenate([self._forces(time) for time in times])
-        inputs, split = self._input_rows(references, sensors), np.array(table, dtype=np.int64).reshape(-1, 4)
-        return Chunk(count, sensors, Given(inputs, references, wrenches[None], lengths[None], split[None]))
+        references = np.concatenate([self.sample(time) for time in times])[None]
+        wrenches = np.concatenate([self._forces(time) for time in times])[None]
+        split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
+        return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 
-    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
-        """Rows `begin` to `end` of a chunk, with their pieces.
+    def given(self, substep: int, length: int, held: Array | None) -> Given:
+        """Inputs of `length` substeps that lie in one chunk, from number `substep` on.
 
         held: values (sets, joints, columns) that override the scenario's inputs; NaN: no override. None: one set without
         overrides.
         """
-        given, sensors = chunk.given, chunk.sensors
-        if end - begin < chunk.count:
+        first, last = chunk_at(substep, self._longest)
+        given, sensors = self._chunk(first, last - first)
+        begin, end = substep - first, substep - first + length
+        if length < last - first:
             cuts = given.cuts[:, slice(*np.searchsorted(given.cuts[0, :, 0], (begin, end)).tolist())]
             rows: Any = slice(begin, end)
             if cuts.size:
-                first, last = int(cuts[0, 0, 1]), int(cuts[0, -1, 2])
-                rows = np.r_[rows, first:last]
-                cuts = cuts - np.array([begin, *[first - (end - begin)] * 3])
+                piece, stop = int(cuts[0, 0, 1]), int(cuts[0, -1, 2])
+                rows = np.r_[rows, piece:stop]
+                cuts = cuts - np.array([begin, *[piece - length] * 3])
             inputs, references, wrenches, lengths = (table[0, rows][None] for table in given[:4])
             given, sensors = Given(inputs, references, wrenches, lengths, cuts), sensors[rows]
         if held is None:
@@ -203,7 +172,9 @@ class Inputs:
         references = np.where(np.isnan(held[:, None]), given.references, held[:, None])
         return given._replace(references=references, inputs=self._input_rows(references, sensors))
 
-    def _cuts(self, first: int, count: int) -> list[Cut]:
+    def _cuts(self, first: int, count: int) -> list[tuple[int, list[float]]]:
+        """Kicks that are split into pieces because inputs jump in them, and the first kick of a run: number of the substep, and
+        the times in s at which the pieces begin and end."""
         if not self.staggered:
             return []
         h = self.substep
@@ -215,15 +186,16 @@ class Inputs:
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
         owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
         substeps = {owner for owner in owners.tolist() if first <= owner < first + count} | ({0} if first == 0 else set())
-        return [self._cut(substep, times[owners == substep].tolist()) for substep in sorted(substeps)]
+        return [(substep, self._edges(substep, times[owners == substep].tolist())) for substep in sorted(substeps)]
 
-    def _cut(self, substep: int, jumps: list[float]) -> Cut:
-        """The kick around a substep, split at `jumps` and at the time of the substep; no piece lies before t = 0."""
+    def _edges(self, substep: int, jumps: list[float]) -> list[float]:
+        """Times in s at which the kick around a substep is split, with its ends: at `jumps` and at the time of the substep; no
+        piece lies before t = 0."""
         h = self.substep
         now = substep * h
         inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
-        return Cut(substep, [edge for edge in edges if substep or edge >= now])
+        return [edge for edge in edges if substep or edge >= now]
 
 
 def joined(parts: Sequence[Given]) -> Given:

@@ -62,7 +62,7 @@ ENDLESS = 1e300
 def run(
     which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
     kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, lengths: Any, cuts: Any,
-    exchange: Any, engine: int, record: int, columns: Any, out: Any, last_rows: Any, last_references: Any,
+    exchange: Any, engine: int, record: int, columns: Any, goals: Any, out: Any, last_rows: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
@@ -72,14 +72,14 @@ def run(
     fault: health and faulty joint (worlds, 2); states, constants: S and P (worlds, joints, ...) of `asrsim.simulation.layout`;
     kinds: K (joints, ...); z: numbers of the stepping; engine_states: state of the engine (worlds, ...); inputs, references,
     wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 5) shared with the engine;
-    engine: address of the engine's step function, which receives `record`; columns: recorded columns of S; out: recorded
-    values (m, rows, joints, columns); last_rows, last_references: last recorded row of each world, and its references (worlds,
-    joints, ...).
+    engine: address of the engine's step function, which receives `record`; columns, goals: recorded columns of S and of the
+    references; out: recorded values (m, rows, joints, columns of S and of the references); last_rows: last recorded row of each
+    world (worlds, joints, ...).
     """
     for chosen in range(len(which)):
         w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
-        kept = recorded = cut = 0
-        s_all, p_all, x, u_all = states[w], constants[w], engine_states[w], inputs[own_set]
+        kept = cut = 0
+        s_all, p_all, x, u_all, r_all = states[w], constants[w], engine_states[w], inputs[own_set], references[own_set]
         pushes, own_lengths, own_cuts = wrenches[timing], lengths[timing], cuts[timing]
         while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
             cut += 1
@@ -148,6 +148,8 @@ def run(
                 if asked:
                     for c in range(len(columns)):
                         out[place, kept, j, c] = s[columns[c]]
+                    for c in range(len(goals)):
+                        out[place, kept, j, len(columns) + c] = r_all[step][j][goals[c]]
                 # The first kick of a staggered run is half a kick: the velocity before the kick is extrapolated to the velocity
                 # before a full kick.
                 s[LAST_ENGINE_VELOCITY] = (
@@ -158,13 +160,10 @@ def run(
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
                 kept += 1
-                recorded = step
             done[w] = substep + 1
         for j in range(len(kinds) if kept else 0):
-            for c in range(len(columns)):
+            for c in range(len(columns) + len(goals)):
                 last_rows[w, j, c] = out[place, kept - 1, j, c]
-            for c in range(len(references[own_set][recorded][j])):
-                last_references[w, j, c] = references[own_set][recorded][j][c]
 
 
 def _clear_means(s: Any) -> None:

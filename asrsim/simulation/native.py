@@ -26,7 +26,7 @@ def compiled_run() -> Any:
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
         whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
-        floats[4], floats[4], floats[2], whole[3], floats[3], 1, 1, whole[1], floats[4], floats[3], floats[3],
+        floats[4], floats[4], floats[2], whole[3], floats[3], 1, 1, whole[1], whole[1], floats[4], floats[3],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 

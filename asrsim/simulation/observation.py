@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,12 +48,13 @@ class Observation:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Complete state of a simulation, from which the simulation can continue."""
+    """Complete states of some worlds, from which these worlds can continue."""
 
     owner: object
-    """Token of the simulation and its parameters; a snapshot can only be restored with the same token."""
-    state: Any
-    record: Any
+    """Token of the worlds and their parameters; a snapshot can only be restored with the same token."""
+    states: Mapping[int, Any]
+    """State of each world, by the number of the world."""
+    recording: Any = None
 
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:

@@ -63,19 +63,15 @@ def prepare(
     from asrsim.scenario.doubts import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    declared = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
-                for joint in {**scenario.reference_ranges, **(ranges or {})}}  # fmt: skip
-    robot, warnings = checked_robot(replace(scenario, reference_ranges=declared), robot)
+    if ranges:
+        known = scenario.reference_ranges
+        joints = dict.fromkeys((*known, *ranges))
+        declared = {joint: {**known.get(joint, {}), **ranges.get(joint, {})} for joint in joints}
+        scenario = replace(scenario, reference_ranges=declared)
+    robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
-    drives = make_drives(
-        robot,
-        stepping,
-        initial_positions=scenario.initial_positions,
-        motor_positions=scenario.initial_motor_positions,
-        motor_velocities=scenario.initial_motor_velocities,
-        link_damping=scenario.link_damping,
-    )
+    drives = make_drives(robot, stepping, scenario)
     _check_ranges(ranges or {}, drives)
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
@@ -86,7 +82,7 @@ def prepare(
     try:
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
-        resolution = _resolve(scenario, drives, engine, declared)
+        resolution = _resolve(scenario, drives, engine)
         substep = scenario.step / resolution.substeps
         # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
         sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
@@ -108,9 +104,6 @@ def prepare(
         sensors=sensors,
         info=info,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
-        initial_positions=tuple(drive.initial_position for drive in drives),
-        initial_velocities=tuple(float(for_joint(scenario.initial_velocities, drive.name, 0.0)) for drive in drives),
-        ranges=declared,
         _spare=[engine],
     )
 
@@ -121,18 +114,21 @@ def resolution_of(prepared: Prepared) -> Resolution:
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:
-        return _resolve(prepared.scenario, prepared.drives, engine, prepared.ranges)
+        return _resolve(prepared.scenario, prepared.drives, engine)
     finally:
         engine.close()
 
 
-def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
-) -> Resolution:
+def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
-    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    inputs = Inputs(scenario, drives)
     sampled = np.ascontiguousarray(inputs.sample(points).T)
-    sampled = _with_ranges(sampled, drives, ranges)
+    for j, drive in enumerate(drives):
+        ranges = scenario.ranges_of(drive.name)
+        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
+            if name in ranges:
+                # The largest changes: the reference jumps between its smallest and its largest value.
+                sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
     configurations = _configurations(drives)
     model, still = engine.model, [0.0] * len(drives)
     if model is None:
@@ -185,20 +181,6 @@ def _check_ranges(ranges: Mapping[str, Mapping[str, tuple[float, float]]], drive
                 problems.append(Problem(message, key=f"ranges.{joint}.{name}", value=values, code="range"))
     if problems:
         raise InputError(problems)
-
-
-def _with_ranges(
-    sampled: Array, drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
-) -> Array:
-    """Inputs (columns, joints, n), extended by samples in which the settable references take their smallest and largest
-    values."""
-    table = sampled.copy()
-    for j, drive in enumerate(drives):
-        given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
-        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
-            if name in given:
-                table[column, j, 1::4], table[column, j, 3::4] = given[name]
-    return table
 
 
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -39,11 +39,47 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
     return entry.make(scenario, robot)
 
 
+def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
+    """Fault of a start value of a joint; empty if there is none. what: `initial`, `velocities` or `motors`."""
+    if what == "motors":
+        if np.ndim(value) != 1 or not all(map(_is_finite, value)):
+            return "must be a list of finite numbers, one for each motor"
+        if len(value) > drive.motors:
+            return f"has {len(value)} values, but the number of motors of '{drive.name}' is {drive.motors}"
+        return ""
+    low, high = drive.joint.stops
+    if not _is_finite(value):
+        return "must be a finite number"
+    if what == "initial" and not low <= value <= high:
+        return f"lies outside the limits of '{drive.name}', {low:g} to {high:g}"
+    return ""
+
+
 def _is_finite(value: Any) -> bool:
     try:
         return math.isfinite(value)
     except TypeError:
         return False
+
+
+Numbers = Mapping[str, Mapping[str, float]]
+"""Values of parameters by joint or link, and by name, as in `Prepared.vary`."""
+Signals = Mapping[str, Mapping[str, Signal]]
+"""Signals by joint, and by the name of the reference or `external_torque`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Start of a world; values that are not given come from the scenario."""
+
+    parameters: Numbers = field(default_factory=dict)
+    references: Signals = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+    """Position of each joint's link, by joint, rad (m)."""
+    velocities: Mapping[str, float] = field(default_factory=dict)
+    """Velocity of each joint's link, by joint, rad/s (m/s)."""
+    motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Positions of each joint's motors, by joint, rad; motors without an entry start at their link's position."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,17 +90,23 @@ class Prepared:
     robot: Robot
     stepping: Stepping
     drives: tuple[SteppedJoint, ...]
+    """The moving joints, with their drives and their start."""
     resolution: Resolution
     sensors: tuple[Sensor | None, ...]
     info: RunInfo
     warnings: tuple[Problem, ...]
-    initial_positions: tuple[float, ...]
-    """Start positions of the moving joints in rad (m)."""
-    initial_velocities: tuple[float, ...]
-    """Start velocities of the moving joints in rad/s (m/s)."""
-    ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
+
+    @property
+    def initial_positions(self) -> tuple[float, ...]:
+        """Start positions of the moving joints in rad (m)."""
+        return tuple(drive.initial_position for drive in self.drives)
+
+    @property
+    def initial_velocities(self) -> tuple[float, ...]:
+        """Start velocities of the moving joints in rad/s (m/s)."""
+        return tuple(drive.initial_velocity for drive in self.drives)
 
     @property
     def substep(self) -> float:
@@ -91,8 +133,7 @@ class Prepared:
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
         """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
-        given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
-        return given.get(reference, (-math.inf, math.inf))
+        return self.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
         """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
@@ -116,51 +157,34 @@ class Prepared:
             found[drive.name] = j, {**{name: GOALS + i for i, name in enumerate(names)}, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
-    def start(
-        self,
-        positions: Mapping[str, float],
-        velocities: Mapping[str, float],
-        motors: Mapping[str, Sequence[float]] | None = None,
-    ) -> tuple[list[float], list[float]]:
-        """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError, also for
-        wrong positions of motors."""
-        joints = {drive.name: drive.joint for drive in self.drives}
+    def started(self, start: Start) -> Prepared:
+        """A copy with the positions and velocities of a start. Raises InputError for wrong names and values."""
+        joints = {drive.name: drive for drive in self.drives}
         problems = []
-        for what, given in (("initial", positions), ("velocities", velocities)):
+        for what, given in (("initial", start.positions), ("velocities", start.velocities), ("motors", start.motors)):
             for name, value in given.items():
-                low, high = joints[name].stops if name in joints and what == "initial" else (-math.inf, math.inf)
                 if name not in joints:
-                    message = "the robot has no moving joint of this name"
-                elif not _is_finite(value):
-                    message = "must be a finite number"
-                elif not low <= value <= high:
-                    message = f"lies outside the limits of '{name}', {low:g} to {high:g}"
-                else:
-                    continue
-                hint = None if name in joints else did_you_mean(name, tuple(joints))
-                problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
-        problems += self._motor_problems(motors or {})
+                    message, hint = "the robot has no moving joint of this name", did_you_mean(name, tuple(joints))
+                    problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
+                elif message := _start_fault(joints[name], what, value):
+                    problems.append(Problem(message, key=f"{what}.{name}", value=value, code="start"))
         if problems:
             raise InputError(problems)
-        ours = (positions, self.initial_positions), (velocities, self.initial_velocities)
-        placed = [[float(given.get(name, own)) for name, own in zip(joints, owns, strict=True)] for given, owns in ours]
-        return placed[0], placed[1]
+        moved = {*start.positions, *start.velocities, *start.motors}
+        drives = tuple(
+            replace(
+                drive,
+                initial_position=float(start.positions.get(drive.name, drive.initial_position)),
+                initial_velocity=float(start.velocities.get(drive.name, drive.initial_velocity)),
+                motor_positions=tuple(map(float, start.motors.get(drive.name, ()))) or drive.motor_positions,
+            )
+            if drive.name in moved
+            else drive
+            for drive in self.drives
+        )
+        return replace(self, drives=drives) if moved else self
 
-    def _motor_problems(self, motors: Mapping[str, Sequence[float]]) -> Iterator[Problem]:
-        known = {drive.name: drive.actuator.motors if drive.actuator else 0 for drive in self.drives}
-        for name, values in motors.items():
-            hint = None
-            if name not in known:
-                message, hint = "the robot has no moving joint of this name", did_you_mean(name, tuple(known))
-            elif np.ndim(values) != 1 or not all(map(_is_finite, values)):
-                message = "must be a list of finite numbers, one for each motor"
-            elif len(values) > known[name]:
-                message = f"has {len(values)} values, but the number of motors of '{name}' is {known[name]}"
-            else:
-                continue
-            yield Problem(message, key=f"motors.{name}", value=values, hint=hint, code="start")
-
-    def with_references(self, signals: Mapping[str, Mapping[str, Signal]]) -> Prepared:
+    def with_references(self, signals: Signals) -> Prepared:
         """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
         again; substeps and start are unchanged.
 
@@ -179,7 +203,7 @@ class Prepared:
             references[joint] = own
         return replace(self, scenario=replace(self.scenario, references=references, external_torques=torques))
 
-    def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
+    def vary(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
         parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`), or by link and name
@@ -197,10 +221,9 @@ class Prepared:
         """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
         if model is None or not self.scenario.initial_equilibrium:
             return self
-        drives = at_equilibrium(self.scenario, self.drives, model)
-        return replace(self, drives=drives, initial_positions=tuple(drive.initial_position for drive in drives))
+        return replace(self, drives=at_equilibrium(self.scenario, self.drives, model))
 
-    def with_numbers(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
+    def with_numbers(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters, as `vary` makes it, but with an unchanged start."""
         robot = varied_robot(self.robot, parameters)
         blocks = {block.joint: block for block in robot.actuators}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -68,61 +67,39 @@ def unknown_quantity(name: str, choices: Sequence[str]) -> Problem:
     return Problem(f"no joint records '{name}'", choices=tuple(choices), hint=hint, code="unknown-quantity")
 
 
-class QuantitySelection:
-    """Quantities of several joints, taken from rows of the state and from inputs."""
+class RowColumns:
+    """Columns of a recorded row: quantities of the state, then quantities of the inputs."""
 
     def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
-        """motors: number of motor blocks in a row. names: selected quantities; None: all quantities that any joint records."""
-        recorded = [recorded_quantities(drive) for drive in drives]
-        places, given = columns_of(motors), inputs_of(motors)
-        known = dict.fromkeys(name for own in recorded for name in own)
+        """motors: number of motor blocks in a row. names: recorded quantities; None: all quantities that any joint records."""
+        known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
         possible = columns_of(MOST_MOTORS) | inputs_of(MOST_MOTORS)
         problems = [unknown_quantity(name, tuple(known)) for name in names or () if name not in possible]
         if problems:
             raise InputError(problems)
-        self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
-        stated = [name for name in self.names if name in places]
-        self.columns: NDArray[np.int64] = np.array([places[name] for name in stated], dtype=np.int64)
-        """Selected columns of S."""
-        self._stated = {name: place for place, name in enumerate(stated)}
-        self._given = {name: given[name] for name in self.names if name in given}
-        self._find_absent(recorded)
+        of_state, of_inputs = columns_of(motors), inputs_of(motors)
+        self.names = tuple(name for name in (known if names is None else names) if name in of_state or name in of_inputs)
+        """Recorded quantities."""
+        first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
+        self.of_state: NDArray[np.int64] = np.array([of_state[name] for name in first], dtype=np.int64)
+        """Columns of S that are recorded."""
+        self.of_inputs: NDArray[np.int64] = np.array([of_inputs[name] for name in second], dtype=np.int64)
+        """Columns of the references that are recorded."""
+        self.place = {name: place for place, name in enumerate((*first, *second))}
+        """Column of each quantity in a recorded row."""
 
-    def _find_absent(self, recorded: Sequence[Sequence[str]]) -> None:
-        """Find the joints that do not record all quantities. recorded: quantities that each joint records."""
-        self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
-        """Numbers of the joints that do not record a quantity, by quantity."""
-        absent = [(j, column) for name, column in self._stated.items() for j in self.lacking[name]]
-        self._absent = np.array(absent, dtype=np.int64).reshape(-1, 2).T
-        """Cells of a row that hold no recorded quantity, shape (2, n): numbers of the joints, then of the columns."""
-
-    def of(self, drives: Sequence[SteppedJoint]) -> QuantitySelection:
-        """This selection for joints with other parameters; such joints may record other quantities."""
-        other = copy.copy(self)
-        other._find_absent([recorded_quantities(drive) for drive in drives])
-        return other
+    def absent(self, drives: Sequence[SteppedJoint]) -> NDArray[np.bool_]:
+        """Mask (joints, columns) of the quantities that the joints do not record."""
+        recorded = [recorded_quantities(drive) for drive in drives]
+        mask = [[name not in own for name in self.place] for own in recorded]
+        return np.array(mask, dtype=bool).reshape(len(drives), len(self.place))
 
     def check(self, names: Sequence[str]) -> None:
-        """Raise InputError for names that are not selected."""
-        problems = [unknown_quantity(name, self.names) for name in names if name not in self.names]
+        """Raise InputError for names that are not recorded."""
+        problems = [unknown_quantity(name, self.names) for name in names if name not in self.place]
         if problems:
             raise InputError(problems)
 
-    def values(self, out: Array, references: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
-        """Quantities (rows, joints) by name, all or only the named quantities; NaN where a joint does not record a quantity.
-        The arrays may be views of `out` (rows, joints, columns) and `references` (input columns, joints, rows)."""
-        wanted = self.names if names is None else names
-        if any(self.lacking[name] for name in wanted):
-            joints, columns = self._absent
-            out = out.copy()
-            out[:, joints, columns] = np.nan
-        return {name: self._values_of(name, out, references) for name in wanted}
-
-    def _values_of(self, name: str, out: Array, references: Array) -> Array:
-        if name in self._stated:
-            return out[:, :, self._stated[name]]
-        given: Array = references[self._given[name]].T
-        if self.lacking[name]:
-            given = given.copy()
-            given[:, self.lacking[name]] = np.nan
-        return given
+    def values(self, rows: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
+        """Views of rows (..., columns), by quantity."""
+        return {name: rows[..., self.place[name]] for name in (self.names if names is None else names)}

@@ -30,7 +30,7 @@ def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
 
 
 def _of(drive: SteppedJoint, scenario: Scenario) -> dict[str, Range]:
-    declared = {**scenario.reference_ranges.get("*", {}), **scenario.reference_ranges.get(drive.name, {})}
+    declared = scenario.ranges_of(drive.name)
     found: dict[str, Range] = {}
     names = references_of(drive) or (drive.mode.references if drive.mode else ())
     if drive.actuator is not None and drive.actuator.motors == 1 and not drive.actuator.adjuster:

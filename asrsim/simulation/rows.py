@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ from asrsim.simulation.layout import (
     THETAS,
     TORQUES,
 )  # fmt: skip
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.sensors import Sensor
@@ -92,15 +94,10 @@ class RowShape:
 def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> RowShape:
     """Sizes of the rows that these joints need."""
     return RowShape(
-        motors=max((positions_of(drive) for drive in drives), default=2),
+        motors=max((drive.positions for drive in drives), default=2),
         ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
         parameters=max((len(drive.elastic) for drive in drives), default=0),
     )
-
-
-def positions_of(drive: SteppedJoint) -> int:
-    """Number of motor positions that the joint's law takes: at least two."""
-    return drive.actuator.positions() if drive.actuator else 2
 
 
 def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list[int]:
@@ -114,7 +111,7 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list
         k[DYNAMIC] = drive.dynamic_motors
         if mode.spring:
             k[SPRINGS], k[PLACED] = actuator.motors, actuator.motors + actuator.adjuster
-    k[MOTORS] = positions_of(drive)
+    k[MOTORS] = drive.positions
     if sensor is not None:
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
@@ -197,13 +194,10 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, positi
     return s
 
 
-def tables(
-    drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: RowShape, *, motor_substeps: int, cutoff: bool
-) -> tuple[NDArray[np.int64], Array]:
+def tables(prepared: Prepared, shape: RowShape) -> tuple[NDArray[np.int64], Array]:
     """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
-    released = any(drive.stepping.released for drive in drives)
-    substeps = 1 if released else motor_substeps
-    both = list(zip(drives, sensors, strict=True))
-    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in both], dtype=np.int64).reshape(-1, KINDS)
-    constants = [constants_of(drive, sensor, shape, motor_substeps=substeps, cutoff=cutoff) for drive, sensor in both]
+    joints = list(zip(prepared.drives, prepared.sensors, strict=True))
+    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in joints], dtype=np.int64).reshape(-1, KINDS)
+    options: Any = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
+    constants = [constants_of(drive, sensor, shape, **options) for drive, sensor in joints]
     return kinds, np.array(constants).reshape(-1, shape.constants)

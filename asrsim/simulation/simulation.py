@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from operator import index
 from pathlib import Path
 from types import TracebackType
@@ -19,9 +20,9 @@ from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.recording import RunRecording, Sink
-from asrsim.simulation.worlds import Start, one_world, whole_steps
+from asrsim.simulation.worlds import Worlds, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -80,13 +81,18 @@ class Simulation:
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
         self._peeking = self._closed = False
-        self._world = one_world(
-            scenario, names=names, compiled=compiled, substeps=expected_substeps or self.last, chunk=chunk,
+        self._world = Worlds(
+            scenario, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
             watch=self._watch if looks else None,
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
-        self.recording = RunRecording(scenario, self.engine, self._world.selection, last=self.last, sinks=sinks, keep=record)
-        self._owner = object()
+        self._output = sinks, record
+        self.recording = self._new_recording(scenario)
+
+    def _new_recording(self, started: Prepared) -> RunRecording:
+        """A recording of a run that begins at this start."""
+        sinks, record = self._output
+        return RunRecording(started, self.engine, self._world.columns, last=self.last, sinks=sinks, keep=record)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -119,11 +125,10 @@ class Simulation:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
             length = min(end, boundary) - before
-            rows, block = self._world.go_on(ONE, length)
+            rows = self._world.go_on(ONE, length)
             if self.recording.active:
                 first, found = whole_steps(before, self.substep, self.substeps)
-                taken = np.asarray(block.references(0, length)[first * self.substeps - before :: self.substeps][:found])
-                self.recording.take(first, rows[0, :found], taken.T)
+                self.recording.take(first, rows[0, :found])
             if self._core.fault[0, 0] != HEALTHY:
                 self._diverge()
             if self.substep == boundary:
@@ -212,20 +217,15 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the state and of the recording, for `restore`."""
-        self._check_open()
-        return Snapshot(self._owner, self._world.snapshot(), self.recording.state())
+        return replace(self._world.snapshot(), recording=self.recording.copy())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation. Samples that the sinks have already received are not withdrawn.
 
         Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
         """
-        self._check_open()
-        if snapshot.owner is not self._owner:
-            message = "is a snapshot of another simulation, or of this one with other parameters"
-            raise InputError(message, key="snapshot", code="snapshot")
-        self._world.restore(snapshot.state)
-        self.recording.put_back(snapshot.record)
+        self._world.restore(snapshot)
+        self.recording = snapshot.recording.copy()
 
     def reset(
         self,
@@ -249,14 +249,12 @@ class Simulation:
         """
         self._check_open()
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
-        self.prepared.start(start.positions, start.velocities, start.motors)
+        self.prepared.started(start)
         if parameters is not None:
-            # Earlier snapshots belong to other parameters and can no longer be restored.
-            self._owner = object()
-            self.prepared = self._world.take_over(0, self.prepared.with_numbers(parameters))
-            self.recording.take_over(self.prepared, self.engine, self._world.select(self.prepared))
-        positions, speeds = self._world.place(0, start)
-        self.recording.renew(positions, speeds)
+            self.prepared = self._world.vary(parameters)
+        started = self.prepared.started(start)
+        self._world.place(0, started)
+        self.recording = self._new_recording(started)
 
     def close(self) -> None:
         """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""

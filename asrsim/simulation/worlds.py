@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from operator import index
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, SimulationError
-from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -25,48 +24,25 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import chunk_at, longest_chunk
 from asrsim.simulation.core import make_core
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given, Inputs, joined
-from asrsim.simulation.layout import EXTERNAL, GOALS, HEALTHY
-from asrsim.simulation.observation import Counts, Observation, counts_of, observe
+from asrsim.simulation.layout import EXTERNAL, HEALTHY
+from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
-from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import WATCHED, QuantitySelection
+from asrsim.simulation.prepared import Numbers, Prepared, Start
+from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
-Numbers = Mapping[str, Mapping[str, float]]
-"""Values of parameters by joint or link, and by name, as in `asrsim.Prepared.vary`."""
-Signals = Mapping[str, Mapping[str, Signal]]
-"""Signals by joint, and by the name of the reference or `external_torque`."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Start:
-    """Start of a world; values that are not given come from the scenario."""
+class World(NamedTuple):
+    """Parameters, start and input signals of a world."""
 
-    parameters: Numbers = field(default_factory=dict)
-    references: Signals = field(default_factory=dict)
-    positions: Mapping[str, float] = field(default_factory=dict)
-    """Position of each joint's link, by joint, rad (m)."""
-    velocities: Mapping[str, float] = field(default_factory=dict)
-    """Velocity of each joint's link, by joint, rad/s (m/s)."""
-    motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Positions of each joint's motors, by joint, rad; motors without an entry start at their link's position."""
-
-
-@dataclass(frozen=True)
-class Snapshots:
-    """Complete states of some worlds."""
-
-    owner: object
-    worlds: tuple[int, ...]
-    states: tuple[Any, ...]
-    prepared: tuple[Prepared, ...]
-    inputs: tuple[Inputs, ...]
-    held: Array
-    rows: Array
-    given: Array
+    prepared: Prepared
+    """The scenario with the world's parameters."""
+    inputs: Inputs
+    started: Prepared
+    """`prepared` with the start of the world."""
 
 
 @dataclass
@@ -82,10 +58,6 @@ class InputBlock:
     """Number of rows."""
     row: int = 0
     """Number of rows that have been simulated."""
-
-    def references(self, place: int, count: int) -> Any:
-        """References (count, joints, columns) of the world at `place`, in the last `count` simulated rows."""
-        return self.given.references[self.which[place, 1]][self.row - count : self.row]
 
 
 class Worlds:
@@ -114,6 +86,8 @@ class Worlds:
         compiled: bool | None = None,
         expected_substeps: int | None = None,
         threads: int = 1,
+        chunk: int | None = None,
+        watch: Callable[[], None] | None = None,
     ) -> None:
         """Prepare the worlds.
 
@@ -125,65 +99,61 @@ class Worlds:
                 a fifth faster.
             expected_substeps: Number of substeps that each world will take, from which the loop is chosen.
             threads: Number of threads that step the worlds, if the engine has a compiled step.
+            chunk: Largest number of substeps whose inputs are sampled in one call.
+            watch: Called before each step of the engine.
         """
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
-        substeps = expected_substeps or scenario.last_substep(None)
-        self._begin(scenario, count, names=names, watched=watched, compiled=compiled, substeps=substeps, threads=threads)
-
-    def _begin(
-        self, prepared: Prepared, count: int, *, names: Sequence[str] | None, watched: bool, compiled: bool | None,
-        substeps: int, threads: int = 1, chunk: int | None = None, watch: Callable[[], None] | None = None,
-    ) -> None:  # fmt: skip
-        """Make the engine, the core and the tables of the worlds.
-
-        chunk: largest number of substeps whose inputs are sampled in one call. watch: called before each step of the engine.
-        """
-        self.prepared, self.count = prepared, count
-        self.substeps = prepared.resolution.substeps
+        self.prepared, self.count = scenario, count
+        self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
-        engine = prepared.make_engine()
-        self._engines: dict[int, Engine] = {-1: engine}
-        """Engines by number of the world that uses a separate engine; -1: the engine that all other worlds share."""
-        self._pool: ThreadPoolExecutor | None = None
+        self.joints = tuple(drive.name for drive in scenario.drives)
+        self.chunk = longest_chunk(len(self.joints) * count, chunk)
+        self._options = names, watched
+        engine, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
         try:
-            self.joints = engine.joints
-            self.chunk = longest_chunk(len(self.joints) * count, chunk)
             self.core, self.slow_because = make_core(
-                prepared, engine, compiled=compiled, substeps=substeps, worlds=count, watch=watch
+                scenario, engine, compiled=compiled, substeps=substeps, worlds=count, watch=watch
             )
-            self._threads = threads if self.core.native else 1
-            self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
-            self._names = names
-            self.selection = QuantitySelection(prepared.drives, self.core.shape.motors, names)
-            self._other: dict[int, QuantitySelection] = {}
-            """Selections for worlds in which other joints record the selected quantities."""
-            self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
-            self._home_inputs = inputs_of(prepared)
+            self.record_as(scenario)
+            self._home_inputs = self._inputs_of(scenario)
             self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
-            self._inputs = [self._home_inputs] * count
-            self._own = [prepared] * count
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
-            self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
-            columns = GOALS + self.core.shape.motors
-            self._held = np.full((count, len(self.joints), columns), np.nan)
-            """References that callers have set, which override the scenario's signals; NaN: not set."""
-            self._rows = np.full((count, len(self.joints), len(self.selection.columns)), np.nan)
-            """Logged columns (count, joints, columns) of each world at its last whole step."""
-            self._given = np.full((count, len(self.joints), columns), np.nan)
-            """Inputs (count, joints, input columns) of each world at its last whole step."""
+            self._worlds = [World(scenario, self._home_inputs, scenario)] * count
             self._everyone = np.arange(count)
             self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
+            self._closed = False
             self._owner = object()
             self.reset()
         except BaseException:
-            self.close()
+            engine.close()
             raise
+        self._threads = threads if self.core.native else 1
+        self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
+
+    def record_as(self, prepared: Prepared) -> None:
+        """Record the quantities of joints with these parameters; earlier snapshots can no longer be restored."""
+        names, watched = self._options
+        self.columns = RowColumns(prepared.drives, self.core.shape.motors, names)
+        self.names = self.columns.names
+        """Quantities that are recorded."""
+        self._watched = watched or not WATCHED.isdisjoint(self.names)
+        self.core.record(self.columns, watched=self._watched)
+        self._absent = np.repeat(self.columns.absent(prepared.drives)[None], self.count, axis=0)
+        """Mask (count, joints, columns) of the quantities that the joints of each world do not record."""
+        self._owner = object()
+
+    def _inputs_of(self, prepared: Prepared) -> Inputs:
+        """The input signals of a scenario."""
+        return Inputs(
+            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=prepared.stepping.staggered,
+            sensors=prepared.sensors, longest=self.chunk,
+        )  # fmt: skip
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -208,49 +178,40 @@ class Worlds:
             raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
 
-    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> tuple[Array, Array]:
-        """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps, and the inputs (m,
-        columns, joints, rows) at these steps."""
+    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
+        """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
         self._check_open()
-        rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
-        kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
-        inputs = np.full((len(numbers), self._given.shape[2], joints, rows), np.nan)
+        rows = -(-count // self.substeps) if keep else 0
+        kept = np.full((len(numbers), rows, *self.core.rows.shape[1:]), np.nan)
         ran, start = 0, -(-self.core.done[numbers] // self.substeps)
         while ran < count and len(numbers):
             before = self.core.done[numbers]
             length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
-            out, block = self.go_on(numbers, length)
+            out = self.go_on(numbers, length)
             for place, world in enumerate(numbers.tolist()) if keep else ():
                 first, found = whole_steps(int(before[place]), int(self.core.done[world]), self.substeps)
-                at = slice(first - start[place], first - start[place] + found)
-                kept[place, at] = out[place, :found]
-                own = block.references(place, length)[first * self.substeps - before[place] :: self.substeps]
-                inputs[place, :, :, at] = np.asarray(own[:found]).T
+                kept[place, first - start[place] :][:found] = out[place, :found]
             ran += length
-        return kept, inputs
+        return kept
 
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, InputBlock]:
-        """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps, and the inputs."""
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> Array:
+        """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps."""
         block = self._block
         if block is None or block.numbers is not numbers or block.row + length > block.end:
             block = self._make_block(numbers, length)
         # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
         self._block = None
         first, block.row = block.row, block.row + length
-        out = np.empty((len(numbers), -(-length // self.substeps), *self._rows.shape[1:]))
-        self._in_threads(
-            block, first, length, self.substeps, int(self._watched), self.selection.columns, out, self._rows, self._given
-        )
+        out = np.empty((len(numbers), -(-length // self.substeps), *self.core.rows.shape[1:]))
+        parts = 1 if self._pool is None else min(self._threads, len(numbers))
+        if self._pool is None or parts == 1:
+            self.core.run(block.which, block.given, first, length, out)
+        else:
+            edges = np.linspace(0, len(numbers), parts + 1).astype(int).tolist()
+            shares = [block.which[begin:end] for begin, end in pairwise(edges)]
+            list(self._pool.map(lambda which: self.core.run(which, block.given, first, length, out), shares))
         self._block = block
-        return out, block
-
-    def _in_threads(self, block: InputBlock, *options: Any) -> None:
-        which = block.which
-        if self._pool is None or len(which) < 2:
-            self.core.run(which, block.given, *options)
-            return
-        edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
-        list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
+        return out
 
     def _make_block(self, numbers: NDArray[np.int64], length: int) -> InputBlock:
         """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
@@ -260,20 +221,18 @@ class Worlds:
             length = max(length, min(2 * self._block.end, *ends))
         alike: dict[tuple[int, int], list[int]] = {}
         for place, world in enumerate(numbers.tolist()):
-            alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
+            alike.setdefault((id(self._worlds[world].inputs), int(self.core.done[world])), []).append(place)
         parts: list[Given] = []
         count = 0
         which = np.empty((len(numbers), 4), dtype=np.int64)
         which[:, 0], which[:, 2] = numbers, self._everyone[: len(numbers)]
         for (_, substep), places in alike.items():
             worlds = numbers[places]
-            inputs, held = self._inputs[worlds[0]], self._held[worlds]
+            held = self.core.held[worlds]
             free = bool(np.isnan(held).all())
-            begin, end = chunk_at(substep, self.chunk)
-            chunk, first = inputs.chunk(begin, end - begin), substep - begin
             which[places, 1] = count if free else count + np.arange(len(places))
             which[places, 3] = len(parts)
-            parts.append(inputs.given(chunk, first, first + length, None if free else held))
+            parts.append(self._worlds[worlds[0]].inputs.given(substep, length, None if free else held))
             count += len(parts[-1].inputs)
         return InputBlock(numbers, which, self.core.taken(joined(parts)), length)
 
@@ -298,9 +257,9 @@ class Worlds:
             held, finite = np.clip(given, low, high), bool(np.isfinite(given).all())
         if values is not None and not finite:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
-        self._held[numbers, j, slot] = held
+        self.core.held[numbers, j, slot] = held
         self._block = None
-        return np.asarray(self._held[numbers, j, slot])
+        return np.asarray(self.core.held[numbers, j, slot])
 
     def push(self, torques: Array) -> None:
         """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
@@ -308,7 +267,7 @@ class Worlds:
         self._check_open()
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")
-        self._held[:, :, EXTERNAL] = torques
+        self.core.held[:, :, EXTERNAL] = torques
         self._block = None
 
     def observe(self) -> Observation:
@@ -319,28 +278,21 @@ class Worlds:
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
         self._check_open()
-        self.selection.check(names)
-        rows, given = self._rows, self._given
+        self.columns.check(names)
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
+        states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
-            states = [self.core.state(world) for world in fresh.tolist()]
-            before = rows.copy(), given.copy()
             self._run(fresh, 1, keep=False)
-            rows, given = self._rows, self._given
-            self._rows, self._given = before
-            for world, state in zip(fresh.tolist(), states, strict=True):
-                self.core.put(world, state)
-        values = {name: found.copy() for name, found in self.selection.values(rows, given.T, names).items()}
-        for world, selection in self._other.items():
-            for name, own in selection.values(rows[world][None], given[world].T[:, :, None], names).items():
-                values[name][world] = own[0]
-        return values
+        rows = np.where(self._absent, np.nan, self.core.rows)
+        for world, state in zip(fresh.tolist(), states, strict=True):
+            self.core.put(world, state)
+        return self.columns.values(rows, names)
 
     @property
     def model(self) -> Model | None:
         """Kinematics and dynamics of the scenario's robot; None if the engine prescribes the motion of the links."""
         self._check_open()
-        return self._engines[-1].model
+        return self.core.model
 
     def counts(self, world: int) -> Counts:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
@@ -348,30 +300,23 @@ class Worlds:
         self._numbers(world)
         return counts_of(self.core.S[world], int(self.core.done[world]))
 
-    def snapshot(self, *, worlds: Any = None) -> Snapshots:
+    def snapshot(self, *, worlds: Any = None) -> Snapshot:
         """Snapshots of some worlds, or of all, for `restore`."""
         self._check_open()
-        chosen = self._numbers(worlds)
-        numbers = tuple(chosen.tolist())
-        return Snapshots(
-            self._owner, numbers, tuple(self.core.state(world) for world in numbers),
-            tuple(self._own[world] for world in numbers), tuple(self._inputs[world] for world in numbers),
-            self._held[chosen].copy(), self._rows[chosen].copy(), self._given[chosen].copy(),
-        )  # fmt: skip
+        numbers = self._numbers(worlds).tolist()
+        return Snapshot(self._owner, {world: (self._worlds[world], self.core.state(world)) for world in numbers})
 
-    def restore(self, snapshot: Snapshots) -> None:
+    def restore(self, snapshot: Snapshot) -> None:
         """Set worlds to their states in a snapshot. Raises InputError for a snapshot of other worlds."""
         self._check_open()
         if snapshot.owner is not self._owner:
-            raise InputError("is a snapshot of other worlds", key="snapshot", code="snapshot")
-        for place, world in enumerate(snapshot.worlds):
-            if self._own[world] is not snapshot.prepared[place]:
-                self.take_over(world, snapshot.prepared[place])
-            self.core.put(world, snapshot.states[place])
-            self._inputs[world] = snapshot.inputs[place]
-        numbers = list(snapshot.worlds)
+            message = "is a snapshot of another simulation, or of this one with other parameters"
+            raise InputError(message, key="snapshot", code="snapshot")
+        for number, (world, state) in snapshot.states.items():
+            self._take_over(number, world.prepared)
+            self._worlds[number] = world
+            self.core.put(number, state)
         self._block = None
-        self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
         """Reset worlds to a start. The worlds then give bitwise the same results as new worlds, and follow the references of
@@ -401,76 +346,69 @@ class Worlds:
         """
         self._check_open()
         numbers = self._numbers(worlds)
-        counts = {drive.name: drive.actuator.motors if drive.actuator else 0 for drive in self.prepared.drives}
-        one = (len(numbers),)
-        links = [
-            {name: _spread(given, one, name) for name, given in (table or {}).items()} for table in (positions, velocities)
-        ]
+        each, motors_of = (len(numbers),), {drive.name: drive.motors for drive in self.prepared.drives}
+        links = {name: _spread(values, each, name) for name, values in positions.items()}
+        speeds = {name: _spread(values, each, name) for name, values in (velocities or {}).items()}
         turned = {}
-        for name, given in (motors or {}).items():
+        for name, values in (motors or {}).items():
             # For a joint with one motor, a list contains one number for each world.
-            many = counts.get(name, 1)
-            turned[name] = (
-                _spread(given, one, name)[:, None] if many == 1 and np.ndim(given) < 2 else _spread(given, (*one, many), name)
+            count = motors_of.get(name, 1)
+            shape = each if count == 1 and np.ndim(values) < 2 else (*each, count)
+            turned[name] = _spread(values, shape, name).reshape(*each, -1)
+        placed = []
+        for place, world in enumerate(numbers.tolist()):
+            start = Start(
+                positions={name: float(values[place]) for name, values in links.items()},
+                velocities={name: float(values[place]) for name, values in speeds.items()},
+                motors={name: values[place].tolist() for name, values in turned.items()},
             )
-        starts = [
-            Start(
-                positions={name: float(table[place]) for name, table in links[0].items()},
-                velocities={name: float(table[place]) for name, table in links[1].items()},
-                motors={name: table[place].tolist() for name, table in turned.items()},
-            )
-            for place in range(len(numbers))
-        ]
-        for start in starts:
-            self.prepared.start(start.positions, start.velocities, start.motors)
-        for world, start in zip(numbers.tolist(), starts, strict=True):
-            self.place(world, start)
+            placed.append((world, self._worlds[world].prepared.started(start)))
+        for world, started in placed:
+            self.place(world, started)
 
     def _begin_world(self, world: int, start: Start) -> None:
-        home = self.prepared
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
-        known = self._variants.get(key) if key else home
-        varied = known or home.with_numbers(start.parameters)
-        if varied is not self._own[world]:
-            self.take_over(world, varied, settled=known is not None)
-            if known is None:
-                if len(self._variants) >= VARIANTS_KEPT:
-                    self._variants.clear()
-                self._variants[key] = self._own[world]
+        varied = self._variants.get(key) if key else self.prepared
+        if varied is None:
+            varied = self._at_rest(world, self.prepared.with_numbers(start.parameters))
+            if len(self._variants) >= VARIANTS_KEPT:
+                self._variants.clear()
+            self._variants[key] = varied
+        self._take_over(world, varied)
+        inputs = self._home_inputs
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
             if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
-                self._signals = signals, inputs_of(self.prepared.with_references(start.references))
-            self._inputs[world] = self._signals[1]
-        else:
-            self._inputs[world] = self._home_inputs
-        self.place(world, start)
+                self._signals = signals, self._inputs_of(self.prepared.with_references(start.references))
+            inputs = self._signals[1]
+        self._worlds[world] = self._worlds[world]._replace(inputs=inputs)
+        self.place(world, varied.started(start))
 
-    def take_over(self, world: int, varied: Prepared, *, settled: bool = False) -> Prepared:
-        """Change the parameters of a world, which must then be placed at its start. Returns the parameters with the start.
+    def _at_rest(self, world: int, varied: Prepared) -> Prepared:
+        """Other parameters of a world, with the start at equilibrium that the scenario may require. Raises RobotError for a
+        motion without inertia, ScenarioError for an arm without equilibrium."""
+        model = self.core.model_for(world, varied)
+        if model is not None and model is not self.core.model:
+            check_inertia(varied.drives, model.mass_matrix(varied.initial_positions))
+        return varied.settled(model)
 
-        settled: whether `varied` already starts at equilibrium, if the scenario requires it. A world whose links have other
-        inertias gets its own engine.
-        """
-        engine = self._engines[-1]
-        if varied.robot.links != self.prepared.robot.links:
-            engine = self._own_engine(world, varied)
-            if engine.model is not None and not settled:
-                check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
-        self._own[world] = varied = varied if settled else varied.settled(engine.model)
-        self._other.pop(world, None)
-        selection = self.selection.of(varied.drives)
-        if selection.lacking != self.selection.lacking:
-            self._other[world] = selection
-        self.core.take_over(world, varied, engine)
+    def _take_over(self, world: int, varied: Prepared) -> None:
+        """Change the parameters of a world, which must then be placed at its start. A world whose links have other inertias
+        gets its own engine."""
+        if varied is not self._worlds[world].prepared:
+            self.core.model_for(world, varied)
+            self.core.take_over(world, varied)
+            self._absent[world] = self.columns.absent(varied.drives)
+            self._worlds[world] = self._worlds[world]._replace(prepared=varied)
+
+    def vary(self, parameters: Numbers) -> Prepared:
+        """Change parameters of the only world, and record the quantities of the varied joints. Returns the varied scenario. The
+        world must then be placed at its start."""
+        varied = self._at_rest(0, self._worlds[0].prepared.with_numbers(parameters))
+        self._take_over(0, varied)
+        self.record_as(varied)
         return varied
-
-    def select(self, varied: Prepared) -> QuantitySelection:
-        """Selection of quantities for joints with these parameters."""
-        self.selection, self._other = QuantitySelection(varied.drives, self.core.shape.motors, self._names), {}
-        self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
-        return self.selection
 
     def engine_of(self, world: int) -> Engine:
         """The engine that steps a world."""
@@ -482,23 +420,11 @@ class Worlds:
         self._numbers(world)
         return self.core.look(world)
 
-    def _own_engine(self, world: int, varied: Prepared) -> Engine:
-        found = self._engines.get(world)
-        if found is None or not found.vary(varied.robot):
-            if found is not None:
-                found.close()
-            found = self._engines[world] = varied.make_engine()
-        return found
-
-    def place(self, world: int, start: Start) -> tuple[Sequence[float], Sequence[float]]:
-        """Put a world at its start. Returns the start positions and velocities of the links."""
-        prepared = self._own[world]
-        positions, velocities = prepared.start(start.positions, start.velocities, start.motors)
-        self.core.start(world, started(prepared, positions, start.motors), positions, velocities)
-        self._begun[world] = positions, velocities
+    def place(self, world: int, started: Prepared) -> None:
+        """Put a world at its start."""
+        self.core.start(world, started)
+        self._worlds[world] = self._worlds[world]._replace(started=started)
         self._block = None
-        self._held[world] = self._rows[world] = self._given[world] = np.nan
-        return positions, velocities
 
     # -- whole runs -------------------------------------------------------------------------------------------------
 
@@ -527,44 +453,28 @@ class Worlds:
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
         """Quantities of a run of the worlds from their start; see `rollout`."""
-        self.selection.check(names)
+        self.columns.check(names)
         numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
         if total < 1:
             raise InputError("must not be negative", key="steps", value=steps, code="steps")
-        kept, inputs = self._run(numbers, total, keep=True)
-        found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
-        for place, world in enumerate(numbers.tolist()):
-            selection = self._other.get(world, self.selection)
-            for name, values in selection.values(kept[place], inputs[place], names).items():
-                found[name][place] = values
-        return found
+        rows = self._run(numbers, total, keep=True)
+        for own, absent in zip(rows, self._absent[numbers], strict=True):
+            own[:, absent] = np.nan
+        return {name: values.copy() for name, values in self.columns.values(rows, names).items()}
 
     def sane(self, world: int) -> bool:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
         if the worlds are not watched."""
         self._check_watched()
-        model, prepared, state = self.look(world).model, self._own[world], self.core.S[world]
-        if not self.healthy[world]:
-            return False
-        if model is None or prepared.stepping.released:
-            return True
-        alone = prepared.scenario.world.empty and prepared.scenario.fixed_base and not prepared.scenario.wrenches
-        fault = EnergyGuard(model.energy(*self._begun[world])).look(model if alone else None, state, self.joints)
-        return fault is None
+        self._numbers(world)
+        guard = EnergyGuard(self._worlds[world].started, self.core.engine_of(world).model)
+        return bool(self.healthy[world]) and guard.look(self.core.S[world]) is None
 
     def prepared_of(self, world: int) -> Prepared:
         """The scenario with the parameters of a world."""
         self._numbers(world)
-        return self._own[world]
-
-    def model_of(self, robot: Robot) -> Model | None:
-        """Kinematics and dynamics of a robot that differs in its inertials."""
-        world = self.count
-        engine = self._engines[-1]
-        if robot.links != self.prepared.robot.links:
-            engine = self._own_engine(world, replace(self.prepared, robot=robot, _spare=[]))
-        return engine.model
+        return self._worlds[world].prepared
 
     # -- the rest ---------------------------------------------------------------------------------------------------
 
@@ -588,29 +498,22 @@ class Worlds:
             raise SimulationError("energies and limits are computed with Worlds(..., watched=True) only")
 
     def _check_open(self) -> None:
-        if not self._engines:
+        if self._closed:
             raise SimulationError("the worlds are closed: make new ones")
 
     def close(self) -> None:
         """Release the engines."""
-        for engine in self._engines.values():
-            engine.close()
-        self._engines = {}
-        if self._pool is not None:
-            self._pool.shutdown()
+        if not self._closed:
+            self._closed = True
+            self.core.close()
+            if self._pool is not None:
+                self._pool.shutdown()
 
     def __enter__(self) -> Worlds:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def one_world(prepared: Prepared, **options: Any) -> Worlds:
-    """A single world. options: arguments of `Worlds._begin`."""
-    world = Worlds.__new__(Worlds)
-    world._begin(prepared, 1, watched=True, **options)
-    return world
 
 
 def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -626,19 +529,3 @@ def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:
     """Index of the first whole step between two substeps, and number of whole steps between these substeps."""
     first = -(-before // every)
     return first, -(-after // every) - first
-
-
-def inputs_of(prepared: Prepared) -> Inputs:
-    """The input signals of the scenario."""
-    staggered = prepared.stepping.staggered
-    return Inputs(prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors)
-
-
-def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:
-    """The drives with other start positions of links and motors; motors without a position start at their link's position."""
-    drives = list(prepared.drives)
-    for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
-        if drive.initial_position != q or drive.name in motors:
-            motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
-            drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
-    return tuple(drives)

@@ -69,7 +69,7 @@ class Claims:
         """Verdicts on the run whose samples the function `read` returns. Raises ScenarioError."""
         if not self._single:
             return ()
-        from asrsim.recordings import RecordedSeries
+        from asrsim.summary.recorded import RecordedSeries
 
         recorded = RecordedSeries(self._joints, read)
         results: list[ExpectationResult] = []
@@ -103,7 +103,7 @@ class Claims:
 
 def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem]:
     """Problems of a claim's recording that can be found before the run."""
-    from asrsim.recordings import require_columns
+    from asrsim.summary.recorded import require_columns
 
     try:
         require_columns(claim, joints, _joints_of(claim, joints))

@@ -203,7 +203,7 @@ def _columns(
 def _unit(key: str, case: Case) -> str:
     """Unit of a key: of a number of the robot, or of a number in the scenario."""
     # Import here and not at the top, because workers import this module but do not need the imported names.
-    from asrsim.identification.keys import parameters_of
+    from asrsim.identification.parameters import parameters_of
 
     numbers = parameters_of(case.robot, (), {})
     for owner, name in case.plan.numbers.get(key, ()):

@@ -16,11 +16,11 @@ from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.chunks import LONGEST_NUMBERS
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.summary import Collector
 from asrsim.summary.claims import check_claims, needs_of
 from asrsim.sweeps.cases import MEASURES, TIP, Case, Payload
@@ -132,7 +132,7 @@ class _Kind:
         if not ready:
             return {}
         scenario = worlds.prepared.scenario
-        record = worlds.record(worlds.selection.names, worlds=ready)
+        record = worlds.record(worlds.names, worlds=ready)
         time = scenario.step_times()
         cells = {}
         for place, world in enumerate(ready):

@@ -18,8 +18,8 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.observation import Observation
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.worlds import Worlds
 from asrsim.twin.mismatch import Mismatch, varied
 from asrsim.twin.observer import Observer, noise_gain
 
@@ -113,7 +113,7 @@ class Twin:
         self._model = model
         self.joints, self._drives = self.worlds.joints, ready.drives
         shape = n, _ = len(self.joints), len(self._starts)
-        self._springs = [name for name in self.worlds.selection.names if name.startswith("elastic_torque_")]
+        self._springs = [name for name in self.worlds.names if name.startswith("elastic_torque_")]
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
@@ -187,7 +187,7 @@ class Twin:
 
     def _place(self, positions: Array) -> None:
         """Set the twin's links to their measured positions, at rest, and its motors to their commanded positions."""
-        names = [name for name in self.worlds.selection.names if name.startswith("reference_")]
+        names = [name for name in self.worlds.names if name.startswith("reference_")]
         references = self.worlds.read(names)
         links, motors = {}, {}
         for j, (drive, position) in enumerate(zip(self._drives, positions.tolist(), strict=True)):

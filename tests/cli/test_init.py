@@ -66,6 +66,16 @@ def test_check_has_no_warning_for_starter_variants(tmp_path, name, actuator):
         assert not [str(problem) for problem in warnings if problem.file == scenario.path]
 
 
+def test_mode_is_that_of_mounted_actuators_and_of_others(tmp_path):
+    robot = write_robot(tmp_path, {"name": "driven"}, {"name": "bare"})
+    head, _, tail = robot.read_text().rpartition("<gazebo>")
+    robot.write_text(head + tail.partition("</gazebo>")[2])
+    write_starter(robot, tmp_path / "s.yaml", mode=5, actuators={"bare": "sea"})
+    for scenario in load_scenario(tmp_path / "s.yaml"):
+        assert check_against_robot(scenario, load_robot(robot)) == ([], [])
+        assert all("reference_1" in references for references in scenario.references.values())
+
+
 def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     robot = write_robot(tmp_path, {"name": "weld", "kind": "fixed"})
     robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
@@ -141,14 +151,6 @@ def test_foreign_schema_files_are_not_replaced(tmp_path):
     assert (tmp_path / SCHEMA_FILE).read_text() == "{}"
 
 
-def test_command_line(tmp_path):
-    robot = write_robot(tmp_path, {"name": "j"})
-    result = CliRunner().invoke(app, ["init", str(robot), "--out", str(tmp_path / "s.yaml"), "--mode", "5"])
-    assert result.exit_code == 0, result.output
-    assert "robot: arm.urdf" in (tmp_path / "s.yaml").read_text()
-    assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
-
-
 def test_xacro_arguments_are_kept(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     write_starter(robot, tmp_path / "s.yaml", arguments={"side": "left", "length": "2"}, packages={"d": tmp_path / "meshes"})
@@ -176,8 +178,9 @@ def test_starters_of_real_robots_fit(tmp_path, shared, name):
 
 def test_json_names_files_and_findings(tmp_path):
     arm = write_robot(tmp_path, {"name": "joint_1"})
-    made = CliRunner().invoke(app, ["init", str(arm), "--out", str(tmp_path / "arm.yaml"), "--json"])
+    made = CliRunner().invoke(app, ["init", str(arm), "--mode", "5", "--out", str(tmp_path / "arm.yaml"), "--json"])
     assert made.exit_code == 0
     said = json.loads(made.output)
     assert (said["ok"], said["files"][0]) == (True, str(tmp_path / "arm.yaml"))
     assert isinstance(said["findings"], list)
+    assert load_scenario(tmp_path / "arm.yaml")[0].modes == {"*": 5}

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import asrsim
 from asrsim.cli.app import app
-from asrsim.errors import AsrsimError, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.identification import task_of
 from asrsim.identification.setup import set_up
 from asrsim.kinematics.sizing import sizing
@@ -85,7 +85,7 @@ def test_suggested_fit_loads_for_every_kind_of_command(tmp_path, robot, header, 
     task = task_of(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
         setup = set_up(task, stack)
-    assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}
+    assert set(task.free) <= setup.problem.layout.keys
     text = (tmp_path / "s.yaml").read_text()
     assert told in text
 
@@ -125,16 +125,6 @@ def test_bag_commands_are_played_and_stored_in_the_log(tmp_path, monkeypatch):
     claims = judge(open_log(result.log))
     assert [claim.measured for claim in claims] == [claim.measured for claim in result.summary.claims]
     assert len(claims) > 0
-
-
-@pytest.mark.parametrize("name", ["s.fit.yaml", "s.yaml"])
-def test_init_never_overwrites_its_inputs(tmp_path, name):
-    """The recording has the name of the scenario or of its fit file. The option --force does not help."""
-    text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
-    (tmp_path / name).write_bytes(text)
-    with pytest.raises(AsrsimError, match="is an input of this command"):
-        make(tmp_path, tmp_path / name, force=True)
-    assert (tmp_path / name).read_bytes() == text
 
 
 @pytest.mark.parametrize(("zero", "decimals"), [(0.0, 3), (0.7004, 9), (1_715_000_000.123, 9), (-0.35, 3)])

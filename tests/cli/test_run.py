@@ -264,6 +264,13 @@ def test_certify_reports_the_numerical_error(tiny, asrsim_command):
     assert json.loads(read_log(log_of(tiny)).metadata["certificate"])["joints"] == certificate["joints"]
 
 
+def test_engines_agree_by_the_cross_check_if_nothing_touches(tiny, asrsim_command):
+    command = "run", tiny.scenario, "--no-plot", "--cross-check", "--set", "duration=0.1"
+    for ground, agree in (("false", True), ("true", False)):
+        outcome = asrsim_command(*command, "--set", f"world.ground={ground}")
+        assert (outcome.code, "the engines agree" in outcome.out, "legitimate" in outcome.out) == (0, agree, not agree)
+
+
 def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command):
     asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4", "--set", "step=5e-4")
     log = tiny.folder / "alone.mcap"

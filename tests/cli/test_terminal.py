@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 import pytest
 
 from asrsim.cli.console import SHOWN, problem_lines
+from asrsim.cli.progress import RunBar
 from asrsim.errors import Problem
 from support.paths import ROOT
 
@@ -75,3 +76,13 @@ def test_shared_messages_list_places_and_count_the_rest(count):
     assert "None" not in line
     assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
     assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
+
+
+def test_progress_shows_the_speed_since_the_start_of_the_loop(monkeypatch):
+    moments, shown = iter([0.0, 10.0, 14.0]), []
+    monkeypatch.setattr("asrsim.cli.progress.clock.perf_counter", lambda: next(moments))
+    bar = RunBar("arm", 8.0, show=False)
+    monkeypatch.setattr(bar, "draw", lambda *drawn: shown.append(drawn[:2]))
+    bar.start()
+    bar.update(2.0)
+    assert shown == [(0.25, "2.00 of 8 s, 0.5 x real time")]

@@ -34,7 +34,13 @@ ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.3}}}, tolerance: 
 def made(tmp_path_factory):
     """Folder with a run in `made`, a recorded motion, and a scenario for learning."""
     folder = tmp_path_factory.mktemp("writers")
-    files = {"pendulum.urdf": PENDULUM, "step.yaml": SCENARIO, "lift.yaml": LIFT, "motion.csv": MOTION}
+    files = {
+        "pendulum.urdf": PENDULUM,
+        "step.yaml": SCENARIO,
+        "lift.yaml": LIFT,
+        "motion.csv": MOTION,
+        "motion.fit.yaml": MOTION,
+    }
     for name, text in files.items():
         (folder / name).write_text(text)
     asrsim.run(asrsim.load_scenario(folder / "step.yaml", overrides=["duration=0.1"])[0], out=folder / "made")
@@ -101,6 +107,7 @@ def test_commands_may_overwrite_their_own_files(place, asrsim_command, name):
     [
         "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
+        "init pendulum.urdf --experiment motion.fit.yaml --out motion.yaml --force",
     ],
 )  # fmt: skip
 def test_commands_never_overwrite_their_inputs(place, asrsim_command, arguments):

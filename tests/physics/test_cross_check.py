@@ -30,7 +30,7 @@ def wrong_mujoco(monkeypatch):
     """MuJoCo engine with a relative error of one millionth in gravity."""
 
     def make(scenario, robot):
-        return mujoco_engine.make_mujoco(replace(scenario, gravity=(0.0, -9.81 * (1 + 1e-6), 0.0)), robot)
+        return mujoco_engine.make(replace(scenario, gravity=(0.0, -9.81 * (1 + 1e-6), 0.0)), robot)
 
     monkeypatch.setitem(ENGINES._entries, "mujoco", EngineEntry(make=make, doc="wrong", module="mujoco"))
 

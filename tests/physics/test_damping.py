@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from asrsim.scenario.data import LinkDamping
+from asrsim.scenario.data import LinkDamping, World
 from asrsim.signals import Step
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -27,6 +27,17 @@ def shares(decay, *, stepping="leapfrog", engine="mujoco"):
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_weak_damping_acts_on_the_mean_velocity_of_a_step(engine):
     assert shares(0.1, engine=engine) == pytest.approx((1.0 - 0.05) / (1.0 + 0.05), rel=1e-9)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_damping_does_not_depend_on_a_world_out_of_reach(engine):
+    links = [Body(mass=0.4, reach=0.1, inertia=2e-3, length=0.2, damping=damping) for damping in (0.3, 0.1)]
+    alone, beside = (
+        run(chain(*links), initial=[0.7, 0.4], initial_velocities={"joint_1": 2.0}, duration=0.1, engine=engine, world=world)
+        for world in (World(), World(ground=True, ground_height=-9.0))
+    )
+    for name in ("link_position", "link_velocity"):
+        np.testing.assert_allclose(beside.samples.values[name], alone.samples.values[name], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("decay", [20.0, 1e3])

@@ -211,21 +211,6 @@ def test_hysteresis_loss_of_a_loop_follows_the_law(length):
         assert extra.min() == pytest.approx(-level, rel=1e-3)
 
 
-def test_a_free_link_comes_to_rest_by_hysteresis_alone():
-    """Two springs of a VSA in a mode with motors: the energy of the swing equals the hysteresis loss."""
-    robot = chain(Body(actuator="qbmove", mass=0.3, reach=0.1, inertia=1e-3))
-    values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
-    result = run(
-        robot, mode=3, references={"equilibrium_position": 0.0, "stiffness_preset": 0.3}, parameters=values, initial=[0.3],
-        duration=4.0, gravity=0.0, compiled=False,
-    )  # fmt: skip
-    q = column(result, "link_position")
-    assert np.ptp(q[-500:]) < 1e-2 * np.ptp(q)
-    energy = column(result, "spring_energy")
-    assert column(result, "hysteresis_loss")[-1] == pytest.approx(energy[0] - energy[-1], rel=2e-2)
-    assert np.abs(column(result, "energy_residual")).max() < 1e-3 * column(result, "hysteresis_loss")[-1]
-
-
 @pytest.mark.parametrize("substeps", [3, 5])
 @pytest.mark.parametrize(("actuator", "near"), [("sea", 2e-4), ("qbmove", 5e-5)])
 def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator, near, substeps):

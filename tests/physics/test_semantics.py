@@ -195,26 +195,3 @@ def test_parameters_of_all_joints_and_of_one(run):
 def test_a_floating_root_needs_a_mass(run):
     with pytest.raises(InputError, match="root link 'base'"):
         run(passive=True, base={"fixed": False})
-
-
-def test_steps_at_a_joint_stop_are_counted_and_reported(tmp_path):
-    (tmp_path / "arm.urdf").write_text(
-        """<robot name="arm"><link name="base"/><link name="link"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
-<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="joint" type="revolute"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/>
-<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/></joint>
-<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>joint</joint><operation_mode>3</operation_mode>
-<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo></robot>"""
-    )
-    (tmp_path / "stop.yaml").write_text("robot: arm.urdf\nduration: 1\nreferences: {joint: {equilibrium_position: 0.5}}\n")
-    result = asrsim.run(tmp_path / "stop.yaml")
-    report = result.summary.joint("joint")
-    assert report.stop > 100
-    free = asrsim.run(tmp_path / "stop.yaml", overrides=["references.joint.equilibrium_position=0.1"])
-    assert free.summary.joint("joint").stop == 0
-
-
-@pytest.mark.parametrize("name", ["ground", "robot"])
-def test_reserved_contact_names_are_refused_for_objects(name):
-    with pytest.raises(InputError, match="cannot have the name"):
-        asrsim.make_scenario("arm.urdf", world={"objects": {name: {"shape": "sphere", "size": 0.1}}})

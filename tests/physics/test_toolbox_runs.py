@@ -30,6 +30,22 @@ def test_toolbox_stepping_runs_stiff_springs_with_motors(mode):
     assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("given", "start"),
+    [
+        ({}, 0.0), ({"initial_motor_positions": {"joint_1": (0.2,)}}, 0.2),
+        ({"initial_motor_velocities": {"joint_1": (1.0,)}}, 0.3),
+    ],
+)  # fmt: skip
+def test_motors_of_the_toolbox_start_at_0_unless_stated(given, start):
+    """With a start velocity alone, motors start at the position of the link."""
+    result = run(
+        chain(Body(actuator="sea", inertia=1e-2)), mode=5, stepping="toolbox", initial=[0.3], duration=0.002,
+        references={"reference_1": 0.0}, **given,
+    )  # fmt: skip
+    assert column(result, "motor_1_position")[0] == pytest.approx(start, abs=2e-3)
+
+
 def test_toolbox_stepping_warns_of_unresolved_springs_but_runs():
     """AwAS-II at 40 mm and 1 ms, as Gazebo ran it: omega h = 3.3."""
     result = run(

@@ -16,7 +16,7 @@ SAME = 1e-11
 def inertial(mass, centre, rpy="0 0 0"):
     return (
         f'<inertial><origin xyz="{centre}" rpy="{rpy}"/><mass value="{mass}"/>'
-        '<inertia ixx="1e-3" iyy="2e-3" izz="1.5e-3" ixy="1e-4" ixz="0" iyz="0"/></inertial>'
+        '<inertia ixx="1e-3" iyy="2e-3" izz="9e-3" ixy="1e-4" ixz="0" iyz="0"/></inertial>'
     )
 
 
@@ -41,7 +41,7 @@ ROBOT = f"""<robot name="all">
 <axis xyz="0 1 0"/><dynamics damping="0.01" friction="0.01"/></joint>
 {actuator("j2", "qbmove")}{actuator("j3", "bavs")}</robot>"""
 """Robot with a slide that reaches its stop, a limited and a free hinge with motors, links fixed at an angle, friction and
-effort limits."""
+effort limits. Its inertias violate the triangle inequality, as those of many published robots do."""
 SCENARIO = """robot: robot.urdf
 duration: 0.6
 references:
@@ -98,14 +98,3 @@ def test_engines_differ_by_rounding(feature, tmp_path):
         assert turned_alike(poses, mujoco.bodies[name]) < SAME, name
     limits = [[joint.as_dict()["limits"] for joint in run.summary.joints] for run in (bullet, mujoco)]
     assert limits[0] == limits[1]
-
-
-@pytest.mark.parametrize("base", ["", FLOATING], ids=["held", "floating"])
-def test_unphysical_inertias_move_equally_in_both_engines(base, tmp_path):
-    """Many published robots have such inertias. asrsim warns and uses them unchanged."""
-    impossible = ROBOT.replace('ixx="1e-3" iyy="2e-3" izz="1.5e-3"', 'ixx="1e-3" iyy="2e-3" izz="9e-3"')
-    (tmp_path / "robot.urdf").write_text(impossible, encoding="utf-8")
-    (tmp_path / "scenario.yaml").write_text(SCENARIO + base, encoding="utf-8")
-    runs = [asrsim.run(tmp_path / "scenario.yaml", overrides=[f"engine={name}"]) for name in ("bullet", "mujoco")]
-    positions = [run.samples.values["link_position"] for run in runs]
-    np.testing.assert_allclose(*positions, atol=SAME)

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import make_layout
+from asrsim.identification.parameters import Parameter, make_layout
 from asrsim.identification.problem import Meter, Problem
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
@@ -85,7 +84,7 @@ class Model:
 
     def predictions(self, tables, playing, until):
         for table in tables:
-            left = self._left(np.array([one.place(table[one.parameter.key]) for one in self._layout.entries]))
+            left = self._left(np.array([one.place(table.get(one.key, one.start)) for one in self._layout.entries]))
             yield [(np.nan if left is None else left) + channel.values for channel in self.channels]
 
     def predict(self, values, playing, until):

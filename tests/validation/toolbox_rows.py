@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.joint import advance
 from asrsim.simulation.laws import plain_law
@@ -27,7 +28,7 @@ from asrsim.simulation.layout import (
     SPRING_LAW,
     TORQUE,
 )  # fmt: skip
-from asrsim.simulation.rows import positions_of, shape_of, start_of, tables
+from asrsim.simulation.rows import constants_of, kind_of, shape_of, start_of
 from asrsim.simulation.steppings import STEPPINGS
 
 OUTPUTS = (
@@ -39,14 +40,13 @@ OUTPUTS = (
 
 def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) -> dict[str, Array]:
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
-    (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), initial_positions={}, link_damping={})
+    (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), Scenario(name="toolbox", robot=robot.path))
     shape = shape_of([drive], [None])
-    kinds, constants = tables([drive], [None], shape, motor_substeps=1, cutoff=False)
-    k: list[Any] = kinds[0].tolist()
-    p = constants[0].tolist()
+    k: list[Any] = kind_of(drive, None, shape)
+    p = constants_of(drive, None, shape, motor_substeps=1, cutoff=False)
     actuator: Any = drive.actuator
     if actuator is not None and drive.mode is not None and drive.mode.spring:
-        k[SPRING_LAW] = plain_law(actuator, positions_of(drive))
+        k[SPRING_LAW] = plain_law(actuator, drive.positions)
     k[JOINT_STEP] = drive.stepping.joint_step
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()

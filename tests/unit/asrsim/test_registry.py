@@ -21,8 +21,8 @@ from asrsim.engines.base import EngineEntry
 from asrsim.simulation.steppings import STEPPINGS
 
 def make(scenario, robot):
-    from asrsim.engines.mujoco import make_mujoco
-    return make_mujoco(replace(scenario, gravity=(0.0, 0.0, 0.0)), robot)
+    from asrsim.engines.mujoco import make
+    return make(replace(scenario, gravity=(0.0, 0.0, 0.0)), robot)
 
 weightless = EngineEntry(make=make, doc="MuJoCo without gravity", module="mujoco")
 missing = EngineEntry(make=make, doc="needs what is not there", module="no_such_library")

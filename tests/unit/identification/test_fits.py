@@ -16,10 +16,10 @@ from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
-from asrsim.identification.layout import Tie
 from asrsim.identification.show import advice, design_line, judgement
+from asrsim.identification.task import Tie
 from asrsim.identification.track import Played
-from asrsim.identification.write import as_dict, figures, write_robot
+from asrsim.identification.write import as_dict, draw, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.scenario.recording_plan import make_plan
@@ -123,7 +123,7 @@ def test_recordings_of_equal_name_have_a_picture_each(lab, tmp_path):
     (tmp_path / "a.csv").write_bytes((lab / "a.csv").read_bytes())
     recordings = [lab / "a.csv", tmp_path / "a.csv"]
     result = identify(lab / "lab.yaml", recordings, free=["joint_1.damping"], check=True)
-    assert list(figures(result)) == ["overlay_a", "overlay_a_2"]
+    assert [path.name for path in draw(result, tmp_path)] == ["overlay_1_a.png", "overlay_2_a.png"]
 
 
 def test_two_recordings_share_the_parameters_of_the_robot(lab):

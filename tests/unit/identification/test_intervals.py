@@ -14,14 +14,14 @@ from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 from asrsim import identify
-from asrsim.identification.causes import Extension, extended, presliding
 from asrsim.identification.combinations import combinations
-from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import Tie, make_layout
+from asrsim.identification.extensions import Extension, extended, presliding
 from asrsim.identification.noise import quantum_of
+from asrsim.identification.parameters import Parameter, make_layout
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
 from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
+from asrsim.identification.task import Tie
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
 from support.identify_files import CHIRP, SEA, modelled, record, write
@@ -59,7 +59,7 @@ def test_white_noise_gives_the_deviation_of_least_squares():
     noise = generator.normal(size=60)
     left = 0.3 * (noise - slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0])
     inverse = np.linalg.inv(slopes.T @ slopes)
-    found = uncertainty(linear(slopes, left), np.zeros(4), [False] * 4)
+    found = uncertainty(linear(slopes, left), np.zeros(4))
     variance = float(left @ left) / (60 - 4)
     assert found.deviation == pytest.approx(np.sqrt(variance * np.diag(inverse)), rel=1e-3)
     assert found.quantile == pytest.approx(np.full(4, stdtrit(60 - 4, 0.975)))
@@ -81,7 +81,7 @@ def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
         left = partial(lambda x, shown: truth + slopes @ x - shown, shown=shown)
         problem = modelled(left, 4, 1500, recorded=shown, quantum=quantum, weight=size)
         x = -np.linalg.lstsq(jacobian(problem, np.zeros(4)), residuals(problem, np.zeros(4)), rcond=None)[0]
-        found = uncertainty(problem, x, [False] * 4)
+        found = uncertainty(problem, x)
         hits.append(np.abs(x) <= found.deviation * found.quantile)
     assert 0.90 <= np.mean(hits) <= 0.98
 
@@ -94,7 +94,10 @@ def test_blocks_that_disagree_widen_the_intervals(met):
     slopes[::2, 0], slopes[1::2, 1] = signs[::2], signs[1::2]
     apart = np.repeat(np.tile([1.0, -1.0], 5), 40)
     left = signs * np.where(np.arange(400) % 2 == 0, 0.4 * apart, 0.3)
-    found = uncertainty(linear(slopes, left), np.zeros(2), [False, met])
+    problem = linear(slopes, left)
+    a, b = problem.layout.entries
+    bounded = replace(problem.layout, entries=(a, replace(b, low=b.start))) if met else problem.layout
+    found = uncertainty(replace(problem, layout=bounded), np.zeros(2))
     of_blocks = 20 * 0.4 / 200 * math.sqrt(10 * 10 / 9)
     assert found.deviation[0] == pytest.approx(of_blocks, rel=1e-5)
     assert found.quantile[0] == pytest.approx(2.262157, rel=1e-5)
@@ -114,9 +117,10 @@ def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
     diverging = modelled(lambda x: None, 1, 50)
     (track,) = diverging.tracks
     track.channels *= 2
-    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1))
+    robot = SimpleNamespace(actuators=(), moving_joints=(), links=())
+    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1), robot=robot)
     best = Best(replace(diverging, weights=((2.0, 3.0),)), np.zeros(1))
-    settle(best, SimpleNamespace(robot=SimpleNamespace(actuators=(), moving_joints=(), links=())))
+    settle(best)
     assert best.problem.weights == ((2.0, 3.0),)
 
 
@@ -125,7 +129,7 @@ def known(parameters, slopes, x=None):
     x = np.zeros(len(parameters)) if x is None else x
     shape = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), slopes)
     problem = modelled(lambda there: shape @ (there - x), parameters, 200)
-    found = uncertainty(problem, x, [False] * len(x), foreseen=True)
+    found = uncertainty(problem, x, foreseen=True)
     return combinations(problem, x, found, range(len(x)))
 
 
@@ -156,8 +160,7 @@ def test_a_parameter_that_another_imitates_is_not_without_effect(angle):
 
     def verdicts(slopes):
         n, problem = slopes.shape[1], linear(slopes)
-        found = uncertainty(problem, np.zeros(n), [False] * n, foreseen=True)
-        known, _ = estimates(problem, np.zeros(n), found, [False] * n)
+        known, _ = estimates(problem, np.zeros(n), uncertainty(problem, np.zeros(n), foreseen=True))
         assert all(math.isnan(one.low) for one in known if one.verdict != "weak")
         return [one.verdict for one in known]
 
@@ -204,17 +207,15 @@ def test_a_sticking_joint_gives_no_false_information():
     time = np.linspace(0.0, 1.0, 200)
     shown = 1e3 * np.outer(np.sin(7.0 * time), [1.0, -1.0])
     problem = linear(shown, corner=30.0 * np.outer(time, [1.0, -1.0]))
-    found = uncertainty(problem, np.zeros(2), [False, False], foreseen=True)
+    found = uncertainty(problem, np.zeros(2), foreseen=True)
     assert np.all(np.isnan(found.deviation) | (found.deviation > 1e3))
 
 
-@pytest.mark.parametrize("met", [True, False])
-def test_a_parameter_at_its_bound_leaves_others_uncertain(met):
-    generator = np.random.default_rng(0)
-    slopes = generator.normal(size=(200, 2)) @ [[1.0, 0.9], [0.0, 0.4]]
-    found = uncertainty(linear(slopes), np.zeros(2), [met, False], foreseen=True)
-    assert found.deviation[1] == pytest.approx(np.sqrt(np.linalg.inv(slopes.T @ slopes)[1, 1]), rel=1e-3)
-    assert found.deviation[1] > 2.0 / np.linalg.norm(slopes[:, 1])
+def lacking_one(problem):
+    """Problem without its last parameter, and functions that propose to free it."""
+    *others, last = problem.layout.entries
+    extension = Extension(parameters=(last,), share=1.0)
+    return replace(problem, layout=replace(problem.layout, entries=tuple(others))), [lambda *_: [extension]]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -223,14 +224,12 @@ def test_an_extension_promises_what_it_would_explain(seed):
     generator = np.random.default_rng(seed)
     matrix, x = generator.normal(size=(40, 4)), generator.normal(size=3)
     begin = 9.0 * matrix[:, 3] + 0.1 * generator.normal(size=40)
-    wider = modelled(lambda x: matrix @ x + begin, 4, 40)
-    problem = modelled(lambda x: matrix[:, :3] @ x + begin, 3, 40)
-    found = extended(problem, x, lambda *_: [Extension(problem=wider)], most=1, enough=lambda *_: False)
-    assert [one.problem for one in found.chosen] == [wider]
+    problem, propose = lacking_one(modelled(lambda x: matrix @ x + begin, 4, 40))
+    found = extended(problem, x, propose, most=1, enough=lambda *_: False)
     np.testing.assert_allclose(found.x, np.linalg.lstsq(matrix, -begin, rcond=None)[0], atol=1e-4)
     # An extension that explains nothing is not adopted.
-    noise = modelled(lambda x: matrix[:, :3] @ x[:3] + begin, 4, 40)
-    assert extended(problem, x, lambda *_: [Extension(problem=noise)], most=1, enough=lambda *_: False).chosen == ()
+    problem, propose = lacking_one(modelled(lambda x: matrix[:, :3] @ x[:3] + begin, 4, 40))
+    assert extended(problem, x, propose, most=1, enough=lambda *_: False).chosen == ()
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.98])
@@ -239,8 +238,7 @@ def test_noise_however_coloured_asks_for_no_extension(memory):
     slopes = np.stack([np.sin(9.0 * time), time, np.cos(40.0 * time), np.sin(25.0 * time)], axis=1)
     for _ in range(40):
         left = lfilter([1.0], [1.0, -memory], generator.normal(size=2500))[500:]
-        problem, wider = linear(slopes[:, :3], left), linear(slopes, left)
-        propose = partial(lambda *_, wider: [Extension(problem=wider)], wider=wider)
+        problem, propose = lacking_one(linear(slopes, left))
         assert extended(problem, np.zeros(3), propose, most=1, enough=lambda *_: False).chosen == ()
 
 
@@ -348,12 +346,9 @@ def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
 
 def _freed(robot, free=(), ties=()):
     """Keys of stiffnesses that would be tied, by the key of the stiffness that would be free."""
-    problem = Problem((), make_layout(free, ties, ["lab"], [{}]), (), (), (), Meter())
-    layouts = [one.problem.layout for one in presliding(problem, robot)]
-    return {
-        layout.entries[-1].parameter.key: [tie.key for tie in layout.ties if tie.to == layout.entries[-1].parameter.key]
-        for layout in layouts
-    }
+    track = SimpleNamespace(door=SimpleNamespace(robot=robot))
+    problem = Problem((track,), make_layout(free, ties, ["lab"], [{}]), (), (), (), Meter())
+    return {one.parameters[0].key: [tie.key for tie in one.ties] for one in presliding(problem, np.zeros(0))}
 
 
 @pytest.mark.parametrize(("name", "tag", "limit"), [("max_torque", "mot_tauMax", 1.0), ("max_velocity", "mot_maxVel", 1.5)])

@@ -75,7 +75,7 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     nothing = np.empty(0)
     known = Uncertainty(
         inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, noise=np.eye(1),
-        freedom=1e9, scores=np.repeat([1.0, -2.0, 1.0], 4)[:, None], firsts=np.array([0, 4, 8]),
+        freedom=1e9, at_bound=np.zeros(1, bool), scores=np.repeat([1.0, -2.0, 1.0], 4)[:, None], firsts=np.array([0, 4, 8]),
     )  # fmt: skip
     assert known.deviations(np.eye(1))[0] == pytest.approx(np.sqrt(16.0 * 6.0 * 1.5))
     # Two blocks do not show a spread.
@@ -98,4 +98,4 @@ def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
     wrong = {"joint_1.damping": {"least": 1}, "joint_1.friction": "much", "link_1.mass": 2.0}
     with pytest.raises(InputError) as caught:
         task_of(guess, [recording], free=wrong)
-    assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction"]
+    assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction.start"]

@@ -84,7 +84,7 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
         assert initial[:2] == pytest.approx([place, 0.2], abs=1e-3)
         assert initial[2:] == pytest.approx([speed, 0.0], abs=0.05)
         wanted = ["joint_1.initial_position", *(["joint_1.initial_velocity"] if speed else []), "joint_2.initial_position"]
-        assert [entry.parameter.key for entry in setup.layout.entries[1:]] == wanted
+        assert [entry.key for entry in setup.layout.entries[1:]] == wanted
         # If the zero of a link's sensor is free, the link starts as in the scenario; other links start as before.
         free = ["joint_1.link_position.offset"]
         (track,) = setup_of(stack, tmp_path, columns, free, joints=2, keys=keys).tracks

@@ -24,6 +24,9 @@ SAMPLES = Samples(
 )  # fmt: skip
 
 
+JOINTS = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
+
+
 def claim(**changes):
     base = {"quantity": "link_position", "measure": "steady_state", "comparison": "==", "value": 0.8, "tolerance": 1e-3,
             "joint": "elbow", "line": 7}  # fmt: skip
@@ -31,9 +34,8 @@ def claim(**changes):
 
 
 def evaluate(claims):
-    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position",)),)
-    check_claims(claims, joints, file=None)
-    return claim_results(claims, joints, lambda *_: SAMPLES)
+    check_claims(claims, JOINTS, file=None)
+    return claim_results(claims, JOINTS, lambda *_: SAMPLES)
 
 
 @pytest.mark.parametrize(
@@ -57,6 +59,12 @@ def test_claims_hold_and_fail_in_words():
     assert good.text == "elbow: steady_state of link_position is 0.8 rad, expected == 0.8 +- 0.001 rad: holds"
     assert bad.text.endswith("does not hold")
     assert "cannot be measured" in undefined.text
+    for wrong, word in (
+        ({"measure": "rmse"}, "second series"),
+        ({"joint": None, "body": "ball", "quantity": "x"}, "not recorded"),
+    ):
+        with pytest.raises(ScenarioError, match=word):
+            evaluate([claim(**wrong)])
 
 
 @pytest.mark.parametrize(
@@ -75,13 +83,12 @@ def test_bodies_and_contacts(quantity, measure, value, unit):
 def test_a_claim_compares_with_another_quantity_of_its_joint():
     lag = np.sin(TIME), np.sin(TIME) - 0.25
     samples = replace(SAMPLES, values={"link_position": lag[0][:, None], "motor_1_position": lag[1][:, None]})
-    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
     same = claim(measure="bias", reference="motor_1_position", value=0.25, tolerance=1e-9)
-    check_claims([same], joints, file=None)
-    (result,) = claim_results([same], joints, lambda *_: samples)
+    check_claims([same], JOINTS, file=None)
+    (result,) = claim_results([same], JOINTS, lambda *_: samples)
     assert result.holds
     with pytest.raises(ScenarioError, match="'stiffness' is not recorded"):
-        check_claims([replace(same, reference="stiffness")], joints, file=None)
+        check_claims([replace(same, reference="stiffness")], JOINTS, file=None)
     with pytest.raises(ScenarioError, match="no such quantity"):
         replace(same, reference="elbow")
 
@@ -102,11 +109,9 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
     [
         ({"measure": "overshot"}, "Did you mean 'overshoot'"),
         ({"quantity": "stiffness"}, "not recorded for joint 'elbow'"),
-        ({"joint": None, "body": "ball", "quantity": "x"}, "not recorded for ball"),
         ({"joint": None, "body": "box", "quantity": "colour"}, "no quantity 'colour'"),
         ({"joint": None, "body": "box", "quantity": "contact_force.w"}, "no quantity 'contact_force.w'"),
         ({"options": {"bnd": 1}}, "not an option"),
-        ({"measure": "rmse"}, "second series"),
         ({"comparison": "~"}, "no comparison"),
         ({"comparison": "<", "value": -99.0, "tolerance": 1e9}, "valid with '==' only"),
         *(({"measure": "settling", "options": {"band": band}}, "number") for band in ("wide", [1, 2], float("inf"))),
@@ -120,17 +125,16 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
         ),
     ],
 )
-def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes, words):
+def test_claims_that_cannot_be_evaluated_are_errors_before_the_run(changes, words):
     with pytest.raises(ScenarioError, match=words) as error:
-        evaluate([claim(**changes)])
+        check_claims([claim(**changes)], JOINTS, file=None)
     assert error.value.problems[0].line == 7
 
 
 @pytest.mark.parametrize("mapping", ["a=elbow.link_position", ["a=elbow.link_position", "b=ignore"]])
 def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
     (tmp_path / "lab.csv").write_text("time [s],a,b\n0,0,0\n0.01,0.1,1\n0.02,0.3,2\n0.03,0.2,1\n")
-    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position",)),)
-    check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], joints, file=None)
+    check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], JOINTS, file=None)
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart():

@@ -13,9 +13,8 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from asrsim.metrics import read_metrics
-from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
-from asrsim.plots.overlay import draw_difference, draw_overlay
+from asrsim.plots.overlay import overlay_figure
 from asrsim.plots.pairing import assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
@@ -50,15 +49,17 @@ def test_the_lag_is_found_and_removed(tmp_path):
 def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
-    axes = new_figure(4, 4).subplots(2, 1)
-    draw_overlay(axes[0], result.runs, result.compared, "joint_1", "link_position")
-    draw_difference(axes[1], result.runs, result.compared, "joint_1", "link_position")
+    axes = overlay_figure(result.runs, result.compared, ["joint_1"], ["link_position"]).axes
+    assert [line.get_gid() for line in axes[1].get_lines() if line.get_gid()] == ["joint_1.link_position.difference.0"]
     drawn = {line.get_gid(): line for ax in axes for line in ax.get_lines() if line.get_gid()}
     simulation = drawn["joint_1.link_position.simulation.0"].get_ydata()
     experiment = drawn["joint_1.link_position.experiment.0"].get_ydata()
     difference = drawn["joint_1.link_position.difference.0"].get_ydata()
     np.testing.assert_allclose(experiment, 0.5 * simulation, atol=1e-3)
     np.testing.assert_allclose(difference, simulation - experiment, atol=1e-12)
+    curve = json.loads((tmp_path / "recorded.json").read_text())["curves"][0]
+    np.testing.assert_allclose(curve["time"], drawn["joint_1.link_position.experiment.0"].get_xdata(), atol=1e-6)
+    np.testing.assert_allclose(curve["values"], experiment, rtol=1e-5, atol=1e-9)
     assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
 
 
@@ -179,15 +180,16 @@ def test_a_recording_alone_has_its_frequency_response(tmp_path):
     time = np.arange(0.0, 8.0, 0.002)
     chirp = lambda t: np.sin(2 * np.pi * (0.5 + 0.4 * t) * t)  # noqa: E731
     recorded = tmp_path / "lab.csv"
-    columns = np.c_[time, chirp(time), 0.5 * chirp(time - 0.01) * 180 / np.pi, 0 * time]
-    header = "t,arm.reference_1 [rad],arm.link_position [deg],leg.link_position [deg]"
+    columns = np.c_[time, chirp(time), 0.5 * chirp(time - 0.01) * 180 / np.pi, 0 * time, 0 * time]
+    header = "t,arm.reference_1 [rad],arm.link_position [deg],leg.link_position [deg],toe.link_position [deg]"
     np.savetxt(recorded, columns, delimiter=",", header=header, comments="")
     result = plot(PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True))
     (found,) = result.responses
     assert (found.joint.name, found.unit, found.experiment) == ("arm", "", True)
     np.testing.assert_allclose(found.response.gain, 0.5, rtol=0.02)
     np.testing.assert_allclose(found.response.phase, -360 * 0.01 * found.response.frequency, atol=1.0)
-    assert any("has no reference_1 of leg" in str(problem) for problem in result.findings)
+    missing = [str(problem) for problem in result.findings if "has no reference_1 of" in str(problem)]
+    assert [text.count(name) > 0 for text, name in zip(missing, ("leg", "toe"), strict=True)] == [True, True]
     assert {path.name for path in result.files} == {"bode.png", "metrics.csv"}
     with pytest.raises(InputError, match=r"no log was named.*--experiment FILE --bode"):
         plot(PlotJob(logs=(), folder=tmp_path, experiments=(str(recorded),)))

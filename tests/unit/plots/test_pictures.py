@@ -15,6 +15,8 @@ from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.layout import PanelGrid
 from asrsim.plots.panels import PANELS, draw_panel
+from asrsim.plots.view import show_values
+from asrsim.plots.world import Curve
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
 
@@ -175,13 +177,6 @@ def test_bad_requests_say_what_there_is(tmp_path, options, words):
         plot(PlotJob(logs=(log,), folder=tmp_path, **options))
 
 
-def shown(name, values, tmp_path, panel="torque"):
-    axes = new_figure(6, 3).subplots()
-    log = made_up_log(tmp_path / "log.mcap", values={name: values}, count=len(values))
-    draw_panel(axes, PANELS[panel], [read_curves(log)], "joint_1")
-    return axes
-
-
 def test_a_part_of_a_run_is_drawn_alone(tmp_path):
     log = made_up_log(tmp_path / "log.mcap")
     run = read_curves(log, start=0.2, end=0.5)
@@ -201,10 +196,11 @@ def test_claims_about_objects_are_judged_from_the_log(tmp_path):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("samples", "flattens"), [(4, False), (8, True)])
-def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(tmp_path, sign, samples, flattens):
-    torque = np.sin(np.arange(2000) * 0.01)
-    torque[700 : 700 + samples] = sign * 50.0
-    axes = shown("link_torque", torque, tmp_path)
+@pytest.mark.parametrize(("lasting", "flattens"), [(0.002, False), (0.004, True)])
+def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(sign, lasting, flattens):
+    """The peak lasts for 2 or 4 ms of a second, and has half of the samples."""
+    time = np.concatenate([np.linspace(0.0, lasting, 5000, endpoint=False), np.linspace(lasting, 1.0, 5000)])
+    axes = new_figure(4, 4).subplots()
+    show_values(axes, [Curve(time=time, values=sign * np.where(time < lasting, 50.0, np.sin(9.0 * time)))], brief=True)
     assert (np.abs(axes.get_ylim()).max() > 50.0) == flattens
     assert len(axes.texts) == (not flattens)

@@ -202,5 +202,5 @@ def test_a_truncated_mcap_is_read_to_its_last_complete_chunk(tmp_path):
 
 def test_unknown_encodings_say_what_the_file_holds(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {}}, encoding="protobuf")
-    with pytest.raises(RecordingError, match=r"/q \(lab/State\).*protobuf.*JointState"):
+    with pytest.raises(RecordingError, match=r"/q \(lab/State: .*protobuf.*JointState"):
         read_recording(path)

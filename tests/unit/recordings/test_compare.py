@@ -191,13 +191,12 @@ def test_no_common_quantity_names_both(tmp_path):
         compare(simulation(), recording)
 
 
-def test_generated_names_are_paired_by_order_with_a_note(tmp_path):
+def test_joints_are_paired_by_name_or_as_stated(tmp_path):
     recording = read_recording(laboratory(tmp_path, header="time,q1,q1_ref"))
-    result = compare(simulation("forearm"), recording)
-    assert result.joints == {"joint_1": "forearm"}
-    assert any(f.code == "joints-by-order" for f in result.findings)
-    chosen = compare(simulation("forearm"), recording, joints={"joint_1": "forearm"})
-    assert not any(f.code == "joints-by-order" for f in chosen.findings)
+    assert compare(simulation("Joint-1"), recording).joints == {"joint_1": "Joint-1"}
+    assert compare(simulation("forearm"), recording, joints={"joint_1": "forearm"}).joints == {"joint_1": "forearm"}
+    with pytest.raises(RecordingError, match="no common joint"):
+        compare(simulation("forearm"), recording)
     with pytest.raises(RecordingError, match="no such joint"):
         compare(simulation("forearm"), recording, joints={"joint_9": "forearm"})
 

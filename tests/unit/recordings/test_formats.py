@@ -111,12 +111,16 @@ def check(recording):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_recordings_and_signals_read_equal_numbers_from_every_format(tmp_path, name):
+def test_recordings_have_equal_numbers_in_every_format(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    check(read_recording(tmp_path / name))
+
+
+@pytest.mark.parametrize("name", ["vectors.mat", "lists.json"])
+def test_signals_read_the_same_columns_as_recordings(tmp_path, name):
     path = tmp_path / name
     WRITERS[name](path)
-    recording = read_recording(path)
-    check(recording)
-    times, values = Playback(file=path, column=recording.column("joint_2", "link_position").source).samples
+    times, values = Playback(file=path, column=read_recording(path).column("joint_2", "link_position").source).samples
     np.testing.assert_allclose(times, TIME, atol=1e-9)
     np.testing.assert_allclose(values, Q2, atol=1e-9)
 
@@ -148,12 +152,12 @@ def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path):
 
 
 def test_the_time_of_a_matrix_is_stated(tmp_path):
-    savemat(tmp_path / "lab.mat", {"M": np.column_stack([TIME, Q1, 2 * Q1])})
+    np.savez(tmp_path / "lab.npz", M=np.column_stack([TIME, Q1, 2 * Q1]))
     with pytest.raises(RecordingError, match="none of the columns is a time: M_1, M_2"):
-        read_recording(tmp_path / "lab.mat")
-    recording = read_recording(tmp_path / "lab.mat", mapping=["M_1=time", "M_2=elbow.link_position"])
+        read_recording(tmp_path / "lab.npz")
+    recording = read_recording(tmp_path / "lab.npz", mapping=["M_1=time", "M_2=elbow.link_position"])
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
-    np.testing.assert_allclose(read_recording(tmp_path / "lab.mat", rate=500.0).time, 0.002 * np.arange(50))
+    np.testing.assert_allclose(read_recording(tmp_path / "lab.npz", rate=500.0).time, 0.002 * np.arange(50))
 
 
 def test_vectors_of_another_length_are_skipped_with_a_note(tmp_path):
@@ -223,7 +227,7 @@ def test_a_matlab_file_that_crashes_scipy_is_an_error(tmp_path, place, value):
     ("line", "message"),
     [
         ("bytearray(2**28)", "more than 0.25 GiB"),
-        ("while True: pass", "did not finish within 1 s"),
+        ("while True: pass", "did not finish within 0.3 s"),
         ("os.kill(os.getpid(), 11)", "crashed"),
     ],
 )
@@ -231,7 +235,7 @@ def test_a_confined_script_ends_at_its_limits(tmp_path, line, message):
     script = tmp_path / "script.py"
     script.write_text(f"import os\n{line}\nprint(1)\n")
     with pytest.raises(ConfinedError, match=message):
-        run_confined(script, {}, seconds=1.0 if "while" in line else 20.0, memory=2**28)
+        run_confined(script, {}, seconds=0.3 if "while" in line else 20.0, memory=2**28)
 
 
 def test_an_archive_larger_than_the_memory_is_refused(tmp_path):

@@ -39,7 +39,7 @@ def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path, name):
 @pytest.mark.parametrize(
     "name",
     ["sampling_rate", "eff", "torque_enable", "ankle_moment", "pos_m", "pos_l", "theta1", "qd1", "q_d", "q1_sim", "force",
-     "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "left_q1", "hip_pos", "tau_m1",
+     "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "joint2", "rpm", "left_q1", "hip_pos", "tau_m1",
      "q\u0307_1", "q1'", "q*",
      "Winkel [deg]", "q1 [counts]"],
 )  # fmt: skip
@@ -103,7 +103,7 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("velocity_rad_s", "velocity", "rad/s", 1.0), ("vel_deg_per_s", "vel", "rad/s", np.pi / 180),
         ("w (RPM)", "w", "rad/s", np.pi / 30), ("torque [N-m]", "torque", "N m", 1.0), ("tau (N\u00b7m)", "tau", "N m", 1.0),
         ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0),
-        ("time [h]", "time", "s", 3600.0),
+        ("time [h]", "time", "s", 3600.0), ("pos [deg] left", "pos left", "rad", np.pi / 180),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):

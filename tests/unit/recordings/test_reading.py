@@ -119,7 +119,7 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
     text = (tmp_path / "lab.txt.yaml").read_text()
     assert "Hubangle" in text
     assert "# eff: JOINT.QUANTITY [unit]" in text
-    assert 'time: {column: "Time (ms)", unit: ms}' in text
+    assert "time: {column: Time (ms), unit: ms}" in text
     stated = read_recording(path)
     assert stated.reading is not None
     for name in ("Hubangle (deg)", "q1 [deg]"):

@@ -8,12 +8,14 @@ import re
 import numpy as np
 import pytest
 
-from asrsim.recordings import read_recording, suspect_scale
+from asrsim.recordings import compare, read_recording
+from asrsim.samples import Samples
 
 DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
 Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3
 V = 1.8 * np.cos(3 * TIME) + 2.2 * np.cos(11 * TIME)
+TURNS = np.arange(len(TIME)) % 3
 SUSPECTED = {
     "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times the slope of 'q1'"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
@@ -21,6 +23,7 @@ SUSPECTED = {
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
     "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
+    "rows of three joints": ("q1", (Q + TURNS,), "do 3 joints take turns.*joint: name"),
 }
 """Header, columns behind the time, and what is said."""
 NOISE = np.random.default_rng(0).normal(size=(2, len(TIME)))
@@ -32,6 +35,7 @@ FINE = {
     "a link at rest": ("q1,dq1", (0 * Q + 0.3, V)),
     "a motor that moves for itself": ("q1,dq1,theta_m1", (Q, V, DEGREES * Q)),
     "an angle that jumps by turns": ("q1,dq1", ((9 * Q) % math.tau, 9 * V)),
+    "a sensor at rest": ("q1", (0.001 * TURNS,)),
     "a few samples": ("q1,dq1", (Q[:15], 50 * V[:15])),
 }
 
@@ -54,17 +58,17 @@ def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path, kind):
     assert not [one for one in read(tmp_path, *FINE[kind]).findings if one.code.startswith("suspected-")]
 
 
-@pytest.mark.parametrize(("factor", "words"), [(DEGREES, "in degrees"), (1000.0, "in thousandths"),
-                                               (1 / DEGREES, "from degrees"), (0.001, "from thousandths")])  # fmt: skip
-def test_a_factor_of_a_unit_is_suspected(factor, words):
-    problem = suspect_scale(Q, 1.1 * factor * Q[::5])
-    assert problem is not None
-    assert words in problem.message
-
-
-@pytest.mark.parametrize("factor", [1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0])
-def test_other_factors_are_physics(factor):
-    assert suspect_scale(Q, factor * Q) is None
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1.1 * DEGREES, "in degrees"), (900.0, "in thousandths"), (1.1 / DEGREES, "from degrees"), (0.001, "from thousandths"),
+        *((factor, None) for factor in (1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0)),
+    ],
+)  # fmt: skip
+def test_only_factors_of_units_are_suspected(tmp_path, factor, words):
+    samples = Samples(time=TIME, joints=("joint_1",), values={"link_position": Q[:, None]})
+    found = compare(samples, read(tmp_path, "q1", (factor * Q,)), lag="off").findings
+    assert [str(words) in one.message for one in found] == [True] * (words is not None)
 
 
 @pytest.mark.parametrize("bits", [8, 16, 32])

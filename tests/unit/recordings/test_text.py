@@ -60,7 +60,13 @@ LAYOUTS: dict[str, list[str]] = {
     "comments": ["# recorded on a Monday", "% by hand", "// twice", "time,q1,q2", *rows()],
     "header in a comment": ["# arm, run 3", "# time q1 q2", *rows(separator=" ")],
     "labview": ["%Time (s)\tq1 (rad)\tq2 (rad)", *rows(separator="\t")],
-    "labview measurement": ["Samples\t400\t400", "X0\t0\t0", "Delta_X\t.01\t.01", "X_Value\tq1\tq2", *rows(separator="\t")],
+    "labview measurement": [
+        "Samples\t400\t400",
+        "X0\t0\t0",
+        "Delta_X\t.01\t.01",
+        "X_Value\tq1\tq2\tComment",
+        *rows(separator="\t"),
+    ],
     "date and zone": ["when,q1,q2", *dated("2024-05-06T10:00:{:012.9f}+02:00")],
     "time of day": ["Zeit,q1,q2", *dated("10:00:{:06.3f}")],
     "preamble": ["Laboratory 5", "Operator,Ada,", "Robot,SEA,", "Rate,100,", "time,q1,q2", *rows()],
@@ -68,7 +74,7 @@ LAYOUTS: dict[str, list[str]] = {
     "trailing separator": ["time,q1,q2,", *[line + "," for line in rows()]],
     "trailing separator of rows": ["time,q1,q2", *[line + "," for line in rows()]],
     "blank lines": ["", "time,q1,q2", "", *[line for row in rows() for line in (row, "")]],
-    "epoch milliseconds": ["timestamp,q1,q2", *rows(zero=1.7e9, time_scale=1e3)],
+    "epoch milliseconds": ["unix_time,q1,q2", *rows(zero=1.7e9, time_scale=1e3)],
     "text column": ["time,q1,q2,status", *[line + ",OK" for line in rows()]],
 }
 
@@ -103,18 +109,17 @@ def test_encodings(tmp_path, encoding):
 
 def test_only_bad_rows_are_dropped_and_their_lines_are_reported(tmp_path):
     lines = ["time,q1,q2", *rows()]
-    lines[2] = "x,y,0.5"
+    lines[4] = "x,y,0.5"
     lines[10] = "0.09,abc,0.5"
-    lines[20] = "0.19,1.0"
+    lines[1] = lines[20] = "0.19,1.0"
     lines[30] = "0.29,,0.5"
     recording = read_recording(write(tmp_path / "lab.csv", lines))
-    assert "lines 3, 11" in str([one for one in recording.findings if one.code == "not-a-number"])
-    assert finding(recording.findings, "ragged-row").line == 21
+    assert "lines 5, 11" in str([one for one in recording.findings if one.code == "not-a-number"])
+    assert "lines 2, 21" in str(finding(recording.findings, "ragged-row"))
     values = recording.column("joint_1", "link_position").values
-    assert len(recording.time) == N - 2
-    assert recording.time[0] == 0.0
+    assert len(recording.time) == N - 3
     assert np.isnan(values).sum() == 2
-    assert recording.column("joint_2", "link_position").values[8] == 0.5
+    assert recording.column("joint_2", "link_position").values[7] == 0.5
 
 
 @pytest.mark.parametrize(
@@ -199,6 +204,7 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
         (["time,q1,q2", *rows(time_scale=1e3)], "10 units apart.*State the unit"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
+        (["m:", "  a: q [deg] - 0.01", "  b:"], "no row of numbers"),
         (["time,q1", '"' * 200_000], "no row of numbers"),
         (["ab\0cd"], "zero bytes"),
     ],
@@ -240,6 +246,18 @@ def test_a_time_in_two_columns_is_stated(tmp_path, columns, pattern):
         read_recording(path)
     (tmp_path / "time.yaml").write_text(f"time: [{', '.join(columns)}]\n")
     check(path, mapping=tmp_path / "time.yaml")
+
+
+@pytest.mark.parametrize("names", [("joint_1", "joint_2"), ("1", "2")])
+def test_rows_of_joints_that_take_turns_become_columns(tmp_path, names):
+    values = zip(TIME, Q1, Q2, strict=True)
+    lines = [f"{t:.2f},{name},{q:.12f}" for t, *pair in values for name, q in zip(names, pair, strict=True)]
+    path = write(tmp_path / "lab.csv", ["time,name,position", *lines])
+    (tmp_path / "lab.csv.yaml").write_text("joint: name\n")
+    check(path)
+    (tmp_path / "lab.csv.yaml").write_text("joint: motor\n")
+    with pytest.raises(RecordingError, match="joint: motor"):
+        read_recording(path)
 
 
 def test_a_row_of_units_is_asked_about(tmp_path):

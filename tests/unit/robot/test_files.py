@@ -231,7 +231,7 @@ def test_xacro_with_arguments_includes_and_packages(read, tmp_path):
         '<xacro:property name="masses" value="${xacro.load_yaml(\'masses.yaml\')}"/>'
         f'{link("a", "")}<xacro:part name="hand" mass="${{masses.hand * 2}}"/>{joint("j", "a", "hand")}'
         '<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>j</joint><operation_mode>$(arg mode)</operation_mode>'
-        "<spring_k>${round(10*pi, 2)}</spring_k></plugin></gazebo>"
+        "<spring_k>${ round(10*pi, 2) }</spring_k></plugin></gazebo>"
     )
     found = read(xacro(body), "r.xacro", xacro_arguments={"mode": "5"}, package_paths={"parts": package})
     assert found.links[1].mass == 0.5

@@ -163,6 +163,7 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
         ("world: {objects: {b: {shape: box, size: 1}}}", 3, "world.objects.b.size", "[x, y, z]"),
         ("world: {objects: {b: {shape: mesh}}}", 3, "world.objects.b.mesh", "needs the key 'mesh'"),
         ("world: {objects: {robot: {shape: sphere, size: 1}}}", 3, "world.objects.robot", "cannot have the name"),
+        ("world: {objects: {ground: {shape: sphere, size: 1}}}", 3, "world.objects.ground", "cannot have the name"),
         (
             "task: {link: a, poses: [{time: 1, position: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
             3,
@@ -189,7 +190,6 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
         ("manager: nothing.yaml", 3, "manager", "there is no manager YAML"),
         ("manager: arm.urdf", None, None, "joints_name"),
         ("variants: {a/b: {}}", 3, "variants.a/b", "name of a folder"),
-        ("variants: {a: {name: x}}", 3, "variants.a.name", "not allowed in a variant"),
         ("variants: {a: 3}", 3, "variants.a", "mapping"),
         ("variants:\n  a:\n    seed: x", 5, "seed", "whole number"),
         (

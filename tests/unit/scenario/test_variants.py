@@ -74,13 +74,12 @@ def test_overrides_come_after_the_variant(path):
     overrides = [
         "duration=1",
         'references."*".stiffness_preset=0.4',
-        "references.a.equilibrium_position.delay={by: 0.1, of: 0}",
+        "references.a.equilibrium_position=0.3",
         "gravity=[0, 0, -1.62]",
         "gravity.2=-1e-3",
         "expect.0.value=7",
         "name=other",
     ]
-    overrides[2] = "references.a.equilibrium_position=0.3"
     for scenario in load_scenario(path, overrides=overrides):
         assert scenario.duration == 1.0
         assert scenario.references["*"]["stiffness_preset"] == Constant(value=0.4)

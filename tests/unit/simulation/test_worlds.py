@@ -12,10 +12,9 @@ from asrsim import make_scenario
 from asrsim.errors import SimulationError
 from asrsim.signals import Signal, Sinusoid
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import make_engine
-from asrsim.simulation.worlds import Start, Worlds
+from asrsim.simulation.prepared import Start
+from asrsim.simulation.worlds import Worlds
 from support.paths import EXAMPLES
-from validation.models import INSTALLED
 
 
 def arm(**keys):
@@ -81,39 +80,30 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
     assert len(ends) == len(starts)
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_the_model_of_varied_robots_has_their_inertias(engine):
-    """Robots that were modelled before and different friction have no effect."""
-    prepared = prepare(arm(duration=0.02, engine=engine, modes={"*": 1}))
-    robot, motion = prepared.robot, ([0.3, -0.4], [1.0, 2.0], [3.0, -1.0])
-    rubbing = replace(robot, joints=tuple(replace(joint, friction=0.1) for joint in robot.joints))
-    heavy, heavy_rubbing = (
-        replace(light, links=tuple(replace(link, mass=2.0 * (link.mass or 0.0)) for link in light.links))
-        for light in (robot, rubbing)
-    )
-    found = []
-    with Worlds(prepared, 1, compiled=False) as worlds:
-        for varied in (robot, heavy, rubbing, heavy_rubbing, robot):
-            fresh, _ = make_engine(prepared.scenario, varied)
-            found.append(worlds.model_of(varied).inverse_dynamics(*motion))
-            np.testing.assert_allclose(found[-1], fresh.model.inverse_dynamics(*motion), rtol=1e-9)
-            fresh.close()
-    assert [bool(np.allclose(torques, found[0])) for torques in found] == [True, False, True, False, True]
-
-
-def test_repeated_parameters_give_the_same_bits():
+@pytest.mark.parametrize("compiled", [True, False])
+def test_repeated_parameters_give_the_same_bits(compiled):
     """Other parameters in between, in another world or in the same one, have no effect."""
     scenario = make_scenario(
-        EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
+        EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium", compiled=compiled,
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
     )  # fmt: skip
     light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
-    with Worlds(scenario, 2) as worlds:
-        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
-        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
+    starts = [Start(), light, heavy, Start(positions={"joint_1": 0.1})]
+    with Worlds(scenario, 4) as worlds:
+        first, again = (worlds.rollout(["link_position"], start=starts)["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=starts[1:] + starts[:1])["link_position"]
     assert np.array_equal(first, again)
-    assert np.array_equal(first, turned)
+    assert np.array_equal(first, np.roll(turned, 1, axis=0))
     assert not np.array_equal(first[0], first[1])
+
+
+def test_a_world_without_hysteresis_has_no_loss_by_it():
+    """The scenario has hysteresis in the first of two joints."""
+    scenario = arm(duration=0.01, parameters={"joint_1": {"hysteresis_torque": 0.1}})
+    with Worlds(scenario, 2) as worlds:
+        worlds.reset([Start(), Start(parameters={"joint_1": {"hysteresis_torque": 0.0}})])
+        worlds.advance(5)
+        assert np.isnan(worlds.read(["hysteresis_loss"])["hysteresis_loss"]).tolist() == [[False, True], [True, True]]
 
 
 def test_worlds_continue_from_a_state_as_a_single_simulation_does():

@@ -41,6 +41,16 @@ def test_numbers_are_those_of_the_samples(tiny):
     assert [float(text) for text in cells[2:6]] == pytest.approx(shown, rel=5e-3)
 
 
+def test_a_summary_names_how_the_run_was_computed(tiny):
+    keys = {"stepping": "euler", "engine": "mujoco", "duration": 0.1, "step": 2e-3, "substeps": 3, "seed": 5}
+    summary = asrsim.run(
+        tiny.scenario, overrides=["compiled=false", *(f"{name}={value}" for name, value in keys.items())]
+    ).summary
+    assert {name: getattr(summary, name) for name in keys} == keys
+    assert summary.simulated_time == pytest.approx(0.1)
+    assert (summary.samples, summary.total_substeps, summary.loop) == (51, 151, "plain")
+
+
 def test_the_error_is_measured_from_the_desired_position(tiny):
     result = asrsim.run(tiny.scenario, overrides=["duration=3", "desired={elbow: {step: {at: 0.2, to: 0.45}}}"])
     measures = result.summary.joint("elbow").measures

@@ -199,26 +199,26 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]},
-        samples=10,
+        samples=4,
         overrides=["engine=mujoco", "compiled=false"],
     )
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
     seen = []
     stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].done >= 3}
-    assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
+    assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 8
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
     # No scheduler listens at this address, and a complete study needs none.
     assert asrsim.sweep(study, out=tmp_path / "one", cluster="tcp://127.0.0.1:1", resume=True).missing == 0
 
 
 def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"got -2\.0"):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
 def test_varied_keys_and_measures_have_their_units():
-    units = {"gravity.2": "m/s^2", "initial.joint_1": "rad", "duration": "s", "seed": "", "link_1.mass": "kg",
-             "joint_1.damping": "N m s/rad", "parameters.*.motor_1_inertia": "kg m^2"}  # fmt: skip
+    units = {"gravity.2": "m/s^2", "base.position.0": "m", "initial.joint_1": "rad", "duration": "s", "seed": "",
+             "link_1.mass": "kg", "joint_1.damping": "N m s/rad", "parameters.*.motor_1_inertia": "kg m^2"}  # fmt: skip
     columns = make_payload(study_of({name: [0.01] for name in units} | {"seed": [3]})).columns
     units |= {"joint_1.steady_state": "rad", "joint_1.settling": "s", "joint_1.frequency": "Hz", "joint_1.overshoot": ""}
     assert {name: unit for name, _, unit in columns if name in units} == units

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from asrsim.recordings.align import Reader, align_recording, series_of
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
-from asrsim.recordings.read import read_recording
+from asrsim.recordings.read import read_cached
 from asrsim.recordings.reading import modified
 from asrsim.samples import JointInfo
 
@@ -51,16 +50,16 @@ class RecordedSeries:
 
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
-) -> tuple[Recording, dict[str, str]]:
-    """Recording named by the claim's `against`, and its joints mapped to the run's joints; cached until a file changes.
+) -> tuple[Recording, Mapping[str, str]]:
+    """Recording named by the claim's `against`, and its joints mapped to the run's joints.
 
     The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
     quantity for one of the joints in `about`.
     """
     path = Path(str(claim.against))
     joints, mapping = tuple(info.name for info in infos), one_or_more(claim.options.get("map", ()))
-    recording = _recording(path, modified(path), joints, mapping, claim.options.get("rate"))
-    pairing, _ = match_joints(joints, recording)
+    _, recording = read_cached(path, modified(path), mapping=mapping, joints=joints, rate=claim.options.get("rate"))
+    pairing = match_joints(joints, recording)
     found = tuple(
         f"{pairing[str(column.joint)]}.{column.quantity}"
         for column in recording.channels.values()
@@ -78,10 +77,3 @@ def require_columns(
             for name in missing
         )  # fmt: skip
     return recording, pairing
-
-
-@lru_cache(maxsize=4)
-def _recording(
-    path: Path, _modified: tuple[int, int], joints: tuple[str, ...], mapping: tuple[str, ...], rate: float | None
-) -> Recording:
-    return read_recording(path, joints=joints, mapping=list(mapping), rate=rate)

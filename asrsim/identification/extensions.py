@@ -1,0 +1,198 @@
+"""Extensions of a model: effects that are added to a problem, fitted together with its other parameters, and adopted if they
+reduce the error significantly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from asrsim.identification.noise import independent_samples
+from asrsim.identification.parameters import Parameter, parameters_of
+from asrsim.identification.problem import Problem, huber, jacobian, residuals, solve, with_own_substeps
+from asrsim.identification.task import Tie
+from asrsim.samples import Array
+
+SIGNIFICANT = 20.0
+"""Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
+TRIED, ADOPTED = 4, 4
+"""Largest number of extensions that are refitted in a round, the most promising first; largest number of extensions that are
+adopted.
+"""
+PROBE_STEP = 1e-3
+"""Step of finite differences for a new entry of the parameter vector, in the vector's units."""
+FAR_OFF = 4.0
+"""Mean square residual, relative to the noise, above which a model counts as badly fitting."""
+FACTORS = (0.03, 0.3, 3.0, 30.0)
+"""Start values of the pre-sliding stiffness, relative to the default of the friction law."""
+MUCH = 0.5
+"""Pre-sliding is adopted by a badly fitting model if at most this fraction of the misfit beyond the noise remains."""
+STAIRS = 0.9
+"""A command is played as a staircase if at most this fraction of the mean square error then remains."""
+FURTHER = 0.8
+"""A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
+
+CLEAR = 0.4
+"""A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extension:
+    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
+
+    text: str = ""
+    parameters: tuple[Parameter, ...] = ()
+    """Parameters at the end of the extended parameter vector."""
+    ties: tuple[Tie, ...] = ()
+    untied: Tie | None = None
+    """Tie that is removed."""
+    staircase: str = ""
+    """Key of the command whose samples are held."""
+    begins: Sequence[float | Sequence[float]] = ()
+    """Start values of the new entries of the parameter vector, at which the effect of the extension is simulated; empty: the
+    start is the optimum of the linearised problem.
+    """
+    restepped: bool = False
+    """Whether the extension changes the required number of substeps."""
+    share: float = FURTHER
+    """Largest fraction of the mean square error that may remain with the extension."""
+    clear: float = CLEAR
+    """Remaining fraction of the mean square error below which no test of significance is needed."""
+    excess: float = 1.0
+    """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
+    fitting model any additional parameter reduces the misfit.
+    """
+
+    def added_to(self, problem: Problem) -> Problem:
+        """Problem with this extension."""
+        if self.staircase:
+            return problem.played(problem.playing.staircases | {self.staircase})
+        layout = problem.layout
+        ties = tuple(tie for tie in layout.ties if tie is not self.untied)
+        return replace(problem, layout=replace(layout, entries=layout.entries + self.parameters, ties=ties + self.ties))
+
+    def accepts(self, before: float, after: float, samples: float) -> bool:
+        """Whether mean square errors before and after, from independent samples, show that the extension is real."""
+        far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
+        # Residuals of a wrong model are smooth, so that few samples are independent.
+        real = after <= self.clear * before or samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT
+        return bool(real and not far and after <= self.share * before)
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """An extension with the error that it would explain to first order, and the start of a refit."""
+
+    share: float
+    """Fraction of the squared error that the extension would explain; 0 if the fraction is not significant."""
+    extension: Extension
+    problem: Problem
+    """Problem with the extension, with suitable substeps."""
+    start: Array
+
+
+class Optimum:
+    """The parameter vector at which extensions are compared, with its residuals and derivatives."""
+
+    def __init__(self, problem: Problem, x: Array) -> None:
+        self.problem, self.x, self.residuals = problem, x, residuals(problem, x)
+        self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
+        """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
+        self._left = self._uncompensated(self.residuals)
+
+    def _uncompensated(self, change: Array) -> Array:
+        """Part of a change (m,) or (m, k) of the residuals that the free parameters cannot compensate."""
+        return np.asarray(change - self._free @ (self._free.T @ change))
+
+    def promise(self, extension: Extension) -> Promise:
+        """Promise of an extension, for the best of its starts."""
+        begins = extension.begins or [(0.0,) * len(extension.parameters)]
+        return max((self._promise(extension, begin) for begin in begins), key=lambda one: one.share)
+
+    def _promise(self, extension: Extension, begin: float | Sequence[float]) -> Promise:
+        from scipy.optimize import lsq_linear
+
+        start, wider = np.append(self.x, begin), extension.added_to(self.problem)
+        new, (low, high) = range(len(self.x), len(start)), wider.layout.bounds
+        wider = with_own_substeps(wider, start) if extension.restepped else wider
+        if extension.begins:
+            change, limits = (residuals(wider, start) - self.residuals)[:, None], (np.zeros(1), np.full(1, np.inf))
+        else:
+            change = jacobian(wider, start, PROBE_STEP, base=self.residuals, columns=new)
+            limits = np.minimum(low[new], -1e-9), high[new]
+        alone = self._uncompensated(change)
+        moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
+        if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
+            # The effect is nearly linear, so the start is the optimum of the linearised problem.
+            best = moves * np.asarray(begin) if extension.begins else moves
+            start = np.append(self.x, np.clip(best, low[new], high[new]))
+        before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
+        significant = (before - after) * len(alone) > SIGNIFICANT * after
+        return Promise(1.0 - after / before if significant else 0.0, extension, wider, start)
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """A problem with the adopted extensions, and the fitted parameter vector."""
+
+    chosen: tuple[Extension, ...]
+    problem: Problem
+    x: Array
+    cost: float
+    """Mean of the Huber loss of the residuals."""
+
+
+Propose = Callable[[Problem, Array], Iterable[Extension]]
+
+
+def extended(
+    problem: Problem, x: Array, kinds: Sequence[Propose], *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
+    rounds: int = 60,
+) -> Extended:  # fmt: skip
+    """Problem with added extensions: in each round, the extension with the smallest remaining error is added, until `enough` is
+    true or no further extension is significant. kinds: functions that propose extensions of a problem.
+    """
+    found = Extended((), problem, x, huber(residuals(problem, x)))
+    while len(found.chosen) < most and not enough(found.problem, found.x):
+        optimum, trials = Optimum(found.problem, found.x), []
+        promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
+        for one in sorted(promises, key=lambda promise: -promise.share)[:TRIED]:
+            if one.share:
+                there = solve(one.problem, one.start, rounds=rounds, tolerance=1e-5)
+                left = residuals(one.problem, there)
+                if one.extension.accepts(found.cost, huber(left), independent_samples(left)):
+                    trials.append(Extended((*found.chosen, one.extension), one.problem, there, huber(left)))
+        if not trials:
+            break
+        found = min(trials, key=lambda trial: trial.cost)
+    return found
+
+
+def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
+    commands = [one for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold]
+    for key in dict.fromkeys(one.key for one in commands):
+        if key not in problem.playing.staircases:
+            yield Extension(staircase=key, begins=((),), share=STAIRS, clear=0.0)
+
+
+def presliding(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
+    friction share the stiffness.
+    """
+    robot, tied = problem.tracks[0].door.robot, {tie.key: tie.to for tie in problem.layout.ties}
+    known, groups = parameters_of(robot, (), {}), dict[str, list[str]]()
+    for block in robot.actuators:
+        for name, value in block.parameters.items():
+            key = f"{block.joint}.{name}"
+            if key.endswith("friction_stiffness") and value.origin == "default" and key not in problem.layout.keys:
+                level = key.replace("stiffness", "torque")
+                groups.setdefault(tied.get(level, level), []).append(key)
+    for first, *others in groups.values():
+        ties = tuple(Tie(key=key, to=first) for key in others)
+        yield Extension(
+            parameters=(known[first],), ties=ties, begins=tuple(np.log(FACTORS)), restepped=True, share=1.0, clear=0.0,
+            excess=MUCH,
+        )  # fmt: skip
