@@ -74,17 +74,6 @@ def compile_function(
     return _through_cache(compiled, function, dict(names or {}), f"{version}\n{signature}", inline)
 
 
-@dataclass(frozen=True)
-class PackedFunction:
-    """A compiled function that takes the addresses of a record, a state, an exchange, wrenches and lengths, and the number of
-    pieces of a kick."""
-
-    address: int
-    call: Callable[..., None]
-    """Function to call from Python; it releases the interpreter's lock."""
-    owner: Any
-
-
 def compile_packed(
     function: Any,
     record: Any,
@@ -93,23 +82,20 @@ def compile_packed(
     names: Mapping[str, Any] | None = None,
     version: str = "",
     inline: tuple[str, ...] = (),
-) -> PackedFunction:
-    """`function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
+) -> Callback:
+    """C function of the addresses of a record, a state, an exchange, wrenches and lengths, and the number of pieces of a kick:
+    `function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
     `asrsim.packed` and `asrsim.engines.base.Native`.
 
     sizes: function that maps a record to the number of values of a state, the number of rows of an exchange for each piece, and
     the numbers of rows and columns of the wrenches for each piece.
     Other arguments as in `compile_function`.
     """
-    import ctypes
-
     from asrsim.packed import reader, table_reader
 
     kind = type_of(record)
     given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
-    callback = compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
-    call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(callback.address)
-    return PackedFunction(callback.address, call, callback)
+    return compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
 
 
 def _unbound(*arguments: Any) -> Any:

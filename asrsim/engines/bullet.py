@@ -12,10 +12,8 @@ the change of velocity that the joints would have without contacts. If an input 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
-from weakref import finalize
 
 import numpy as np
 
@@ -28,11 +26,10 @@ from asrsim.engines.base import (
     TORQUE,
     VELOCITY,
     Scene,
-    Values,
     contact_forces,
     whole_kick,
 )
-from asrsim.engines.bullet_model import BASE, BulletModel, connect, inertial_frame, load_body, matrix_of
+from asrsim.engines.bullet_model import BASE, BulletModel, Client, inertial_frame, load_body, matrix_of
 from asrsim.engines.exact_friction import STICKING
 from asrsim.engines.rigid import (
     BEFORE,
@@ -51,7 +48,7 @@ from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, World, WorldObject
+from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
@@ -92,13 +89,12 @@ class _Saved:
     """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
     client's number may belong to another client."""
 
-    def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
-        self.number = p.saveState(physicsClientId=client)
-        self._remove, self._close = partial(p.removeState, self.number, physicsClientId=client), close
+    def __init__(self, client: Client) -> None:
+        self.number, self._client = client.saveState(), client
 
     def __del__(self) -> None:
-        if self._close.alive:
-            self._remove()
+        if self._client.close.alive:
+            self._client.removeState(self.number)
 
 
 class BulletEngine(RigidEngine):
@@ -155,7 +151,7 @@ class BulletContacts(BulletEngine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
-        self._p, self._client, self._end = connect(self)
+        self._p = Client()
         try:
             self._load()
         except BaseException:
@@ -163,28 +159,33 @@ class BulletContacts(BulletEngine):
             raise
 
     def _load(self) -> None:
-        p, client, scenario = self._p, self._client, self._scenario
+        p, scenario, world = self._p, self._scenario, self._scenario.world
         merged = merge_fixed(self.robot).robot
         text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
-        self._body, places = load_body(p, client, text, scenario, merged)
-        for index in range(-1, p.getNumJoints(self._body, client)):
-            p.changeDynamics(
-                self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0,
-                physicsClientId=client,
-            )  # fmt: skip
-        p.setGravity(*scenario.gravity, physicsClientId=client)
+        self._body, places = load_body(p, text, scenario, merged)
+        for index in range(-1, p.getNumJoints(self._body)):
+            p.changeDynamics(self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0)
+        p.setGravity(*scenario.gravity)
         # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
-        p.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
-        )
+        p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [places[joint.child] for joint in merged.moving_joints]
-        self._stops = [(j, *joint.stops) for j, joint in enumerate(merged.moving_joints) if np.isfinite(joint.stops).any()]
-        self._ground = self._lay_ground(scenario.world) if scenario.world.ground else None
-        self._objects = {item.name: self._add_object(item) for item in scenario.world.objects}
-        """Bullet's body number of each object, by name of the object."""
-        bodies = self._body, *self._objects.values()
-        self._poses = {number: p.getBasePositionAndOrientation(number, client) for number in bodies}
-        """Pose of each movable body at the start, by Bullet's body number."""
+        self._bodies: dict[str, int] = {}
+        """Bullet's body number of the ground and of each object, by name."""
+        if world.ground:
+            at = 0.0, 0.0, world.ground_height - 0.5 * GROUND_SIZE
+            ground = WorldObject(
+                name=GROUND, shape="box", size=(GROUND_SIZE,) * 3, mass=0.0, friction=world.ground_friction, position=at
+            )
+            self._bodies[GROUND] = self._add_object(ground)
+            if scenario.fixed_base:
+                # A fixed base that stands on the ground must not have contact forces.
+                p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
+        self._bodies |= {item.name: self._add_object(item) for item in world.objects}
+        movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
+        self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
+        """Pose of the robot and of each object at the start, by Bullet's body number."""
+        self._stopped = np.flatnonzero(np.isfinite(self._room.lower) | np.isfinite(self._room.upper)).tolist()
+        """Indices of the joints with stops."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
         self._rotation = np.eye(3)
@@ -195,18 +196,8 @@ class BulletContacts(BulletEngine):
         """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
         return self._rotation
 
-    def _lay_ground(self, world: World) -> int:
-        p, client, half = self._p, self._client, GROUND_SIZE / 2
-        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[half, half, half], physicsClientId=client)
-        ground = int(p.createMultiBody(0, shape, basePosition=[0, 0, world.ground_height - half], physicsClientId=client))
-        p.changeDynamics(ground, -1, lateralFriction=world.ground_friction, restitution=0.0, physicsClientId=client)
-        if self._scenario.fixed_base:
-            # A fixed base that stands on the ground must not have contact forces.
-            p.setCollisionFilterPair(ground, self._body, -1, -1, 0, physicsClientId=client)
-        return ground
-
     def _add_object(self, item: WorldObject) -> int:
-        p, client = self._p, self._client
+        p = self._p
         if item.shape == "box":
             arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
         elif item.shape == "sphere":
@@ -214,64 +205,58 @@ class BulletContacts(BulletEngine):
         elif item.shape == "cylinder":
             arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
         else:
-            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": list(item.size or (1, 1, 1))}
+            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": item.size}
         try:
-            shape = p.createCollisionShape(**arguments, physicsClientId=client)
+            shape = p.createCollisionShape(**arguments)
         except p.error as error:
             raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
-        turned = p.getQuaternionFromEuler(item.rpy)
-        body = int(p.createMultiBody(item.mass, shape, -1, item.position, turned, physicsClientId=client))
+        body = int(p.createMultiBody(item.mass, shape, -1, item.position, p.getQuaternionFromEuler(item.rpy)))
         inertia = {} if item.inertia is None else {"localInertiaDiagonal": item.inertia}
-        p.changeDynamics(
-            body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia, physicsClientId=client
-        )
+        p.changeDynamics(body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia)
         return body
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
-    def start(
-        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
-    ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run; see `asrsim.engines.base.Engine`."""
-        super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
-        self._p.setTimeStep(step, physicsClientId=self._client)
+    def begin(self) -> None:
+        """Set Bullet's bodies to their start."""
+        first, size = len(self._room.qpos), len(self._before)
+        self._p.setTimeStep(self._room.scheme[STEP])
         for body, pose in self._poses.items():
-            self._p.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+            self._p.resetBasePositionAndOrientation(body, *pose)
         self._move_objects(np.zeros(3))
-        self._place(positions, np.concatenate([np.zeros(self.model.free), velocities]))
+        self._place(self._state[self._start : first], self._state[first : first + size])
         self._read()
         self._before[:] = self._room.velocity
-        return positions, velocities
 
     def _move_objects(self, velocity: Array) -> None:
         """Give all movable objects the same linear velocity in m/s and no angular velocity."""
         for item in self._scenario.world.objects:
             if item.mass:
-                self._p.resetBaseVelocity(self._objects[item.name], velocity.tolist(), [0, 0, 0], self._client)
+                self._p.resetBaseVelocity(self._bodies[item.name], velocity.tolist(), [0, 0, 0])
 
-    def _place(self, positions: Values, velocities: Array) -> None:
+    def _place(self, positions: Array, velocities: Array) -> None:
         """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
         base = self.model.free
-        for index, position, velocity in zip(self._indices, positions, velocities[base:], strict=True):
-            self._p.resetJointState(self._body, index, float(position), float(velocity), physicsClientId=self._client)
+        for index, position, velocity in zip(self._indices, positions.tolist(), velocities[base:].tolist(), strict=True):
+            self._p.resetJointState(self._body, index, position, velocity)
         if base:
             spin = (self._rotation @ velocities[3:6]).tolist()
-            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin, physicsClientId=self._client)
+            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin)
 
     def _read(self) -> None:
         """Read positions and velocities of the robot."""
-        p, client, body, room, base = self._p, self._client, self._body, self._room, self.model.free
+        p, body, room, base = self._p, self._body, self._room, self.model.free
         if self._indices:
-            states = zip(*p.getJointStates(body, self._indices, client), strict=True)
+            states = zip(*p.getJointStates(body, self._indices), strict=True)
             room.qpos[self._start :], room.velocity[base:], *_ = states
         if base:
-            self._rotation = inertial_frame(p, client, body, -1)[1]
-            linear, angular = p.getBaseVelocity(body, client)
+            self._rotation = inertial_frame(p, body, -1)[1]
+            linear, angular = p.getBaseVelocity(body)
             room.velocity[:BASE] = *linear, *(self._rotation.T @ angular)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
-        p, client, room, model = self._p, self._client, self._room, self.model
+        p, room, model = self._p, self._room, self.model
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
         now, push, positions = room.velocity.copy(), np.zeros(len(room.velocity)), room.qpos[self._start :]
         rotation = self._rotation if room.free else None
@@ -289,15 +274,14 @@ class BulletContacts(BulletEngine):
         # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
         push += model.bias_at(positions, rotation, room.velocity) - room.bias
         if self._indices:
-            set_motors = partial(p.setJointMotorControlArray, self._body, self._indices, physicsClientId=client)
+            set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
             set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
             set_motors(p.TORQUE_CONTROL, forces=push[model.free :].tolist())
         if rotation is not None:
-            centre = p.getBasePositionAndOrientation(self._body, client)[0]
-            torque = (rotation @ push[3:6]).tolist()
-            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
-            p.applyExternalTorque(self._body, -1, torque, p.WORLD_FRAME, physicsClientId=client)
-        p.stepSimulation(client)
+            centre = p.getBasePositionAndOrientation(self._body)[0]
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME)
+            p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
+        p.stepSimulation()
         self._read()
         exchange[-1, :, POSITION] = positions
         exchange[-1, :, VELOCITY] = room.velocity[model.free :]
@@ -310,14 +294,14 @@ class BulletContacts(BulletEngine):
         ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
         its stop at most.
         """
-        room = self._room
+        room, step = self._room, self._room.scheme[STEP]
         targets, bounds = np.zeros(len(friction)), friction.copy()
-        for j, lower, upper in self._stops:
+        for j in self._stopped:
             for speed in (ends[j], room.velocity[room.joint_v[j]]):
-                reach = ((upper if speed > 0.0 else lower) - room.qpos[room.joint_q[j]]) / room.scheme[STEP]
+                reach = ((room.upper if speed > 0.0 else room.lower)[j] - room.qpos[room.joint_q[j]]) / step
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
                     # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
-                    targets[j] = reach + (BEYOND if speed > 0.0 else -BEYOND) / room.scheme[STEP]
+                    targets[j] = reach + np.copysign(BEYOND, speed) / step
                     bounds[j] = ARREST
                     break
         return targets, bounds
@@ -325,12 +309,12 @@ class BulletContacts(BulletEngine):
     @property
     def state(self) -> Any:
         """Bullet's saved state, and the velocities before the last kick."""
-        return _Saved(self._p, self._client, self._end), self._before.copy()
+        return _Saved(self._p), self._before.copy()
 
     @state.setter
     def state(self, values: Any) -> None:
         saved, before = values
-        self._p.restoreState(saved.number, physicsClientId=self._client)
+        self._p.restoreState(saved.number)
         self._before[:] = before
         self._read()
 
@@ -338,29 +322,27 @@ class BulletContacts(BulletEngine):
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link if it floats; contact forces."""
-        p, client = self._p, self._client
-        poses = {}
+        p, world, poses = self._p, self._scenario.world, {}
         if self._room.free:
-            centre, rotation, local = inertial_frame(p, client, self._body, -1)
+            centre, rotation, local = inertial_frame(p, self._body, -1)
             origin = np.array(centre) - rotation @ np.array(local)
             poses[self.model.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
-        for name, body in self._objects.items():
-            position, orientation = p.getBasePositionAndOrientation(body, client)
+        objects = [item.name for item in world.objects]
+        for name in objects:
+            position, orientation = p.getBasePositionAndOrientation(self._bodies[name])
             poses[name] = (*position, *orientation)
-        names = {body: name for name, body in self._objects.items()} | {self._body: ROBOT}
-        if self._ground is not None:
-            names[self._ground] = GROUND
+        names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
         # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
         # friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
-            for point in p.getContactPoints(physicsClientId=client) or ()
+            for point in p.getContactPoints() or ()
         )
-        return Scene(poses, contact_forces([*self._objects], self._ground is not None, points))
+        return Scene(poses, contact_forces(objects, world.ground, points))
 
     def close(self) -> None:
         """Disconnect the physics clients."""
-        self._end()
+        self._p.close()
         super().close()
 
 

@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import BuiltinFunctionType
 from typing import Any
 from weakref import finalize
 
@@ -34,16 +35,43 @@ BASE = 6
 """Degrees of freedom of a floating base."""
 
 
+class Client:
+    """PyBullet's functions on a physics client of their own (28 MB), and PyBullet's constants. No other class imports PyBullet.
+
+    `close` ends the client; the client ends at the latest when this object is garbage-collected.
+    """
+
+    def __init__(self) -> None:
+        with quiet():
+            import pybullet
+
+            self._module: Any = pybullet
+            self._number = pybullet.connect(pybullet.DIRECT)
+        self.close = finalize(self, _disconnect, pybullet, self._number)
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._module, name)
+        if isinstance(value, BuiltinFunctionType):
+            value = partial(value, physicsClientId=self._number)
+        setattr(self, name, value)
+        return value
+
+
+def _disconnect(p: Any, number: int) -> None:
+    with suppress(p.error), quiet():
+        p.disconnect(number)
+
+
 class BulletModel(RigidModel):
     """PyBullet's `asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot simulate."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self._p, self._client, self.close = connect(self)
-        p, client = self._p, self._client
+        self._p = p = Client()
+        self.close = p.close
         merged = merge_fixed(robot)
         bare = replace(merged.robot, links=tuple(replace(link, collisions=()) for link in merged.robot.links))
         text, _ = engine_urdf(bare)
-        self._load = partial(load_body, p, client, text, scenario, bare)
+        self._load = partial(load_body, p, text, scenario, bare)
         self._scenario, self._robot = scenario, bare
         self._body, index = self._load()
         self.indices = [index[joint.child] for joint in bare.moving_joints]
@@ -53,16 +81,18 @@ class BulletModel(RigidModel):
         self.free = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
         self._to_bullet = np.argsort(self.indices).tolist()
-        self._ours = self._to_bullet == list(range(len(self.indices))) and not self.free
-        joints = [self.free + self._to_bullet.index(j) for j in range(len(self.indices))]
+        joints = (self.free + np.argsort(self._to_bullet)).tolist()
         # The base: translation before rotation.
         self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
-        self._forces = np.array([*range(self.free), *joints], dtype=np.int64)
-        self._block = np.ix_(self._rows, self._rows)
+        self._forces: Any = np.array([*range(self.free), *joints], dtype=np.int64)
+        self._block: Any = np.ix_(self._rows, self._rows)
+        if not self.free and joints == list(range(len(joints))):
+            # Bullet's order is ours: `...` is faster than indices.
+            self._forces = self._block = ...
         self._zero = [0.0] * len(self.indices)
-        dynamics = p.getDynamicsInfo(self._body, -1, client)
+        dynamics = p.getDynamicsInfo(self._body, -1)
         self.centre, self.axes = np.array(dynamics[3]), matrix_of(p, dynamics[4])
-        self._home, standing = p.getBasePositionAndOrientation(self._body, client)
+        self._home, standing = p.getBasePositionAndOrientation(self._body)
         self._standing = matrix_of(p, standing)
         self._parts: list[tuple[float, int]] = []
         self._set_gravity(self._standing)
@@ -142,10 +172,9 @@ class BulletModel(RigidModel):
 
     def _sum(self, routine: Any, *arguments: list[float]) -> Array:
         """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
-        client = self._client
-        total = np.array(routine(self._body, *arguments, physicsClientId=client))
+        total = np.array(routine(self._body, *arguments))
         for part, body in self._parts:
-            total += part * np.array(routine(body, *arguments, physicsClientId=client))
+            total += part * np.array(routine(body, *arguments))
         return total
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
@@ -158,19 +187,16 @@ class BulletModel(RigidModel):
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
             # Bullet ignores the orientation of the base: gravity is turned instead.
             self._set_gravity(turned)
-        total = self._sum(self._p.calculateInverseDynamics, *states)
-        return total if self._ours else total[self._forces]
+        return np.asarray(self._sum(self._p.calculateInverseDynamics, *states)[self._forces])
 
     def _set_gravity(self, turned: Array) -> None:
-        gravity = (turned.T @ self._scenario.gravity).tolist()
-        self._p.setGravity(*gravity, physicsClientId=self._client)
+        self._p.setGravity(*(turned.T @ self._scenario.gravity).tolist())
 
     # -- the model ---------------------------------------------------------------------------------------------------
 
     def full_matrix(self, positions: Values) -> Array:
         """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
-        matrix = self._sum(self._p.calculateMassMatrix, self._ordered(positions))
-        return matrix if self._ours else matrix[self._block]
+        return np.asarray(self._sum(self._p.calculateMassMatrix, self._ordered(positions))[self._block])
 
     def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
         """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
@@ -179,58 +205,39 @@ class BulletModel(RigidModel):
 
     def potential(self, positions: Values) -> float:
         """Gravitational energy of the links in J."""
-        p, client, body = self._p, self._client, self._body
+        p, body = self._p, self._body
         self._place(positions)
         weights = [
-            p.getDynamicsInfo(body, index, client)[0] * np.array(p.getLinkState(body, index, 0, 1, client)[0])
-            for index in range(p.getNumJoints(body, client))
+            p.getDynamicsInfo(body, index)[0] * np.array(p.getLinkState(body, index, 0, 1)[0])
+            for index in range(p.getNumJoints(body))
         ]
         return -float(np.sum(weights, axis=0) @ self._scenario.gravity) if weights else 0.0
 
     def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
-        p, client, body = self._p, self._client, self._body
+        p, body = self._p, self._body
         index, pose = self._places[link]
         self._place(positions)
         at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
-        centre, rotation, local = inertial_frame(p, client, body, index)
+        centre, rotation, local = inertial_frame(p, body, index)
         position = np.asarray(centre) + rotation @ (at - np.asarray(local))
         if index == -1:
             return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
         # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
         # Jacobian in the frame of the base's inertia; Bullet's manual states other conventions. The tests check the Jacobian by
         # differences of poses.
-        turned = matrix_of(p, p.getDynamicsInfo(body, index, client)[4]).T @ at
-        linear, angular = p.calculateJacobian(
-            body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
-        )
-        jacobian = np.vstack([self._standing @ np.array(linear), self._standing @ np.array(angular)])
+        turned = (matrix_of(p, p.getDynamicsInfo(body, index)[4]).T @ at).tolist()
+        parts = p.calculateJacobian(body, index, turned, self._ordered(positions), self._zero, self._zero)
+        jacobian = np.vstack([self._standing @ np.array(part) for part in parts])
         return position, rotation @ pose.rotation, jacobian[:, self._rows[self.free :]]
 
     def _place(self, positions: Values) -> None:
         """Set the positions of the joints."""
         for joint, value in zip(self.indices, positions, strict=True):
-            self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
+            self._p.resetJointState(self._body, joint, float(value), 0.0)
 
 
-def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client (28 MB), and a function that ends the client. The client
-    ends at the latest when `owner` is garbage-collected. No other function imports PyBullet."""
-    with quiet():
-        import pybullet
-
-        client = pybullet.connect(pybullet.DIRECT)
-    return pybullet, client, finalize(owner, _disconnect, pybullet, client)
-
-
-def _disconnect(p: Any, client: int) -> None:
-    with suppress(p.error), quiet():
-        p.disconnect(client)
-
-
-def load_body(
-    p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot, lift: float = 0.0
-) -> tuple[int, dict[str, int]]:
+def load_body(p: Client, urdf: str, scenario: Scenario, robot: Robot, lift: float = 0.0) -> tuple[int, dict[str, int]]:
     """Bullet's number of a robot that is loaded from the URDF text, on the scenario's base, and Bullet's number of each link,
     by name; -1 for the base. Raises RobotError.
 
@@ -247,7 +254,6 @@ def load_body(
             baseOrientation=p.getQuaternionFromEuler(scenario.base_rpy),
             useFixedBase=scenario.fixed_base,
             flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_IGNORE_VISUAL_SHAPES,
-            physicsClientId=client,
         )
         try:
             with quiet():
@@ -258,29 +264,29 @@ def load_body(
         except p.error as error:
             message = f"PyBullet cannot load this robot ({error})"
             raise RobotError(message, file=robot.path, code="engine-load") from error
-    places = {p.getBodyInfo(body, client)[0].decode(): -1}
-    for index in range(p.getNumJoints(body, client)):
-        places[p.getJointInfo(body, index, client)[12].decode()] = index
+    places = {p.getBodyInfo(body)[0].decode(): -1}
+    for index in range(p.getNumJoints(body)):
+        places[p.getJointInfo(body, index)[12].decode()] = index
     for link in robot.links:
         moments = tuple(moment + lift for moment in principal_axes(link)[0])
-        if p.getDynamicsInfo(body, places[link.name], client)[2] != moments:
-            p.changeDynamics(body, places[link.name], localInertiaDiagonal=moments, physicsClientId=client)
+        if p.getDynamicsInfo(body, places[link.name])[2] != moments:
+            p.changeDynamics(body, places[link.name], localInertiaDiagonal=moments)
     return body, places
 
 
-def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
+def inertial_frame(p: Client, body: int, index: int) -> tuple[Any, Array, Any]:
     """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
     The rotations are multiplied as matrices, since Bullet computes transforms and the poses of link frames in single precision.
     """
-    dynamics = p.getDynamicsInfo(body, index, client)
+    dynamics = p.getDynamicsInfo(body, index)
     if index == -1:
-        position, inertial = p.getBasePositionAndOrientation(body, client)
+        position, inertial = p.getBasePositionAndOrientation(body)
     else:
-        position, inertial = p.getLinkState(body, index, 0, 1, client)[:2]
+        position, inertial = p.getLinkState(body, index, 0, 1)[:2]
     return position, matrix_of(p, inertial) @ matrix_of(p, dynamics[4]).T, dynamics[3]
 
 
-def matrix_of(p: Any, quaternion: Sequence[float]) -> Array:
+def matrix_of(p: Client, quaternion: Sequence[float]) -> Array:
     """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
     return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

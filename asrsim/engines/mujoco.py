@@ -91,7 +91,7 @@ class MujocoEngine(RigidEngine):
             )
             for name, place in merged.places.items()
         }
-        self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=home, places=places)
+        self.model = MujocoModel(mujoco, self._m, joints=self.joints, free=6 if self.base else 0, home=home, places=places)
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step)
@@ -182,11 +182,9 @@ class MujocoContacts(MujocoEngine):
         self._m.dof_invweight0[:] *= LIGHTER
         self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH
 
-    def start(
-        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
-    ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run. The time constants of the constraints are multiples of the step."""
-        m, room = self._m, self._room
+    def begin(self) -> None:
+        """Set up the constraints. Their time constants are multiples of the step."""
+        m, room, step = self._m, self._room, float(self._room.scheme[STEP])
         self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
         joints = room.joint_v
@@ -200,7 +198,6 @@ class MujocoContacts(MujocoEngine):
         self._limited = [place for place, limit in zip(places, limited, strict=True) if limit]
         m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
-        return super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance by one step as without contacts, but MuJoCo computes friction, stops and contacts, with the means over the

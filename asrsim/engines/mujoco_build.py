@@ -137,7 +137,7 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")
         name = f"object/{item.name}"
-        form = _form(mujoco, spec, name, item.shape, item.size or (1.0, 1.0, 1.0), str(item.mesh))
+        form = _form(mujoco, spec, name, item.shape, item.size, str(item.mesh))
         body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True

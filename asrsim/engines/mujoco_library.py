@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from asrsim.compiling import PackedFunction, compile_packed
+from asrsim.compiling import Callback, compile_packed
 from asrsim.engines import mujoco_step
 from asrsim.engines.rigid import INLINE
 from asrsim.errors import Problem, SimulationError
@@ -106,7 +106,7 @@ def bound(function: Any) -> Any:
 
 
 @cache
-def compiled_step(version: str, kind: Any) -> PackedFunction:
+def compiled_step(version: str, kind: Any) -> Callback:
     """`asrsim.engines.mujoco_step.step` compiled by Numba for records of the type `kind`; all robots share the code."""
     from llvmlite import binding
     from numba import types

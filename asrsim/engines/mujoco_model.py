@@ -13,14 +13,22 @@ from asrsim.samples import Array
 
 
 class MujocoModel(RigidModel):
-    """MuJoCo's `asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are not joints of the robot.
+    """MuJoCo's `asrsim.engines.base.Model`.
 
-    places: for each link, its MuJoCo body, and position (3,) and rotation (3, 3) of the link in the body (fixed links are
-    merged into it).
+    free: number of degrees of freedom of the base. home: qpos at the start, for degrees of freedom that are not joints of the
+    robot. places: for each link, its MuJoCo body, and position (3,) and rotation (3, 3) of the link in the body, into which
+    fixed links are merged.
     """
 
     def __init__(
-        self, mujoco: Any, model: Any, *, joints: tuple[str, ...], home: Array, places: Mapping[str, tuple[int, Array, Array]]
+        self,
+        mujoco: Any,
+        model: Any,
+        *,
+        joints: tuple[str, ...],
+        free: int,
+        home: Array,
+        places: Mapping[str, tuple[int, Array, Array]],
     ) -> None:
         self._mujoco, self._model = mujoco, model
         self._data = mujoco.MjData(model)
@@ -28,12 +36,10 @@ class MujocoModel(RigidModel):
         self.places = places
         self.joints = joints
         self.links = tuple(places)
-        numbers = [model.joint(name).id for name in joints]
-        self.at_q = np.array([model.jnt_qposadr[i] for i in numbers], dtype=np.int64)
-        self.at_v = np.array([model.jnt_dofadr[i] for i in numbers], dtype=np.int64)
-        floats = len(model.jnt_type) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE and model.jnt_bodyid[0] == 1
-        self.free = 6 if floats else 0
-        rows = [*range(self.free), *self.at_v]
+        self.at_q = np.array([model.joint(name).qposadr[0] for name in joints], dtype=np.int64)
+        self.at_v = np.array([model.joint(name).dofadr[0] for name in joints], dtype=np.int64)
+        self.free = free
+        rows = [*range(free), *self.at_v]
         self._block = np.ix_(rows, rows)
         self._known: bytes | None = None
 

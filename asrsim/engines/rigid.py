@@ -8,6 +8,7 @@ the states `regime` of `asrsim.engines.exact_friction`.
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim import compiling
-from asrsim.compiling import PackedFunction
+from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Model, Values
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
@@ -273,7 +274,7 @@ def _sizes(room: Any) -> tuple[int, int, int, int]:
 
 
 @cache
-def _compiled(function: Callable[..., None], kind: Any) -> PackedFunction:
+def _compiled(function: Callable[..., None], kind: Any) -> Callback:
     return compiling.compile_packed(function, kind, _sizes, inline=INLINE)
 
 
@@ -284,22 +285,24 @@ class Calculation:
     The function runs as Python until it is compiled; the results are bitwise identical.
     """
 
-    def __init__(self, function: Callable[..., None], record: Any, make: Callable[[Any], PackedFunction] | None = None) -> None:
+    def __init__(self, function: Callable[..., None], record: Any, make: Callable[[Any], Callback] | None = None) -> None:
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
         compiled if this process has imported Numba."""
         self._function, self._record, self._make = function, record, make
         self._plain, self._packed = plain(record), pack(record)
-        self._compiled: PackedFunction | None = None
+        self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
         self._call, self._arguments = function, tuple[Any, ...]()
 
-    def compile(self) -> PackedFunction:
+    def compile(self) -> Callback:
         """The compiled function, which later calls use."""
         if self._compiled is None:
             kind = compiling.type_of(self._record)
             self._compiled = self._make(kind) if self._make else _compiled(self._function, kind)
-            self._call, self._arrays = self._compiled.call, ()
+            # This call releases the interpreter's lock.
+            self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
+            self._arrays = ()
         return self._compiled
 
     def __call__(self, *arrays: Array) -> None:
@@ -347,7 +350,11 @@ class RigidEngine(Engine):
         state[room.joint_q] = positions
         state[first + room.joint_v] = velocities
         state[first + size : first + 2 * size] = state[first : first + size]
+        self.begin()
         return positions, velocities
+
+    def begin(self) -> None:
+        """Prepare the library for a run that begins at the present state."""
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""

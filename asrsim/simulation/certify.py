@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 
@@ -16,8 +16,6 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 COMPARED = ("link_position", "link_torque")
-BLOCK = 65_536
-"""Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
 is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
@@ -74,38 +72,30 @@ def certify(
     is called regularly; if `stop` returns True, the result is None. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    motions: list[Array] = []
-    found: list[Array] = []
-    for times in (1, 2, 4):
-        comparison = Comparison(scenario, motions, keep=times < 4)
-        if times == 1 and run.samples is not None:
-            comparison.write(run.samples)
-        else:
-            tell = progress and partial(progress, "finer steps")
-            finer, sinks = _finer(scenario, run, times), [comparison]
-            if (
-                simulate(finer, robot, sinks=sinks, keep=False, names=COMPARED, progress=tell, stop=stop).status
-                == "interrupted"
-            ):
-                return None
-        found += comparison.differences
-        motions.append(comparison.motion)
-    first, whole, second = found
+    motions = [] if run.samples is None else [run.samples]
+    for times in (1, 2, 4)[len(motions) :]:
+        tell = progress and partial(progress, "finer steps")
+        finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
+        if finer.status == "interrupted" or finer.samples is None:
+            return None
+        motions.append(finer.samples)
+    coarse, half, quarter = motions
+    first, whole, second = differences(coarse, half), differences(coarse, quarter), differences(half, quarter)
     joints: dict[str, JointError] = {}
     warnings = []
-    for j, joint in enumerate(run.info.joints):
+    for j, joint in enumerate(coarse.joints):
         order = _order(float(first[1, 0, j]), float(second[1, 0, j]))
         low = order < stepping.order - ORDER_TOLERANCE
         used = max(order, 0.5) if low else stepping.order
         # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
         scale = 1.0 / (1.0 - 4.0**-used)
         position_max, torque_max, position_rms, torque_rms = (scale * whole[:, :, j]).ravel().tolist()
-        joints[joint.name] = JointError(
+        joints[joint] = JointError(
             position_max=position_max, position_rms=position_rms, torque_max=torque_max, torque_rms=torque_rms, order=order
         )
         if low:
             warnings.append(
-                f"joint '{joint.name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
+                f"joint '{joint}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
                 f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
             )
     return Certificate(
@@ -131,48 +121,16 @@ def _order(first: float, second: float) -> float:
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
-class Comparison:
-    """A sink that compares the motion of a run with earlier motions (samples, quantities, joints), and stores the motion if
-    `keep` is set."""
-
-    def __init__(self, scenario: Scenario, earlier: Sequence[Array], *, keep: bool) -> None:
-        self._earlier, self._keep = tuple(earlier), keep
-        self._samples, self._count = scenario.steps // scenario.log_every + 1, 0
-        self._stored: Array | None = None
-        self._sums: list[tuple[Array, Array, Array]] = []
-        """Largest difference, sum of squared differences and number of differences, for each earlier motion."""
-
-    def write(self, samples: Samples) -> None:
-        """Compare the next samples."""
-        for begin in range(0, len(samples.time), BLOCK):
-            part = slice(begin, begin + BLOCK)
-            self._add(np.stack([samples.values[name][part] for name in COMPARED], axis=1))
-
-    def _add(self, rows: Array) -> None:
-        shape = rows.shape[1:]
-        if not self._count:
-            self._sums = [(np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)) for _ in self._earlier]
-            self._stored = np.empty((self._samples, *shape)) if self._keep else None
-        part = slice(self._count, self._count + len(rows))
-        self._count = part.stop
-        for other, (largest, squares, seen) in zip(self._earlier, self._sums, strict=True):
-            beside = other[part]
-            if len(beside):
-                found = np.abs(beside - rows[: len(beside)])
-                largest[:] = np.fmax(largest, np.fmax.reduce(found, axis=0))
-                squares += np.nansum(found**2, axis=0)
-                seen += np.isfinite(found).sum(axis=0)
-        if self._stored is not None:
-            self._stored[part] = rows
-
-    @property
-    def motion(self) -> Array:
-        """The stored motion; without samples if none is stored."""
-        return np.empty((0, 0, 0)) if self._stored is None else self._stored[: self._count]
-
-    @property
-    def differences(self) -> list[Array]:
-        """Largest and root-mean-square differences from each earlier motion, (2, quantities, joints), over the common length;
-        NaN for quantities that a joint does not have. Empty if the run has no samples."""
-        with np.errstate(invalid="ignore"):
-            return [np.stack([largest, np.sqrt(squares / seen)]) for largest, squares, seen in self._sums]
+def differences(first: Samples, second: Samples) -> Array:
+    """Largest and root-mean-square differences of two motions over their common length, (2, quantities of `COMPARED`, joints of
+    `first`); NaN for quantities that a joint does not have."""
+    count = min(len(first.time), len(second.time))
+    found = np.full((2, len(COMPARED), len(first.joints)), np.nan)
+    for row, name in enumerate(COMPARED):
+        for j, joint in enumerate(first.joints):
+            there = second.values[name][:count, second.joints.index(joint)]
+            difference = np.abs(first.values[name][:count, j] - there)
+            difference = difference[~np.isnan(difference)]
+            if len(difference):
+                found[:, row, j] = difference.max(), np.sqrt(np.mean(difference**2))
+    return found

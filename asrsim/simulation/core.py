@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,10 @@ from asrsim.compiling import available
 from asrsim.engines.base import Engine, Model
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
-from asrsim.simulation import kernel
+from asrsim.simulation import kernel, laws
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
-from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given
-from asrsim.simulation.laws import plain_law
-from asrsim.simulation.layout import HEALTHY, JOINT_STEP, LINK_IMPLICITNESS, SPRING_LAW, STEP
+from asrsim.simulation.layout import HEALTHY, JOINT_STEP, KIND, LINK_IMPLICITNESS, SPRING_LAW, SPRUNG, STEP
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import RowShape, shape_of, start_of, tables
@@ -62,12 +60,18 @@ class Core:
         kinds, constants = tables(prepared, self.shape)
         self._kinds: Any = kinds if compiled else kinds.tolist()
         """Table K of `asrsim.simulation.layout`; for the Python loop, a list that contains functions instead of addresses."""
-        self._owners: list[Any] = []
-        self._bind_laws(drives)
+        code: Any = laws
         if compiled:
-            from asrsim.simulation.native import compiled_run
+            from asrsim.simulation import native as code
 
-            self._run = compiled_run()
+            self._run = code.compiled_run()
+        self._owners: list[Any] = []
+        """Functions that the kernel calls by address, which must stay alive."""
+        for k, drive in zip(self._kinds, drives, strict=True):
+            if k[KIND] == SPRUNG:
+                k[SPRING_LAW] = self._address(code.bound_law(drive.actuator, drive.positions))
+            if stepping.joint_step is not None:
+                k[JOINT_STEP] = self._address(code.bound_step(stepping.joint_step))
         self.S = np.zeros((worlds, len(drives), self.shape.state))
         """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
@@ -87,6 +91,11 @@ class Core:
         self._shared = self._bound(engine, prepared)
         self._engines = [self._shared] * worlds
         """Engine of each world."""
+
+    def _address(self, function: Any) -> Any:
+        """Address at which the kernel calls a function; in Python, the function itself."""
+        self._owners.append(function)
+        return function.address if self.compiled else function
 
     def record(self, columns: RowColumns, *, watched: bool) -> None:
         """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
@@ -144,41 +153,6 @@ class Core:
         _, self.P[world] = tables(prepared, self.shape)
         shared = prepared.robot.links == self.prepared.robot.links
         self._engines[world] = self._shared if shared else self._own[world]
-
-    # -- binding ----------------------------------------------------------------------------------------------------
-
-    def _bind_laws(self, drives: Sequence[SteppedJoint]) -> None:
-        laws: dict[Any, Any] = {}
-        for k, drive in zip(self._kinds, drives, strict=True):
-            if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-                key = drive.actuator, drive.positions
-                laws[key] = laws.get(key) or self._law_of(*key)
-                k[SPRING_LAW] = laws[key]
-            if self.prepared.stepping.joint_step is not None:
-                k[JOINT_STEP] = self._joint_step(self.prepared.stepping.joint_step)
-
-    def _law_of(self, actuator: Any, motors: int) -> Any:
-        """Address of the actuator's laws."""
-        if not self.compiled:
-            return plain_law(actuator, motors)
-        from asrsim.simulation.native import compiled_law
-
-        try:
-            law = compiled_law(actuator, motors)
-        except Exception as error:
-            reason = str(error).strip().splitlines()[0]
-            raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
-        self._owners.append(law)
-        return law.address
-
-    def _joint_step(self, function: Callable[..., None]) -> Any:
-        if not self.compiled:
-            return function
-        from asrsim.simulation.native import compiled_joint_step
-
-        callback = compiled_joint_step(function)
-        self._owners.append(callback)
-        return callback.address
 
     # -- state ------------------------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,9 +13,11 @@ import numpy as np
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
-from asrsim.samples import Array, RunInfo, Samples
-from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.certify import COMPARED, Comparison
+from asrsim.samples import RunInfo, Samples
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.certify import COMPARED, differences
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -40,46 +42,46 @@ def other_engine(engine: str) -> str | None:
     return next((name for name, entry in entries if entry.available and not entry.prescribed), None)
 
 
-def require_other_engine(scenario: Scenario) -> None:
-    """Raise SimulationError if no cross-check of the scenario is possible."""
-    if other_engine(scenario.engine) is None:
+def require_other_engine(scenario: Scenario) -> str:
+    """Name of the engine for a cross-check of the scenario. Raises SimulationError if there is none."""
+    other = other_engine(scenario.engine)
+    if other is None:
         raise SimulationError(
             f"there is no other engine to compare '{scenario.engine}' with: a cross-check needs two installed engines with "
             "dynamics, such as bullet (package pybullet) and mujoco (package mujoco-core)"
         )
+    return other
 
 
 def cross_check(
     scenario: Scenario,
     info: RunInfo,
-    chunks: Iterable[Samples],
+    logged: Samples,
     robot: Robot | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, Any]:
     """Repeat a run in another engine and compare the motions.
 
-    info, chunks: description and samples of the run, with the quantities of `COMPARED`; chunks is iterated once. robot: the
-    robot as read from its file. progress: function that receives the name of the engine and its simulated time. Returns plain
-    values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences of each joint
-    (rad, m; N m, N; None for a joint without drive); `finding`: description of a fault, empty if the engines agree or may
-    differ; `note`: explanation of the differences. Raises SimulationError if there is no other engine.
+    info, logged: description and samples of the run, with the quantities of `COMPARED`. robot: the robot as read from its file.
+    progress: function that receives the name of the engine and its simulated time. Returns plain values for JSON: both engines
+    and the versions of their libraries; whether bodies may touch; the differences of each joint (rad, m; N m, N; None for a
+    joint without drive); `finding`: description of a fault, empty if the engines agree or may differ; `note`: explanation of
+    the differences. Raises SimulationError if there is no other engine.
     """
-    require_other_engine(scenario)
-    other = other_engine(scenario.engine) or ""
+    other = require_other_engine(scenario)
     same = scenario
     if not STEPPINGS.get(scenario.stepping).released:
         same = replace(scenario, substeps=int(info.metadata["substeps"]), motor_substeps=int(info.metadata["motor_substeps"]))
-    names = [joint.name for joint in info.joints]
-    found = np.full((2, 2, len(names)), np.nan)
+    names = logged.joints
+    found = np.full((2, len(COMPARED), len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
-    logged = Comparison(same, [], keep=True)
-    for chunk in chunks:
-        logged.write(chunk)
     try:
-        again, found = _differences(replace(same, engine=other), logged.motion, robot, progress and partial(progress, other))
+        again = _repeated(prepare(replace(same, engine=other), robot), progress and partial(progress, other))
         version = again.info.metadata["engine_version"]
+        if again.samples is not None:
+            found = differences(logged, again.samples)
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -91,7 +93,10 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        sensitivity = _sensitivity(same, logged.motion, robot, progress and partial(progress, "sensitivity"))
+        nudged = _repeated(_nudged(prepare(same, robot)), progress and partial(progress, "sensitivity"))
+        sensitivity = math.inf
+        if nudged.status != "diverged" and nudged.samples is not None:
+            sensitivity = float(differences(logged, nudged.samples)[0, 0].max())
         if difference <= SENSITIVE * sensitivity:
             note = (
                 f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
@@ -111,34 +116,22 @@ def cross_check(
     }  # fmt: skip
 
 
-def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None) -> float:
-    """Difference in rad of the logged motion from a run whose joints start with an offset of `NUDGE`; infinite if that run
-    diverges."""
-    from asrsim.scenario import checked_robot
-
-    known = robot if robot is not None else checked_robot(scenario)[0]
-    starts = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in known.moving_joints}
-    # The offset points away from stops. A joint that starts beyond a stop keeps its start.
-    nudged = {
-        joint.name: starts[joint.name] + (NUDGE if starts[joint.name] + NUDGE <= joint.stops[1] else -NUDGE)
-        for joint in known.moving_joints
-        if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
-    }
-    moved, found = _differences(replace(scenario, initial_positions=nudged), logged, known, progress)
-    return math.inf if moved.status == "diverged" else float(found[0, 0].max())
+def _nudged(prepared: Prepared) -> Prepared:
+    """The run with start positions that are moved by `NUDGE`, away from stops. A joint beyond a stop keeps its start."""
+    positions = {}
+    for drive in prepared.drives:
+        start, (low, high) = drive.initial_position, drive.joint.stops
+        if low <= start <= high:
+            positions[drive.name] = start + NUDGE if start + NUDGE <= high else start - NUDGE
+    return prepared.started(Start(positions=positions))
 
 
-def _differences(
-    scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None
-) -> tuple[Run, Array]:
-    """A further run of the scenario, and its differences from the logged motion (see `Comparison.differences`). If the run
-    diverges, the part before the divergence."""
-    comparison = Comparison(scenario, [logged], keep=False)
+def _repeated(prepared: Prepared, progress: Callable[[float], None] | None) -> Run:
+    """A further run; if it diverges, the part before the divergence."""
     try:
-        run = simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
+        return simulate(prepared, names=COMPARED, progress=progress)
     except DivergenceError as error:
-        run = error.run  # type: ignore[assignment]
-    return run, comparison.differences[0] if comparison.differences else np.full((2, *logged.shape[1:]), np.nan)
+        return error.run  # type: ignore[return-value]
 
 
 def _size(value: float) -> float:

@@ -42,9 +42,14 @@ def numbers(p: Any, at: int) -> Any:
     return p[at : at + MOTOR_NUMBERS]
 
 
+def bound_step(function: Callable[..., None]) -> Any:
+    """What `joint_step` calls for the function of a stepping."""
+    return function
+
+
 @cache
-def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
-    """Function with an actuator's laws, as `spring_law` calls it in Python. The result is NaN if a law has no finite value.
+def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
+    """What `spring_law` calls for an actuator's laws. The result is NaN if a law has no finite value.
 
     motors: number of positions that the laws take, at least 2.
     """

@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim import compiling
 from asrsim.actuators.vectorised import energy_law
+from asrsim.errors import SimulationError
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
@@ -31,14 +32,18 @@ def compiled_run() -> Any:
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
-def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
-    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.plain_law`."""
+def bound_law(actuator: Any, motors: int) -> compiling.Callback:
+    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.bound_law`. Raises SimulationError."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
         "row": compiling.row_at(),
     }  # fmt: skip
-    return compiling.compile_law(_laws, names, "daiaiii")
+    try:
+        return compiling.compile_law(_laws, names, "daiaiii")
+    except Exception as error:
+        reason = str(error).strip().splitlines()[0]
+        raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
 
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
@@ -63,7 +68,7 @@ def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: i
         state[STIFFNESS], state[LAW_ENERGY] = known
 
 
-def compiled_joint_step(function: Any) -> compiling.Callback:
+def bound_step(function: Any) -> compiling.Callback:
     """The function by which a stepping advances a joint, compiled; see `asrsim.simulation.laws.joint_step`."""
     names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
     return compiling.compile_law(_joint_step, names, "aaaadi")

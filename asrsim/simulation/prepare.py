@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,28 +51,20 @@ def prepare(
     *,
     variant: str | None = None,
     overrides: Overrides = (),
-    ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: smallest and largest value of each reference
-    that callers may set during the run, by joint (or "*") and reference, in addition to the ranges that the scenario declares;
-    the number of substeps is chosen for these ranges.
+    variant, overrides: of a scenario's file, as `asrsim.run` takes them. The number of substeps is chosen for the scenario's
+    references, and for all values in its `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
     from asrsim.scenario.doubts import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    if ranges:
-        known = scenario.reference_ranges
-        joints = dict.fromkeys((*known, *ranges))
-        declared = {joint: {**known.get(joint, {}), **ranges.get(joint, {})} for joint in joints}
-        scenario = replace(scenario, reference_ranges=declared)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
     drives = make_drives(robot, stepping, scenario)
-    _check_ranges(ranges or {}, drives)
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
@@ -165,22 +157,6 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine)
         cap=scenario.substep_cap,
         explicit=STEPPINGS.get(scenario.stepping).implicitness == 0.0,
     )
-
-
-def _check_ranges(ranges: Mapping[str, Mapping[str, tuple[float, float]]], drives: Sequence[SteppedJoint]) -> None:
-    """Raise InputError for unknown joints, and for ranges that are not a smallest and a largest value."""
-    names = tuple(drive.name for drive in drives)
-    problems = []
-    for joint, table in ranges.items():
-        if joint not in ("*", *names):
-            message = "the robot has no moving joint of this name"
-            problems.append(Problem(message, key=f"ranges.{joint}", choices=names, meant=joint, code="unknown-joint"))
-        for name, values in table.items():
-            if np.shape(values) != (2,) or not values[0] <= values[1]:
-                message = "must be two numbers, the smallest value first"
-                problems.append(Problem(message, key=f"ranges.{joint}.{name}", value=values, code="range"))
-    if problems:
-        raise InputError(problems)
 
 
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:

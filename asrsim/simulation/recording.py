@@ -43,8 +43,8 @@ class RunRecording:
         self._whole = any(getattr(sink, "full_rate", False) for sink in sinks)
         self.look_every = self._every * (1 if self._whole else prepared.scenario.log_every)
         """Number of substeps between readings of poses and contacts."""
-        self._scenes: list[Scene] = []
-        """Poses and contact forces that have not yet been added to the samples of their rows."""
+        self._scenes: dict[int, Scene] = {}
+        """Poses and contact forces that have not yet been added to the samples of their rows, by substep."""
         self._rows: list[tuple[int, Array]] = []
         """Blocks of rows: number of the first row, rows (n, joints, columns)."""
         self._tip: TipPoses | None = None
@@ -56,7 +56,7 @@ class RunRecording:
     def copy(self) -> RunRecording:
         """A copy, which continues independently. Both use the same sinks."""
         other = copy.copy(self)
-        other.kept, other._scenes, other._rows = list(self.kept), list(self._scenes), list(self._rows)
+        other.kept, other._scenes, other._rows = list(self.kept), dict(self._scenes), list(self._rows)
         if self.active:
             other._guard = copy.copy(self._guard)
         return other
@@ -87,12 +87,11 @@ class RunRecording:
     def look(self, substep: int) -> None:
         """Store poses and contacts for the row of a substep, before the substep."""
         if substep <= self._last:
-            self._scenes.append(self._engine.scene())
+            self._scenes[substep] = self._engine.scene()
 
     def _with_world(self, samples: Samples) -> Samples:
         """The samples with the poses and contacts that were stored for their rows."""
-        count = len(samples.time)
-        scenes, self._scenes = self._scenes[:count], self._scenes[count:]
+        scenes = [self._scenes.pop(substep) for substep in list(self._scenes)[: len(samples.time)]]
         if not scenes:
             return samples
         bodies, contacts = (

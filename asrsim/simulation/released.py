@@ -63,12 +63,13 @@ from asrsim.simulation.layout import (
     TORQUES,
 )  # fmt: skip
 
-PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "max_torque": 6.0, "min_position": -math.inf, "max_position": math.inf}
-"""Constants of the released DCMotor class. Units: inertia kg m^2, damping N m s/rad, torque N m, positions rad."""
-PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
+PHANTOM = {D_INERTIA: 0.0233, D_DAMPING: 0.2698, D_LIMIT: 6.0, D_LOW: -math.inf, D_HIGH: math.inf}
+"""Constants of the released DCMotor class, which simulates a second motor for every actuator: columns of P and values. Units:
+inertia kg m^2, damping N m s/rad, torque N m, positions rad."""
+PHANTOM_SEA = {D_COULOMB: 0.02, D_PROPORTIONAL: 125.0, D_INTEGRAL: 0.0, D_DERIVATIVE: 4.5}
 """Constants of the second motor that the released SEA plugin also updates: friction in N m, PID gains in N m/rad, N m/(rad s)
 and N m s/rad."""
-PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
+PHANTOM_AWAS_II = {D_COULOMB: 0.5, D_PROPORTIONAL: 164.0, D_INTEGRAL: 0.0, D_DERIVATIVE: 41.0}
 """Constants of the second motor that the released AwAS-II plugin updates: friction in N m, PID gains in N m/rad, N m/(rad s)
 and N m s/rad."""
 MOTORS = 2

@@ -146,30 +146,18 @@ def constants_of(
 
 def _motor(drive: SteppedJoint, index: int) -> list[float]:
     """Columns of P for motor `index` (1, 2, ...); zeros if the joint has no such motor."""
-    phantom = drive.stepping.released and drive.dynamic_motors and index <= RELEASED_MOTORS
-    if index > drive.dynamic_motors and not phantom:
-        return [0.0] * PER_DRIVE
     if index > drive.dynamic_motors:
-        return _phantom(drive)
+        row = [0.0] * PER_DRIVE
+        if drive.stepping.released and drive.dynamic_motors and drive.actuator and index <= RELEASED_MOTORS:
+            for column, value in (PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)).items():
+                row[column] = value
+        return row
     assert drive.drive is not None
     values, electric = drive.values, index in drive.electric_motors
     constant = values[f"motor_{index}_torque_constant"] * values[f"motor_{index}_gear_ratio"] if electric else 0.0
     names = ("min_position", "max_position", "max_velocity", "max_torque")
     limits = [values[f"motor_{index}_{name}"] for name in names]
     return [*drive.drive.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
-
-
-def _phantom(drive: SteppedJoint) -> list[float]:
-    """Columns of P for the second motor that the released code simulates for every actuator."""
-    assert drive.actuator is not None
-    assert drive.mode is not None
-    own = PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)
-    held = float(drive.mode.controller)
-    return [
-        own["proportional"], own["integral"], own["derivative"], held, own["inertia"], own["damping"], 1.0, 0.0, 0.0, np.inf,
-        own["max_torque"], own["friction_torque"], 0.0, 1.0, 0.0, 1.0, own["min_position"], own["max_position"], np.inf, np.inf,
-        0.0, 0.0,
-    ]  # fmt: skip
 
 
 def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, position: float, velocity: float) -> list[float]:

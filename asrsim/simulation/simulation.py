@@ -11,7 +11,7 @@ from types import TracebackType
 import numpy as np
 
 from asrsim.engines.base import Engine, Model
-from asrsim.errors import InputError, SimulationError
+from asrsim.errors import InputError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -47,7 +47,6 @@ class Simulation:
         *,
         variant: str | None = None,
         overrides: Overrides = (),
-        ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
         record: bool = False,
         names: Sequence[str] | None = None,
@@ -60,7 +59,8 @@ class Simulation:
 
         Args:
             scenario: Scenario file, loaded scenario, or prepared scenario.
-            variant: As in `prepare`, which also explains overrides and ranges. Ignored for a prepared scenario.
+            variant, overrides: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for references that
+                you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
             record: Keep the logged samples, as `samples`.
             names: Quantities that are recorded; None: all.
@@ -71,7 +71,7 @@ class Simulation:
             chunk: Largest number of substeps between chunks of samples.
         """
         if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+            scenario = prepare(scenario, variant=variant, overrides=overrides)
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
@@ -80,7 +80,6 @@ class Simulation:
         """Substep at which the scenario's duration ends and the last sample is taken."""
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
-        self._peeking = self._closed = False
         self._world = Worlds(
             scenario, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
             watch=self._watch if looks else None,
@@ -120,7 +119,7 @@ class Simulation:
 
     def advance_to(self, end: int) -> None:
         """Advance until `end` substeps are done."""
-        self._check_open()
+        self._world.check_open()
         while self.substep < end:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
@@ -140,7 +139,7 @@ class Simulation:
 
     def _watch(self) -> None:
         """Read poses and contacts before a substep of the engine, if they are recorded."""
-        if not self._peeking and self.substep % self.recording.look_every == 0:
+        if self.substep % self.recording.look_every == 0:
             self.recording.look(self.substep)
 
     def _diverge(self) -> None:
@@ -162,7 +161,7 @@ class Simulation:
     @property
     def samples(self) -> Samples:
         """Samples logged since the start. Raises InputError unless the simulation was created with `record=True`."""
-        if not self._closed:
+        if not self._world.closed:
             self.flush()
         return self.recording.samples
 
@@ -179,13 +178,12 @@ class Simulation:
         value: new value, which is clamped to the declared range; None: the scenario's signal acts again. Raises InputError for
         unknown names and values that are not finite.
         """
-        self._check_open()
         held = self._world.set_reference(joint, reference, value)
         return None if value is None else float(held[0])
 
     def observe(self) -> Observation:
         """Present state."""
-        self._check_open()
+        self._world.check_open()
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
@@ -194,17 +192,12 @@ class Simulation:
         At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
         InputError for a name that no joint records.
         """
-        self._check_open()
-        self._peeking = True
-        try:
-            return {name: found[0] for name, found in self._world.read(names).items()}
-        finally:
-            self._peeking = False
+        return {name: found[0] for name, found in self._world.read(names).items()}
 
     @property
     def engine(self) -> Engine:
         """The engine that moves the links; see `look` for its present state."""
-        return self._world.engine_of(0)
+        return self._core.engine_of(0)
 
     @property
     def model(self) -> Model | None:
@@ -247,7 +240,7 @@ class Simulation:
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
         """
-        self._check_open()
+        self._world.check_open()
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
         self.prepared.started(start)
         if parameters is not None:
@@ -258,12 +251,7 @@ class Simulation:
 
     def close(self) -> None:
         """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""
-        self._closed = True
         self._world.close()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise SimulationError("the simulation is closed: make a new one")
 
     def __enter__(self) -> Simulation:
         return self

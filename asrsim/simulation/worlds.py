@@ -80,7 +80,6 @@ class Worlds:
         *,
         variant: str | None = None,
         overrides: Overrides = (),
-        ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         names: Sequence[str] | None = None,
         watched: bool = True,
         compiled: bool | None = None,
@@ -92,7 +91,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, ranges and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -105,7 +104,7 @@ class Worlds:
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+            scenario = prepare(scenario, variant=variant, overrides=overrides)
         self.prepared, self.count = scenario, count
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
@@ -127,7 +126,7 @@ class Worlds:
             self._everyone = np.arange(count)
             self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
-            self._closed = False
+            self.closed = False
             self._owner = object()
             self.reset()
         except BaseException:
@@ -180,7 +179,7 @@ class Worlds:
 
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
         """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
-        self._check_open()
+        self.check_open()
         rows = -(-count // self.substeps) if keep else 0
         kept = np.full((len(numbers), rows, *self.core.rows.shape[1:]), np.nan)
         ran, start = 0, -(-self.core.done[numbers] // self.substeps)
@@ -244,7 +243,7 @@ class Worlds:
         values: one value for all worlds, or a value for each world; values are clamped to the declared range. None: the
         scenario's signal acts again. Raises InputError.
         """
-        self._check_open()
+        self.check_open()
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
         low, high = self.prepared.range_of(joint, reference)
@@ -264,7 +263,7 @@ class Worlds:
     def push(self, torques: Array) -> None:
         """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
         apply. Raises InputError for values that are not finite."""
-        self._check_open()
+        self.check_open()
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")
         self.core.held[:, :, EXTERNAL] = torques
@@ -272,12 +271,12 @@ class Worlds:
 
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
-        self._check_open()
+        self.check_open()
         return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
-        self._check_open()
+        self.check_open()
         self.columns.check(names)
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
@@ -291,7 +290,7 @@ class Worlds:
     @property
     def model(self) -> Model | None:
         """Kinematics and dynamics of the scenario's robot; None if the engine prescribes the motion of the links."""
-        self._check_open()
+        self.check_open()
         return self.core.model
 
     def counts(self, world: int) -> Counts:
@@ -302,13 +301,13 @@ class Worlds:
 
     def snapshot(self, *, worlds: Any = None) -> Snapshot:
         """Snapshots of some worlds, or of all, for `restore`."""
-        self._check_open()
+        self.check_open()
         numbers = self._numbers(worlds).tolist()
         return Snapshot(self._owner, {world: (self._worlds[world], self.core.state(world)) for world in numbers})
 
     def restore(self, snapshot: Snapshot) -> None:
         """Set worlds to their states in a snapshot. Raises InputError for a snapshot of other worlds."""
-        self._check_open()
+        self.check_open()
         if snapshot.owner is not self._owner:
             message = "is a snapshot of another simulation, or of this one with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
@@ -325,7 +324,7 @@ class Worlds:
         start: one start for all worlds, or a start for each world. Raises InputError and RobotError for unknown names, and for
         values that are not finite or beyond limits.
         """
-        self._check_open()
+        self.check_open()
         numbers = self._numbers(worlds).tolist()
         given = Start() if start is None else start
         starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
@@ -344,7 +343,7 @@ class Worlds:
         All tables are by joint, with one number for all worlds or a number for each world; for joints with several motors, a
         number for each motor, or (worlds, motors). Parameters are unchanged. Raises InputError.
         """
-        self._check_open()
+        self.check_open()
         numbers = self._numbers(worlds)
         each, motors_of = (len(numbers),), {drive.name: drive.motors for drive in self.prepared.drives}
         links = {name: _spread(values, each, name) for name, values in positions.items()}
@@ -410,13 +409,9 @@ class Worlds:
         self.record_as(varied)
         return varied
 
-    def engine_of(self, world: int) -> Engine:
-        """The engine that steps a world."""
-        return self.core.engine_of(world)
-
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""
-        self._check_open()
+        self.check_open()
         self._numbers(world)
         return self.core.look(world)
 
@@ -497,14 +492,15 @@ class Worlds:
         if not self._watched:
             raise SimulationError("energies and limits are computed with Worlds(..., watched=True) only")
 
-    def _check_open(self) -> None:
-        if self._closed:
-            raise SimulationError("the worlds are closed: make new ones")
+    def check_open(self) -> None:
+        """Raise SimulationError after `close`."""
+        if self.closed:
+            raise SimulationError("the simulation is closed: make a new one")
 
     def close(self) -> None:
         """Release the engines."""
-        if not self._closed:
-            self._closed = True
+        if not self.closed:
+            self.closed = True
             self.core.close()
             if self._pool is not None:
                 self._pool.shutdown()

@@ -13,7 +13,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.joint import advance
-from asrsim.simulation.laws import plain_law
+from asrsim.simulation.laws import bound_law
 from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     ENGINE_VELOCITY,
@@ -46,7 +46,7 @@ def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) ->
     p = constants_of(drive, None, shape, motor_substeps=1, cutoff=False)
     actuator: Any = drive.actuator
     if actuator is not None and drive.mode is not None and drive.mode.spring:
-        k[SPRING_LAW] = plain_law(actuator, drive.positions)
+        k[SPRING_LAW] = bound_law(actuator, drive.positions)
     k[JOINT_STEP] = drive.stepping.joint_step
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()

@@ -164,13 +164,6 @@ def test_each_world_has_its_own_motor_start(tiny):
         assert worlds.read(["motor_1_position"])["motor_1_position"][:, 0].tolist() == [0.1, 0.2, 0.3]
 
 
-@pytest.mark.parametrize("ranges", [{"elbw": {"equilibrium_position": (0.0, 1.0)}}, {"elbow": {"position": (0.0, 1.0)}},
-                                    {"elbow": {"equilibrium_position": (1.0, 0.0)}}])  # fmt: skip
-def test_wrong_ranges_are_refused(tiny, ranges):
-    with pytest.raises(AsrsimError, match=r"elbw|no such reference|smallest value first"):
-        asrsim.Simulation(tiny.scenario, ranges=ranges)
-
-
 def test_a_list_of_scenarios_is_refused_where_one_is_needed(tiny):
     loaded = asrsim.load_scenario(tiny.scenario)
     for call in (asrsim.run, asrsim.Simulation):

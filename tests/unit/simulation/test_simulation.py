@@ -79,7 +79,7 @@ def test_the_controller_of_the_link_in_toolbox_stepping():
 def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path, engine):
     given = plan([joint(actuator="sea", mode=0, references=(NEVER,))], 0.1)
     scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **(given.keys() | {"gravity": [0, 0, 0]}))
-    with Simulation(prepare(scenario, ranges={"*": {"link_torque": (-0.5, 0.5)}}), compiled=False) as simulation:
+    with Simulation(replace(scenario, reference_ranges={"*": {"link_torque": (-0.5, 0.5)}}), compiled=False) as simulation:
         simulation.advance(10)
         assert simulation.observe().link_velocity[0] == 0.0
         assert simulation.set_reference("joint_1", "link_torque", 2.0) == 0.5
