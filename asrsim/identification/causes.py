@@ -58,8 +58,10 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     if found.chosen and rest <= base - PARTLY * excess:
         more = "" if rest <= target else "; more is missing"
         yield _suspected(found, percent((rest / base) ** 0.5)) + more
+        yield from _oscillations(found.problem, found.x)
+    else:
+        yield from _oscillations(problem, x)
     yield from _varying_springs(problem, x)
-    yield from _oscillations(problem, x)
 
 
 def _suspected(found: Extended, rest: str) -> str:

@@ -279,8 +279,7 @@ def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
         command = next((one for one in data.commands if one.key == f"{name}.reference_1"), None)
         place = next((one for one in data.channels if one.key == f"{name}.link_position"), None)
         if data.modes.get(name, block.mode) == 0 and not sprung and command and place and not place.quantum:
-            found = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
-            data = found if min(len(one.time) for one in found.channels) >= FEWEST else data
+            data = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
     return data
 
 
@@ -303,6 +302,8 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
     # The samples are so far apart that the controller does not correlate their errors.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
+    if len(rows) < FEWEST:
+        return data
     # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
     # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
     # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps
