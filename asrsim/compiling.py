@@ -50,8 +50,8 @@ def compile_function(
 
     The function must not be a closure; functions that it calls may be closures, and are compiled too. names: global names of
     the code -> their replacements (functions, symbols of a library). version: version of the replacements. inline: modules
-    whose functions are inlined into their callers, since calls with many arguments are slow. The code must not create arrays.
-    Raises the errors of Numba.
+    whose functions are inlined into their callers, since calls with many arguments are slow; empty: all modules. The code must
+    not create arrays. Raises the errors of Numba.
     """
     import numba
 
@@ -125,7 +125,7 @@ def compile_law(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callback:
         signature = numba.types.void(*(types_of[kind] for kind in kinds))
-        # Laws of users, which are not inlined, may raise: `asrsim.simulation.native` then stops the world.
+        # Laws of users may raise: `asrsim.simulation.native` then stops the world.
         options: dict[str, Any] = NUMERIC if inline else {}
         callback: Any = numba.cfunc(signature, cache=cached, **options)(copy)
         return Callback(callback.address, callback)
@@ -165,25 +165,21 @@ def numbers_reader(count: int) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """Function for compiled code, row(address), that returns the array (n,) of floats (or integers) at the address. The array's
-    length is unknown and not checked.
-    """
-    from llvmlite import ir
+    """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer. Its
+    indices must not be negative, and are not checked."""
     from numba import types
     from numba.extending import intrinsic
 
-    from asrsim.packed import array_at
-
     kinds: Any = types
-    layout = kinds.Array(kinds.int64 if integers else kinds.float64, 1, "C")
+    pointer = kinds.CPointer(kinds.int64 if integers else kinds.float64)
 
     def row(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return array_at(context, builder, layout, arguments[0], [ir.Constant(ir.IntType(64), 1 << 30)])
+            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
 
-        return layout(kinds.intp), generate
+        return pointer(kinds.intp), generate
 
-    row.__name__ = f"row_of_{'integers' if integers else 'floats'}"
+    row.__name__ = f"pointer_to_{'integers' if integers else 'floats'}"
     return intrinsic(row)
 
 
@@ -261,9 +257,8 @@ def _marked(
             return copy
         # Python never calls these functions: wrappers for Python would take half of the compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        if inline:
-            options |= {"forceinline": copy.__module__ in inline, **NUMERIC}
-        return numba.njit(copy, **options)
+        options["forceinline"] = not inline or copy.__module__ in inline
+        return numba.njit(copy, **options, **(NUMERIC if inline else {}))
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:

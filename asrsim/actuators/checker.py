@@ -67,7 +67,7 @@ CHECKS = {
     "stiffness": ("the stiffness is minus the derivative of the torque by q (relative error)", 1e-6),
     "restoring": ("the stiffness is never negative inside the deflection limit (N m/rad)", 0.0),
     "passive": ("the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4),
-    "energy": ("the derivative of a declared energy by q is minus the torque (relative error)", 1e-3),
+    "energy": ("the derivatives of a declared energy by -q and by theta_i are the torques (relative error)", 1e-3),
     "reference map": ("equilibrium_position inverts motor_references (rad), and there no torque acts on the link", 1e-9),
 }
 """Conditions, and largest allowed values, by name of the check."""
@@ -185,14 +185,14 @@ def _measures(actuator: type[Actuator]) -> Iterator[tuple[Array, Callable[[int],
     yield np.min(np.divide(asymmetries, sizes), axis=0), points.text
 
     # An energy that is integrated from torques needs no check.
-    h, torque, low, high = 1e-4 * points.limit, springs.sum(axis=0), 0.0 * stiffness, 0.0 * stiffness
-    slope = torque
-    if actuator.elastic_energy is not Actuator.elastic_energy:
-        low, high = (points.moved(0, shift).apply(actuator.elastic_energy) for shift in (-h, h))
-        slope = (low - high) / (2.0 * h)
-    # The rounding error of the difference of energies limits the precision.
-    scale = np.maximum(np.abs(torque), 1e-9 * np.maximum(np.abs(low), np.abs(high)) / h + 1e-12)
-    yield np.abs(slope - torque) / scale, lambda i: f"{points.text(i)}: slope {slope[i]:.6g}, torque {torque[i]:.6g}"
+    h, energy, errors = 1e-4 * points.limit, actuator.elastic_energy, [0.0 * stiffness]
+    torques = np.vstack([-springs.sum(axis=0), springs])[: len(slopes[0])]
+    for row, torque in enumerate(torques if energy is not Actuator.elastic_energy else ()):
+        low, high = (points.moved(row, shift).apply(energy) for shift in (-h, h))
+        # Where the torque is 0, errors are relative to its change over the step and to rounding errors of the energy.
+        scale = np.abs(torque) + h * np.abs(stiffness) + 1e-9 * np.maximum(np.abs(low), np.abs(high)) / h + 1e-12
+        errors.append(np.abs((high - low) / (2.0 * h) - torque) / scale)
+    yield np.max(errors, axis=0), points.text
 
     # The first points have the default parameters.
     unloaded = points.take(slice(SAMPLES))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -30,11 +31,20 @@ def resting_motors(drive: Drive, position: Array, references: Array, *, limited:
     if not (drive.mode.motor and drive.mode.controller):
         return resting
     law = over_arrays(drive.actuator.elastic_torques)
+
+    def load(motor: int, theta: Array) -> Array:
+        """Torque (n,) of the springs on a motor at `theta` (n,), while the other motors stand at `resting`."""
+        trial = resting.copy()
+        trial[motor] = theta
+        return np.asarray(law(position, *trial, drive.elastic)[motor])
+
     for _ in range(ROUNDS):
-        loads = np.zeros((drive.dynamic_motors, *resting.shape[1:]))
+        loads = []
         for motor in range(drive.dynamic_motors):
-            resting[motor] = _resting(drive, motor, position, references[motor], resting, limited)
-            loads[motor] = law(position, *resting, drive.elastic)[motor]
+            most, ends = (drive.max_torque[motor], drive.motor_ranges[motor]) if limited else (np.inf, (-np.inf, np.inf))
+            gain = np.inf if drive.integral[motor] > 0.0 else drive.proportional[motor]
+            resting[motor] = np.clip(_balance(partial(load, motor), references[motor], gain, most), *ends)
+            loads.append(load(motor, resting[motor]))
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
         if np.array_equal(loads, law(position, *resting, drive.elastic)[: len(loads)]):
             break
@@ -48,30 +58,18 @@ def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
     return np.array([np.clip(torque, -most, most) * (gain > 0.0) for torque, gain, most in rows])
 
 
-def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions: Array, limited: bool) -> Array:
-    """Rest position (n,) of a motor while the other motors stand at `positions` (positions, n), rad."""
-    gain, law = drive.proportional[motor], over_arrays(drive.actuator.elastic_torques)
-    most = drive.max_torque[motor] if limited else np.inf
-    low, high = drive.motor_ranges[motor] if limited else (-np.inf, np.inf)
-
-    def load(theta: Array) -> Array:
-        trial = positions.copy()
-        trial[motor] = theta
-        return np.asarray(law(position, *trial, drive.elastic)[motor])
-
+def _balance(load: Callable[[Array], Array], wanted: Array, gain: float, most: float) -> Array:
+    """Positions (n,) at which a controller balances the load of a motor. wanted: references (n,), rad; gain: proportional gain,
+    infinite for a controller with integral action; most: largest torque, N m."""
     here = load(wanted)
-    if drive.integral[motor] > 0.0:
+    if np.isinf(gain):
         # At rest the integral action balances the spring's torque, up to the motor's largest torque.
         holding = np.clip(here, -most, most)
         resting = wanted if np.array_equal(here, holding) else increasing_roots(lambda theta: load(theta) - holding, wanted)
-        resting = np.where(here == holding, wanted, resting)
-    else:
-        # The load decreases as the motor moves away from its reference.
-        reach = np.minimum(np.abs(here) / gain, 1.0) if gain > 0.0 else 1.0
-        resting = increasing_roots(
-            lambda theta: load(theta) - np.clip(gain * (wanted - theta), -most, most), wanted, reach, FARTHEST
-        )
-    return np.clip(resting, low, high)
+        return np.where(here == holding, wanted, resting)
+    # The load decreases as the motor moves away from its reference.
+    reach = np.minimum(np.abs(here) / gain, 1.0) if gain > 0.0 else 1.0
+    return increasing_roots(lambda theta: load(theta) - np.clip(gain * (wanted - theta), -most, most), wanted, reach, FARTHEST)
 
 
 def increasing_roots(

@@ -18,8 +18,7 @@ from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of
 from asrsim.identification.problem import Problem as Fit
-from asrsim.identification.problem import jacobian
-from asrsim.identification.setup import read_scenario, set_up
+from asrsim.identification.problem import jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array

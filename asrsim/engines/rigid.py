@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from asrsim import compiling
 from asrsim.compiling import Callback
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Model, Values
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Model, Scene, Values
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
 from asrsim.robot.model import Robot
@@ -323,6 +323,10 @@ class RigidEngine(Engine):
     """
 
     robot: Robot
+    root: str
+    """Name of the base link."""
+    centre: Array
+    """Centre of mass (3,) of the base link in the frame of the link, m."""
 
     def __init__(self, room: Room, home: Array, calculation: Calculation | None = None) -> None:
         """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
@@ -372,6 +376,18 @@ class RigidEngine(Engine):
     @state.setter
     def state(self, values: Array) -> None:
         self._state[:] = values
+
+    def turned(self, configuration: Array) -> Array:
+        """Rotation matrix (3, 3) of the base link, if it floats."""
+        raise NotImplementedError
+
+    def scene(self) -> Scene:
+        """Pose of the base link, if it floats. The base's position in a state is that of `centre`, a point of the link."""
+        if not self._room.free:
+            return Scene({}, {})
+        w, *vector = self._state[3:7].tolist()
+        origin = self._state[:3] - self.turned(self._state) @ self.centre
+        return Scene({self.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:
         """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""

@@ -99,7 +99,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
-    for part, off in zip(problem.parts, differences(problem, x), strict=True):
+    for part, off in differences(problem, x):
         channel = part.channel
         if part.track != problem.fitted[0]:
             continue
@@ -141,17 +141,15 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 more = tuple(known[key] for key in beside if key not in free)
                 begins = ((*(0.0 for _ in more), 1.0),) if parameter.start == 0.0 else ()
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
-        for what, unit in (("torque", "N m"), ("velocity", "rad/s")) if drive.dynamic_motors else ():
-            key, series = f"{joint}.motor_1_max_{what}", track.series(values, problem.playing, [(j, f"motor_1_{what}")])
+        for name in ("torque", "velocity") if drive.dynamic_motors else ():
+            key, series = f"{joint}.motor_1_max_{name}", track.series(values, problem.playing, [(j, f"motor_1_{name}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
             if key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
-                others = [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1)
-                limit = Parameter(key=key, unit=unit, start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
-                yield Extension(
-                    text=f"a limit motor_1_max_{what} of {joint}", parameters=(limit,), ties=_ties(key, others),
-                    begins=tuple(np.log(LIMIT_FACTORS)),
-                )  # fmt: skip
+                ties = _ties(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1))
+                limit = replace(known[key], start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
+                text, begins = f"a limit motor_1_max_{name} of {joint}", tuple(np.log(LIMIT_FACTORS))
+                yield Extension(text=text, parameters=(limit,), ties=ties, begins=begins)
 
 
 def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
@@ -185,11 +183,11 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
         if not entry.logarithmic or not any(word in entry.name for word in SPRINGS):
             continue
         slope = jacobian(problem, x, base=left, columns=[i])[:, 0]
-        sizes, pulls = np.bincount(numbers, slope**2), np.bincount(numbers, slope * left)
+        sizes, pulls, counts = (np.bincount(numbers, one) for one in (slope**2, slope * left, np.ones(len(left))))
         known = sizes > 25.0
         if known.sum() < 6:
             continue
-        reach, moves = np.sqrt(sizes / np.bincount(numbers))[known], -pulls[known] / sizes[known]
+        reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
         trend = _correlation(*(np.argsort(np.argsort(one)).astype(float) for one in (reach, moves)))
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
         # Noise alone rarely sorts the parts by stiffness.
@@ -202,7 +200,7 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
 
 def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
     """Sentences on large oscillations of the residuals with frequencies that no command has."""
-    for part, left in zip(problem.parts, differences(problem, x), strict=True):
+    for part, left in differences(problem, x):
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
         driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
         if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):

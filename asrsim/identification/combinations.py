@@ -5,12 +5,12 @@ parameters.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.parameters import Layout, Parameter
+from asrsim.identification.parameters import Layout
 from asrsim.identification.problem import Problem
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
@@ -29,10 +29,8 @@ MULTIPLIED = ("1", "m")
 """Units of gains, ratios and lever arms: positive parameters with these units are factors, never terms of a sum."""
 MOST, WHOLE = 4, 0.08
 """Largest integer factor of a term in a sum; largest relative deviation of a factor from the integer."""
-AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
-"""Names of the moments of inertia about the axes; largest deviation of an exponent from the exponent of the inertia about the
-joint.
-"""
+AXES = ("ixx", "iyy", "izz")
+"""Names of the moments of inertia about the axes."""
 TINY, NEAR = 1e-6, 0.05
 """Exponent below which a parameter does not belong to a combination; distance from the span of known combinations below which
 a combination follows from them.
@@ -44,18 +42,16 @@ def percent(share: float) -> str:
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
-def scales(layout: Layout, values: Array) -> Array:
-    """Positive sizes (n,) to which relative changes of the values refer: magnitudes, or typical sizes near 0."""
-    return np.array([
+def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array, Array]:
+    """Jacobian (m, n) with respect to relative changes of the values, the values (n,), and the sizes (n,) to which the changes
+    are relative: magnitudes of the values, or typical sizes near 0.
+    """
+    values = layout.values(x)
+    sizes = [
         value if entry.logarithmic else max(abs(value), 0.05 * entry.size)
         for value, entry in zip(values.tolist(), layout.entries, strict=True)
-    ])  # fmt: skip
-
-
-def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Jacobian (m, n) with respect to relative changes of the values, and the values (n,)."""
-    values = layout.values(x)
-    return jacobian * (scales(layout, values) / layout.slopes(x)), values
+    ]
+    return jacobian * (np.array(sizes) / layout.slopes(x)), values, np.array(sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +63,11 @@ class Combination:
     value: float
     change: Array
     """Relative change of the value per relative change of each free entry (k,)."""
-    size: float = 1.0
+    size: float
     """Smallest exponent; margins are divided by it, so that margins of different powers of a form are comparable."""
-    margin: float = np.inf
+    margin: float
     """Relative half width of the 95 % interval of the value."""
-    keys: tuple[int, ...] = ()
+    keys: tuple[int, ...]
     """Indices of the entries of the parameter vector in the formula."""
 
     def __str__(self) -> str:
@@ -87,19 +83,25 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     if len(free) < 2:
         return result
     known = _Known(problem, x, found, free)
-    for count in (2, 3):
-        for chosen in itertools.combinations(known.ambiguous, count):
-            exponents = np.zeros(len(free))
-            # The product of powers that changes least along the unidentifiable directions.
-            exponents[[*chosen]] = np.linalg.svd(known.directions[:, chosen])[2][-1]
-            size = np.abs(exponents)
-            if np.all(size[[*chosen]] > TINY):
-                # Forms whose value overflows are left out.
-                with np.errstate(over="ignore", invalid="ignore"):
-                    form = known.simplest(exponents)
-                if form is not None and _is_new(form, result):
-                    result.append(form)
+    for chosen in (one for count in (2, 3) for one in itertools.combinations(known.ambiguous, count)):
+        # The product of powers that changes least along the unidentifiable directions.
+        exponents = np.linalg.svd(known.directions[:, chosen])[2][-1]
+        if np.all(np.abs(exponents) > TINY):
+            # Forms whose value overflows are left out.
+            with np.errstate(over="ignore", invalid="ignore"):
+                order = np.argsort(chosen)
+                form = _simplest(list(_forms(known, np.array(chosen)[order].tolist(), exponents[order])))
+            if form is not None and _is_new(form, result):
+                result.append(form)
     return result
+
+
+def _simplest(forms: Sequence[Combination]) -> Combination | None:
+    """First form whose interval is hardly wider than the narrowest interval; None if all intervals are wide."""
+    finite = [form for form in forms if np.isfinite(form.value)]
+    best = min((form.margin / form.size for form in finite), default=0.0)
+    nice = (form for form in finite if form.margin < UNKNOWN and form.margin / form.size < NICE * best + NICER)
+    return next(nice, None)
 
 
 def _is_new(form: Combination, others: Sequence[Combination]) -> bool:
@@ -112,94 +114,75 @@ class _Known:
     """Identifiable and unidentifiable directions of relative changes of the free entries."""
 
     def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
-        self.found, self.free, self.track = found, list(free), problem.tracks[0]
+        self._found, self._free = found, list(free)
         self.entries = [problem.layout.entries[i] for i in free]
-        self.keys = {entry.key for entry in problem.layout.entries}
-        """Keys of all free parameters."""
-        scaled, values = relative(problem.layout, x, found.jacobian)
-        self.values, self.scales = values[self.free], scales(problem.layout, values)[self.free]
-        self._units = self.scales / problem.layout.slopes(x)[self.free]
+        # A motion shows the moment of inertia of a link about its joint.
+        beside = np.array([_beside(problem, entry.key) for entry in self.entries])
+        self.names = [
+            f"({entry.name} + {term:.3g} kg m^2, the inertia about the joint)" if term else entry.name
+            for entry, term in zip(self.entries, beside.tolist(), strict=True)
+        ]
+        _, values, sizes = relative(problem.layout, x, found.jacobian)
+        self.values, self.scales = values[self._free] + beside, sizes[self._free] + beside
+        self._units = self.scales / problem.layout.slopes(x)[self._free]
         # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
-        _, singular, vectors = np.linalg.svd(np.linalg.qr(scaled[:, self.free], mode="r"))
-        sizes = np.full(len(self.free), 1e-100)
-        sizes[: len(singular)] = np.maximum(singular, 1e-100)
+        _, singular, vectors = np.linalg.svd(np.linalg.qr(found.jacobian[:, self._free] * self._units, mode="r"))
+        singular = np.maximum(np.append(singular, np.zeros(len(free) - len(singular))), 1e-100)
         # White residuals with this variance would give the same intervals.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
-        off = 1.96 * variance**0.5 / sizes
+        off = 1.96 * variance**0.5 / singular
         inside = off <= UNKNOWN
         self.directions = np.minimum(off[~inside], FAR)[:, None] * vectors[~inside]
         """Unidentifiable directions (u, k), each as long as the entries may change along it."""
         alone = np.sqrt(np.sum((vectors * off[:, None]) ** 2, axis=0))
         self.ambiguous = [int(i) for i in np.argsort(-alone) if alone[i] > UNKNOWN]
         """Entries that are not identified, the least known first."""
-        self._inverse = (vectors[inside].T / sizes[inside] ** 2) @ vectors[inside]
+        self._inverse = (vectors[inside].T / singular[inside] ** 2) @ vectors[inside]
 
-    def margin(self, form: Combination) -> float:
-        """Relative half width of a form's 95 % interval, including its change along the unidentifiable directions."""
-        moves = np.zeros((1, len(self.found.noise)))
-        moves[0, self.free] = self._inverse @ form.change * self._units
-        deviation, quantile = self.found.deviations(moves)
-        return float(np.linalg.norm([deviation[0] * quantile[0], *(self.directions @ form.change)]))
-
-    def simplest(self, exponents: Array) -> Combination | None:
-        """First form whose interval is hardly wider than the narrowest interval; None if all intervals are wide."""
-        forms = [
-            replace(form, margin=self.margin(form), keys=tuple(self.free[i] for i in np.flatnonzero(form.change)))
-            for form in _forms(self, exponents) if np.isfinite(form.value)
-        ]  # fmt: skip
-        best = min((form.margin / form.size for form in forms), default=0.0)
-        nice = (form for form in forms if form.margin < UNKNOWN and form.margin / form.size < NICE * best + NICER)
-        return next(nice, None)
+    def form(self, text: str, value: float, changes: Mapping[int, float], size: float = 1.0) -> Combination:
+        """Combination with its interval, which includes the changes along the unidentifiable directions. changes: relative
+        change of the value per relative change of each entry.
+        """
+        change, moves = np.zeros(len(self._free)), np.zeros((1, len(self._found.noise)))
+        change[[*changes]] = [*changes.values()]
+        moves[0, self._free] = self._inverse @ change * self._units
+        deviation, quantile = self._found.deviations(moves)
+        margin = float(np.linalg.norm([deviation[0] * quantile[0], *(self.directions @ change)]))
+        return Combination(text, value, change, size, margin, tuple(self._free[i] for i in np.flatnonzero(change)))
 
 
-def _forms(known: _Known, exponents: Array) -> Iterator[Combination]:
-    """Forms that may be constant where the product of powers with these exponents is constant: ratio to an inertia, sum,
+def _forms(known: _Known, chosen: Sequence[int], exponents: Array) -> Iterator[Combination]:
+    """Forms of the chosen entries that may be constant where the product of powers with these exponents is constant: sum,
     integer powers.
     """
-    moving = np.flatnonzero(exponents)
-    if len(moving) == 2:
-        first, second = moving.tolist()
-        power = float(exponents[second] / exponents[first])
-        yield from _about_joint(known, second, first, 1.0 / power)
-        yield from _about_joint(known, first, second, power)
-        yield from _sum(known, first, second, power)
+    if len(chosen) == 2:
+        yield from _sum(known, chosen[0], chosen[1], float(exponents[1] / exponents[0]))
+    values = known.values[chosen]
     # Powers are relative changes only of values that are positive and not near 0.
-    if np.all(known.values[moving] == known.scales[moving]):
-        # The entry with the smallest exponent stands in the numerator.
-        least = moving[np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0))]
+    if np.all(values == known.scales[chosen]):
+        # The first entry with nearly the smallest exponent stands in the numerator.
+        least = exponents[np.argmin(np.round(np.abs(exponents), 1))]
         for denominator in DENOMINATORS:
-            powers = np.round(denominator * exponents / exponents[least])
+            powers = np.round(denominator * exponents / least)
             if np.abs(powers).max() <= HIGHEST * denominator:
-                named = [(known.entries[i].name, float(powers[i])) for i in moving]
+                named = [(known.names[i], power) for i, power in zip(chosen, powers.tolist(), strict=True)]
                 text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
                 text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
-                yield Combination(text, float(np.prod(known.values[moving] ** powers[moving])), powers, denominator)
+                yield known.form(text, float(np.prod(values**powers)), dict(zip(chosen, powers, strict=True)), denominator)
 
 
 def _power(name: str, power: float) -> str:
     return name if power == 1.0 else f"{name}^{power:g}"
 
 
-def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[Combination]:
-    """Form other / (inertia + m r^2), with the moment of inertia about the joint, for a constant product other *
-    inertia^power.
+def _beside(problem: Problem, key: str) -> float:
+    """Term m r^2 of a link if the key is that of the link's moment of inertia about the joint's axis; 0 for other keys, or if m
+    or r is free.
     """
-    beside, size = _beside(known, known.entries[inertia]), float(known.values[inertia])
-    if beside > 0.0 and abs(power * (size + beside) / size + 1.0) <= ABOUT:
-        change = np.zeros(len(known.free))
-        change[[other, inertia]] = 1.0, -size / (size + beside)
-        about = f"({known.entries[inertia].name} + {beside:.3g} kg m^2, the inertia about the joint)"
-        yield Combination(f"{known.entries[other].name} / {about}", float(known.values[other]) / (size + beside), change)
-
-
-def _beside(known: _Known, entry: Parameter) -> float:
-    """Term m r^2 of a link if the entry is the link's moment of inertia about the joint's axis; 0 for other entries, or if m or
-    r is free.
-    """
-    link, _, name = entry.key.rpartition(".")
-    if name not in AXES or known.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
+    link, _, name = key.rpartition(".")
+    if name not in AXES or problem.layout.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
         return 0.0
-    robot = known.track.door.robot
+    robot = problem.tracks[0].door.robot
     body = next((one for one in robot.links if one.name == link), None)
     joint = next((one for one in robot.moving_joints if one.child == link and one.kind != "prismatic"), None)
     if body is None or body.mass is None or joint is None or abs(joint.axis[AXES.index(name)]) < 0.99:
@@ -220,7 +203,6 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[Combin
     total = a + whole * b
     near = 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole)
     if near and total and first.unit == second.unit and not factors:
-        change = np.zeros(len(known.free))
-        change[[other, pivot]] = per_a / total, whole * per_b / total
-        size = "" if abs(whole) == 1 else f"{abs(whole)} "
-        yield Combination(f"{first.name} {'+' if whole > 0 else '-'} {size}{second.name}", total, change)
+        factor = "" if abs(whole) == 1 else f"{abs(whole)} "
+        text = f"{known.names[other]} {'+' if whole > 0 else '-'} {factor}{known.names[pivot]}"
+        yield known.form(text, total, {other: per_a / total, pivot: whole * per_b / total})

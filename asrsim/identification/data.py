@@ -108,9 +108,10 @@ class PlayedCommand:
         return curve_through(self.time, self.values, hold=self.hold)
 
     @cached_property
-    def as_stairs(self) -> PlayedCommand:
-        """Command that is constant between samples, each sample until the next."""
-        return self if self.hold else replace(self, hold=True)
+    def noise(self) -> float:
+        """Standard deviation of the command's noise; 0 if it is negligible."""
+        noise = fine_noise(self.values) if not self.hold and len(self.values) > 8 else 0.0
+        return noise if noise > 2e-6 * np.ptp(self.values) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -242,8 +243,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
             continue
         if early.source not in mapped and np.array_equal(early.values, late.values):
             continue  # a column that copies another measurement, such as another topic of a log
-        a, b = (c.values - c.values.mean() for c in (early, late))
-        if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
+        if 1.0 - np.corrcoef(early.values, late.values)[0, 1] ** 2 < COMPUTED**2:
             found[late.source] = early.source
     return found
 
@@ -273,11 +273,11 @@ def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
     """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their recorded positions,
     unless the recording is too short, or a coarse encoder would shake these joints.
     """
+    commands, channels = {one.key: one for one in data.commands}, {one.key: one for one in data.channels}
     for block in robot.actuators:
         joint, name = robot.joint(block.joint), block.joint
         sprung = joint.spring_stiffness != 0.0 or f"{name}.passive_stiffness" in free
-        command = next((one for one in data.commands if one.key == f"{name}.reference_1"), None)
-        place = next((one for one in data.channels if one.key == f"{name}.link_position"), None)
+        command, place = commands.get(f"{name}.reference_1"), channels.get(f"{name}.link_position")
         if data.modes.get(name, block.mode) == 0 and not sprung and command and place and not place.quantum:
             data = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
     return data

@@ -16,7 +16,7 @@ from asrsim.robot import Robot, check_two_motors
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.prepare import prepare, resolution_of
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Start
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
@@ -86,9 +86,7 @@ class Door:
         """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
         diverges. names: pairs of the index of a joint and the name of a quantity.
         """
-        made = self._worlds(substeps)
-        wanted = {SOURCES[0], *(name for _, name in names)}
-        wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
+        made, wanted = self._worlds(substeps), {*SOURCES, *(name for _, name in names)}
         quantities = [name for name in made.names if name in wanted]
 
         def run(several: Sequence[Start]) -> Iterator[Array | None]:
@@ -99,8 +97,8 @@ class Door:
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):
-                channels = [self._channel(found, world, *name) for name in names] if made.healthy[world] else None
-                yield None if channels is None else np.stack(channels)
+                channels = (self._channel(found, world, *name) for name in names)
+                yield np.stack([*channels]) if made.healthy[world] else None
 
         for first in range(0, len(starts), AT_ONCE):
             yield from run(starts[first : first + AT_ONCE])
@@ -117,7 +115,7 @@ class Door:
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
         """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
-        found = resolution_of(replace(self._prepared.vary(parameters), scenario=self.scenario))
+        found = replace(self._prepared.vary(parameters), scenario=self.scenario).needed_resolution()
         return found.substeps, found.motor_substeps
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
-from asrsim.identification.problem import Problem, differences
+from asrsim.identification.problem import Differences, Problem, differences
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
@@ -55,8 +55,8 @@ class ChannelFit:
     """Lag-1 correlation of the training residuals after the fit."""
     explained: float
     """Fraction of the recorded variance that the fit explains, over the whole recording; nan if the simulation diverges."""
-    faults: tuple[str, ...] = ()
-    """Reasons why the training residuals are not noise."""
+    fault: str = ""
+    """Reason why the training residuals are not noise; empty if they are noise."""
     shaken: float = 0.0
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
@@ -84,25 +84,26 @@ class ChannelFit:
         return not self.diverges and (is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2)
 
 
-def faults(channel: Channel, left: Array, moved: Array | float = 0.0) -> Iterator[str]:
-    """Reasons why residuals (n,) of a channel are not noise.
+def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
+    """Reason why residuals (n,) of a channel are not noise; empty if they are noise, or zero.
 
     moved: change (n,) of the prediction due to noise of the played commands.
     """
     if is_nothing(size_of(left), channel.noise):
-        return
+        return ""
     beyond, borne = beyond_steps(left, channel.values[: len(left)], channel.quantum)
     change = np.zeros(len(left)) + moved
     played = SHAKEN * rms(change)
     share = min(played / max(rms(left), 1e-300), 1.0) ** 2
     borne = max(borne, share * lag_correlation(change), key=abs)
     if lag_correlation(beyond) - borne > WHITE:
-        yield f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
-    elif is_loud(beyond, float(np.hypot(channel.floor, played))):
-        yield f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
+        return f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
+    if is_loud(beyond, float(np.hypot(channel.floor, played))):
+        return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
     # Quantisation and noise of commands oscillate with the motion.
-    elif not channel.quantum and share < SWING and (hertz := frequency(channel.time, left)):
-        yield f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
+    if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
+        return ""
+    return f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
 
 
 def is_loud(left: Array, noise: float) -> bool:
@@ -112,32 +113,30 @@ def is_loud(left: Array, noise: float) -> bool:
 
 def fits_noise(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are noise or zero."""
-    return all(np.isfinite(left).all() and not any(faults(channel, left)) for channel, left in _left(problem, x))
+    return all(np.isfinite(left).all() and not fault_of(part.channel, left) for part, left in differences(problem, x))
 
 
 def is_explained(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
-    return all(np.isfinite(left).all() and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
+    left = differences(problem, x)
+    return all(np.isfinite(values).all() and is_nothing(size_of(values), part.channel.noise) for part, values in left)
 
 
-def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array]]:
-    return zip((part.channel for part in problem.parts), differences(problem, x), strict=True)
-
-
-def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[ChannelFit]:
-    """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start."""
+def channel_fits(problem: Problem, before: Differences, x: Array) -> list[ChannelFit]:
+    """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start, by part."""
     whole, found = problem.everything, []
-    after = differences(whole, x)
     shaken = differences(replace(whole, playing=replace(whole.playing, draw=0)), x)
-    for part, was, left, moved in zip(whole.parts, before, after, shaken, strict=True):
+    for (part, left), (_, was), (_, moved) in zip(differences(whole, x), before, shaken, strict=True):
         channel, end, change = part.channel, problem.ends[part.track], np.nan_to_num(moved - left)
         count = channel.until(end) if end else 0
         lines = {"time": part.time, "recorded": part.recorded}
         lines |= {
             label: part.recorded + error for label, error in (("before", was), ("after", left)) if np.isfinite(error).all()
         }
-        simulated, judged = "after" in lines, count >= FEWEST
-        doubts = faults(channel, left[:count], change[:count]) if judged else [f"{count} samples are too few to judge the fit"]
+        fitted, judged, fault = end > 0.0 and "after" in lines, count >= FEWEST, ""
+        if fitted:
+            few = f"{count} samples are too few to judge the fit"
+            fault = fault_of(channel, left[:count], change[:count]) if judged else few
         spread = float(np.var(part.recorded))
         beyond, _ = beyond_steps(left[:count], part.recorded[:count], channel.quantum)
         found.append(
@@ -145,9 +144,9 @@ def channel_fits(problem: Problem, before: Sequence[Array], x: Array) -> list[Ch
                 recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
                 noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
                 held_before=rms(was[count:]), held_after=rms(left[count:]),
-                correlation=lag_correlation(beyond) if simulated and judged else np.nan,
+                correlation=lag_correlation(beyond) if fitted and judged else np.nan,
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
-                faults=tuple(doubts) if simulated and end else (),
+                fault=fault,
                 shaken=rms(change[count:]), steps=channel.quantum / float(np.sqrt(3.0)),
                 suspicion=_suspicion(channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
@@ -175,7 +174,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
     reasons = [f"the simulation of {recording} diverges with the fitted parameters" for recording in lost]
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
         mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
-        reasons += [f"{key}: {fault}" for _, one in mine for fault in one.faults][:1]
+        reasons += [f"{key}: {one.fault}" for _, one in mine if one.fault][:1]
         train = _mean([one.after for _, one in mine])
         held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
         error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
@@ -186,8 +185,6 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
                 ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
-    if not lost and all(np.isnan(one.after) for one in fits):
-        reasons.append("nothing was fitted")
     return reasons
 
 

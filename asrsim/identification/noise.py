@@ -64,10 +64,10 @@ def quantum_of(values: Array) -> float:
     return least if whole.mean() > 0.98 and counts else 0.0
 
 
-def lag_correlation(residuals: Array, lag: int = 1) -> float:
-    """Autocorrelation of residuals (n,) about 0 at a lag; a constant offset counts as correlation."""
+def lag_correlation(residuals: Array) -> float:
+    """Autocorrelation of residuals (n,) about 0 at lag 1; a constant offset counts as correlation."""
     size = float(np.dot(residuals, residuals))
-    return float(np.dot(residuals[lag:], residuals[:-lag]) / size) if size > 0.0 and len(residuals) > lag + 2 else 0.0
+    return float(np.dot(residuals[1:], residuals[:-1]) / size) if size > 0.0 and len(residuals) > 3 else 0.0
 
 
 def independent_samples(residuals: Array) -> float:

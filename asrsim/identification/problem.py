@@ -5,18 +5,22 @@ of the problem; `dataclasses.replace` makes a changed problem.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import RobotError, UnresolvedSpringError
-from asrsim.identification.data import Channel
-from asrsim.identification.parameters import Layout, numbers_of
+from asrsim.errors import InputError, RobotError, UnresolvedSpringError
+from asrsim.identification.data import Channel, guided, read_data
+from asrsim.identification.door import load_plugin_file
+from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
+from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
 
 STEP = 1e-6
 """Step of finite differences, in the vector's units: logarithms, or typical sizes."""
@@ -49,16 +53,10 @@ class Part:
     channel: Channel
     noise: float
     """Standard deviation by which the channel's residuals are divided."""
-
-    @property
-    def time(self) -> Array:
-        """Times (n,) of the residuals, s."""
-        return self.channel.time[: self.rows.stop - self.rows.start]
-
-    @property
-    def recorded(self) -> Array:
-        """Recorded values (n,)."""
-        return self.channel.values[: self.rows.stop - self.rows.start]
+    time: Array
+    """Times (n,) of the residuals, s."""
+    recorded: Array
+    """Recorded values (n,)."""
 
     def weighted(self, differences: Array) -> Array:
         """Residuals (n,) from predicted minus recorded values; a large number where the simulation diverges."""
@@ -127,9 +125,10 @@ class Problem:
         first = 0
         for track in self.fitted:
             for channel, noise in zip(self.tracks[track].channels, self.weights[track], strict=True):
-                end = first + channel.until(self.until(track))
-                found.append(Part(slice(first, end), track, channel, noise))
-                first = end
+                count = channel.until(self.until(track))
+                rows = slice(first, first + count)
+                found.append(Part(rows, track, channel, noise, channel.time[:count], channel.values[:count]))
+                first += count
         return tuple(found)
 
     def rows(self, track: int) -> slice:
@@ -146,19 +145,74 @@ class Problem:
         return np.concatenate(numbers).astype(np.intp)
 
 
-def differences(problem: Problem, x: Array) -> list[Array]:
-    """Predicted minus recorded values of each part; NaN if the simulation diverges."""
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A task with its scenario, robot, recordings and problem."""
+
+    task: Task
+    scenario: Scenario
+    robot: Robot
+    problem: Problem
+
+
+def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
+    """Scenario of a task, robot of the robot file, and robot with the scenario's changes. Loads the plugins. Raises
+    InputError.
+    """
+    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+
+    for plugin in task.plugins:
+        load_plugin_file(plugin)
+    scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
+    given, _ = checked_robot(scenario)
+    return scenario, given, apply_to_robot(scenario, given)
+
+
+def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
+    """Prepared fit of a task. meter: counts the evaluations. Raises InputError with every problem."""
+    scenario, given, robot = read_scenario(task)
+    data = read_data(task, scenario, robot)
+    commands = {command.key: command.unit for one in data for command in one.commands}
+    known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
+    free, ties = free_parameters(task, known)
+    freed, tracks = {parameter.key for parameter in free}, list[Track]()
+    for one in data:
+        tracks.append(Track(scenario, given, guided(one, robot, freed), freed))
+        stack.callback(tracks[-1].close)
+    # Recordings that are not fitted keep the start values of their separate parameters.
+    fitted = [track for track in tracks if not track.data.predicted_only]
+    # Initial states are free for links that start in motion, or at other positions than in the scenario.
+    free += [known[key] for key in dict.fromkeys(key for track in fitted for key in track.uncertain)]
+    layout = make_layout(free, ties, [one.name for one in data], [track.initial for track in fitted])
+    share = 0.0 if task.validate else task.hold_out
+    ends = tuple(0.0 if t.data.predicted_only else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
+    weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
+    playing = Playing(max(track.door.substeps for track in tracks))
+    problem = Problem(tuple(tracks), layout, playing, weights, ends, meter or Meter())
+    count = problem.parts[-1].rows.stop
+    if count <= len(layout):
+        message = f"{count} samples are too few for {len(layout)} parameters"
+        raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
+    return Setup(task, scenario, robot, problem)
+
+
+Differences = list[tuple[Part, Array]]
+"""Parts with their predicted minus recorded values (n,)."""
+
+
+def differences(problem: Problem, x: Array) -> Differences:
+    """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
         table = problem.layout.table(x, track)
         predicted += problem.tracks[track].predict(table, problem.playing, problem.until(track))
         problem.meter.count()
-    return [values - part.recorded for values, part in zip(predicted, problem.parts, strict=True)]
+    return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 
 
 def residuals(problem: Problem, x: Array) -> Array:
     """Weighted residuals (m,) of all fitted recordings."""
-    return np.concatenate([part.weighted(d) for part, d in zip(problem.parts, differences(problem, x), strict=True)])
+    return np.concatenate([part.weighted(values) for part, values in differences(problem, x)])
 
 
 def jacobian(

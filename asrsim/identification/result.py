@@ -75,7 +75,7 @@ def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Esti
 
 def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:
     """Estimates of all parameters, and combinations."""
-    scaled, values = relative(problem.layout, x, found.jacobian)
+    scaled, values, _ = relative(problem.layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = NONE * norms < 1.96
     known = combinations(problem, x, found, np.flatnonzero(~found.at_bound & ~without).tolist())
@@ -198,7 +198,3 @@ class Result:
             if key in (one.key, one.name):
                 return one
         raise KeyError(key)
-
-    def values(self) -> dict[str, float]:
-        """Estimates by key: shared parameters, parameters of the first recording, and tied parameters."""
-        return self.layout.table(self.x, 0)

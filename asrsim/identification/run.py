@@ -18,10 +18,9 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
-from asrsim.identification.problem import Meter, Problem, differences, jacobian, mean_square
+from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.result import ACCEPTABLE, Result, doubted, estimates
 from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
-from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.samples import Array
@@ -141,8 +140,7 @@ def identify(
         setup = set_up(task, stack, watch)
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = differences(problem.everything, start)
-        parts = zip(problem.everything.parts, before, strict=True)
-        if any(np.isnan(left).any() for part, left in parts if part.track in problem.fitted):
+        if any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
         watch.best, watch.stop = Best(problem, start), stop
@@ -168,7 +166,7 @@ def _searched(best: Best, starts: int, watch: Watch) -> str:
     return "complete"
 
 
-def _judged(setup: Setup, best: Best, before: Sequence[Array], status: str, watch: Watch, *, accept: bool) -> Result:
+def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == "complete"
@@ -216,15 +214,10 @@ def _causes(problem: Problem, x: Array) -> Iterator[str]:
 
 def _unsure(problem: Problem, x: Array) -> list[float]:
     """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
-    values, vectors = np.linalg.eigh(uncertainty(problem, x).covariance)
-    weights = tuple(tuple(channel.floor for channel in track.channels) for track in problem.tracks)
-    everything = replace(problem.everything, weights=weights)
-    moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    sizes = []
-    for part in everything.parts:
-        held = moves[part.rows][part.time > problem.ends[part.track] + 1e-9]
-        sizes.append(rms(np.linalg.norm(held, axis=1)) * part.noise)
-    return sizes
+    slopes = jacobian(problem.everything, x)
+    variances = np.sum((slopes @ uncertainty(problem, x).covariance) * slopes, axis=1)
+    held = [(part, variances[part.rows][part.time > problem.ends[part.track] + 1e-9]) for part in problem.everything.parts]
+    return [rms(np.sqrt(np.maximum(values, 0.0))) * part.noise for part, values in held]
 
 
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty]:

@@ -48,20 +48,20 @@ class Best:
     problem: Problem
     x: Array
     cost: float = np.inf
-    how: str = "start"
     attempts: int = 0
     successes: int = 0
     """Number of searches that reached the smallest cost."""
 
-    def offer(self, found: Extended, how: str) -> None:
+    def offer(self, found: Extended) -> None:
         """Store the result of a search if it is the best fit so far."""
         self.attempts += 1
-        near = np.isfinite(self.cost) and max(self.cost, found.cost) < 1.02 * min(self.cost, found.cost)
-        if found.cost < self.cost * (1.0 - 1e-4):
-            self.problem, self.x, self.cost, self.how = found.problem, found.x, found.cost, how
-            self.successes = self.successes + 1 if near else 1
-        elif near:
+        better = found.cost < self.cost * (1.0 - 1e-4)
+        if max(self.cost, found.cost) < 1.02 * min(self.cost, found.cost):
             self.successes += 1
+        elif better:
+            self.successes = 1
+        if better:
+            self.problem, self.x, self.cost = found.problem, found.x, found.cost
 
 
 def search(best: Best, starts: int, begin: Callable[[str], None]) -> None:
@@ -79,7 +79,7 @@ def search(best: Best, starts: int, begin: Callable[[str], None]) -> None:
             x = solve(here, x, tolerance=1e-5 if last else 1e-2, rounds=ROUNDS if last else 12)
             x = refined(here, x, ROUNDS) if last and has_outliers(residuals(here, x)) else x
         kinds = (stairs,) if best.attempts else (stairs, presliding)
-        best.offer(extended(problem, x, kinds, enough=fits_noise), how)
+        best.offer(extended(problem, x, kinds, enough=fits_noise))
         if fits_noise(best.problem, best.x):
             break
 
@@ -159,7 +159,7 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     weights.
     """
     found: dict[int, list[float]] = {}
-    for part, left in zip(problem.parts, differences(problem, x), strict=True):
+    for part, left in differences(problem, x):
         size = max(size_of(left), 1e-12) if np.isfinite(left).all() else part.noise
         found.setdefault(part.track, []).append(size)
     weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights))

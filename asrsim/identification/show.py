@@ -20,6 +20,7 @@ from asrsim.identification.judge import praise
 from asrsim.identification.noise import bandwidth
 from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, NO_EFFECT, RATIO, WEAK, Estimate, Result
 from asrsim.outfile import write_text
+from asrsim.plain import mapped
 from asrsim.robot.model import INERTIAS
 
 NOTHING = 1e-6
@@ -159,8 +160,8 @@ def advice(result: Result) -> Iterator[str]:
         if one.verdict in (IDENTIFIED, AT_BOUND):
             continue
         owner, _, name = one.key.rpartition(".")
-        was = moved.get(children.get(owner, owner))
-        if was is not None and (text := _movement(name, children.get(owner, owner), was)):
+        joint = children.get(owner, owner)
+        if joint in moved and (text := _movement(name, joint, moved[joint])):
             wanted.setdefault(text, []).append(one.name)
         if one.verdict == RATIO:
             wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
@@ -194,19 +195,17 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
     if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved or result.causes:
         return [], ""
-    noise, choose = {one.key: _short(one.noise) for one in result.channels}, dict[str, Any]()
+    noise, choose = {one.key: one.noise for one in result.channels}, dict[str, Any]()
     for block in result.robot.actuators:
         if MODES[block.mode].controller and block.joint in moved:
             gain = block.parameters["controller_1_proportional"].value
-            choose[f"{block.joint}.controller_1_proportional"] = [_short(factor * gain) for factor in (0.5, 1.0, 2.0)]
+            choose[f"{block.joint}.controller_1_proportional"] = [0.5 * gain, gain, 2.0 * gain]
     if RATIO in verdicts and not any("elastic_torque" in key for key in noise):
         noise["elastic_torque"], choose["sensors"] = LOAD_CELL, ["elastic_torque"]
-    limits = {
-        joint: {"link_position": [_short(was.low), _short(was.high)], "link_velocity": _short(was.speed)}
-        for joint, was in moved.items()
-    }
+    limits = {joint: {"link_position": [was.low, was.high], "link_velocity": was.speed} for joint, was in moved.items()}
     step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
     data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
+    data = mapped(data, lambda value: float(f"{value:.4g}") if isinstance(value, float) else value)
     path, task = folder / LIMITS, result.task
     head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
     write_text(path, head + yaml.safe_dump(data, sort_keys=False), "limits")
@@ -217,7 +216,3 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
         words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
     words += [*plugin_options(task.plugins), "--limits", str(path)]
     return [path], join([*words, "--seconds", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.4g}")

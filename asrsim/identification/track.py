@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -13,12 +12,13 @@ import numpy as np
 
 from asrsim.identification.data import Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Start, Substeps
-from asrsim.identification.noise import at_rest, fine_noise, first_samples, onset
+from asrsim.identification.noise import at_rest, first_samples, onset
 from asrsim.identification.parameters import CLOCK, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
+from asrsim.signals.common import between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,24 +60,7 @@ class Played(Signal):
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""
-        times = self.command.curve.jumps + self.delay
-        return np.asarray(times[(times >= start) & (times <= end)])
-
-
-def noise_of_command(command: PlayedCommand) -> float:
-    """Standard deviation of a recorded command's noise; 0 if it is negligible."""
-    noise = fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
-    return noise if noise > 2e-6 * np.ptp(command.values) else 0.0
-
-
-def drawn(commands: Sequence[PlayedCommand], draw: int | None) -> Sequence[PlayedCommand]:
-    """Commands plus a random draw of their noise; draw: seed of the random numbers, None for unchanged commands."""
-    if draw is None:
-        return commands
-    generator = np.random.default_rng(draw)
-    return [
-        replace(one, values=one.values + noise_of_command(one) * generator.normal(size=len(one.values))) for one in commands
-    ]
+        return between(self.command.curve.jumps + self.delay, start, end)
 
 
 DIGITS = 3
@@ -205,7 +188,8 @@ class Track:
             count, key, guide = channel.until(until), channel.key, channel.guide
             shift = 0.0 if guide else clock + values.get(f"{key}.delay", 0.0)
             times = channel.time[:count]
-            sensed = np.full(count, np.nan) if exact is None else interpolate(exact, (times - shift) / self.scenario.step)
+            known = exact is not None and np.isfinite(exact).all()
+            sensed = interpolate(exact, (times - shift) / self.scenario.step) if known else np.full(count, np.nan)
             if guide is not None:
                 torque = guide.stiffness * (guide.positions[:count] - sensed) / values.get(f"{guide.command}.gain", 1.0)
                 predicted.append(channel.values[:count] + torque)
@@ -221,30 +205,26 @@ class Track:
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+        commands = {command.key for command in self.data.commands}
+        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in commands)
         return Start(
-            parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
+            parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
             velocities=velocities, motors=self.motors,
         )  # fmt: skip
 
-    def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
-        """Commands with the gains, offsets and delays in `values`; cached, so that equal commands are the same object."""
-        keys = {command.key for command in self.data.commands}
-        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in keys)
-        return self._references(own, playing)
-
     def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
+        """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""
         table: dict[str, dict[str, Played]] = {}
-        for command in drawn(self.data.commands, playing.draw):
-            one = command.as_stairs if command.key in playing.staircases else command
+        generator = None if playing.draw is None else np.random.default_rng(playing.draw)
+        for command in self.data.commands:
+            one = replace(command, hold=True) if command.key in playing.staircases else command
+            if generator is not None:
+                noise = command.noise * generator.normal(size=len(command.values))
+                one = replace(one, values=command.values + noise)
             own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
             step = self.scenario.step / playing.substeps[0]
             table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)
         return table
-
-    @property
-    def has_noisy_inputs(self) -> bool:
-        """Whether the recorded commands have noise that affects the motion."""
-        return any(map(noise_of_command, self.data.commands))
 
     def close(self) -> None:
         """Release the engines."""
@@ -268,14 +248,11 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
 
 
 def interpolate(series: Array, place: Array) -> Array:
-    """Series (n,) interpolated at positions (m,) in samples, by cubics through four samples; constant beyond the ends."""
-    last = len(series) - 1
-    place = np.clip(place, 0.0, last)
+    """Series (n,) interpolated at positions (m,) in samples, by a cubic spline; constant beyond the ends."""
+    from scipy.interpolate import CubicSpline
+
+    place = np.clip(place, 0.0, len(series) - 1)
     nearest = np.round(place)
     if np.abs(place - nearest).max(initial=0.0) < 1e-6:
         return np.asarray(series[nearest.astype(np.intp)])
-    base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
-    t, nodes = place - base, (-1, 0, 1, 2)
-    # Lagrange's polynomials.
-    shares = [math.prod([(t - other) / (node - other) for other in nodes if other != node]) for node in nodes]
-    return np.asarray(sum(series[base + node] * share for node, share in zip(nodes, shares, strict=True)))
+    return np.asarray(CubicSpline(np.arange(len(series)), series)(place))

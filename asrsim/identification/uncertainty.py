@@ -7,14 +7,15 @@ its encoder.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.identification.noise import autocovariances, autoregression
 from asrsim.identification.problem import Part, Problem, jacobian, residuals, residuals_at, weigh
+from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
 BLOCKS = 10
@@ -49,8 +50,6 @@ class Uncertainty:
 
     inverse: Array
     """Pseudo-inverse (n, n) of J'J in the identifiable directions."""
-    covariance: Array
-    """Covariance (n, n) of the vector, scaled so that its diagonal agrees with `deviation`."""
     deviation: Array
     """Standard deviations (n,), the larger of an estimate from noise and an estimate from blocks; nan for unidentifiable
     entries.
@@ -70,12 +69,12 @@ class Uncertainty:
     at_bound: NDArray[np.bool_]
     """Whether each entry (n,) of the vector ended at a bound."""
 
-    def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
-        """Uncertainty with other standard deviations (n,) and quantiles (n,), and the resulting covariance."""
+    @property
+    def covariance(self) -> Array:
+        """Covariance (n, n) of the vector: the inverse of J'J, scaled so that its diagonal agrees with `deviation`."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.nan_to_num(deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
-        covariance = self.inverse * np.outer(ratio, ratio)
-        return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
+            ratio = np.nan_to_num(self.deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
+        return np.asarray(self.inverse * np.outer(ratio, ratio))
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
         """Standard deviations (k,) from noise or from the spread between blocks, and half widths of the 95 % intervals in units
@@ -106,20 +105,24 @@ class Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
-        return self.with_deviation(np.maximum(self.deviation, spread), self.quantile)
+        return replace(self, deviation=np.maximum(self.deviation, spread))
 
 
 @dataclass(frozen=True, eq=False)
 class _Noise:
     """Covariance C of a channel's noise, from an autoregression of its residuals (n,)."""
 
-    spectrum: Array
-    """Power spectrum (n + 1,) at the frequencies of 2 n samples."""
-    freedom: float
-    """Degrees of freedom of the estimated spectral level at low frequencies."""
+    basis: Array
+    """Rows (n, k) of the channel in an orthonormal basis of the Jacobian's columns."""
+    shown: Array
+    """Autocovariance (lags,) of the residuals."""
+    lost: Array
+    """Autocovariance (lags,) of the noise minus that of the residuals, which are smaller since parameters were fitted."""
 
-    @staticmethod
-    def of(covariances: Array, samples: int) -> _Noise:
+    @cached_property
+    def _model(self) -> tuple[Array, float]:
+        """Power spectrum (n + 1,) at the frequencies of 2 n samples, and degrees of freedom of its level at low frequencies."""
+        covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
         # The level is power / (1 - total)^2; the variance of `total` follows from the least-squares fit of the coefficients.
@@ -128,28 +131,39 @@ class _Noise:
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
         relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
         gain = np.maximum(np.abs(np.fft.rfft(np.append(1.0, -model), 2 * samples)), STATIONARY)
-        return _Noise(power / gain**2, 2.0 / relative)
+        return power / gain**2, 2.0 / relative
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the estimated spectral level at low frequencies."""
+        return self._model[1]
 
     def times(self, columns: Array) -> Array:
         """Product (n, k) of C and columns (n, k)."""
         n = len(columns)
-        waves = self.spectrum[:, None] * np.fft.rfft(columns, 2 * n, axis=0)
+        waves = self._model[0][:, None] * np.fft.rfft(columns, 2 * n, axis=0)
         return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
 
-    def lost(self, basis: Array, spread: Array, taken: Array, lags: int) -> Array:
-        """Autocovariance (lags,) of the noise minus the autocovariance of the residuals, which are smaller since parameters
-        were fitted.
+    @cached_property
+    def spread(self) -> Array:
+        """C times the basis, (n, k)."""
+        return self.times(self.basis)
 
-        basis: orthonormal basis (n, k) of the Jacobian's columns; spread: C times basis; taken: basis' C basis (k, k), summed
-        over the channels.
+    def corrected(self, taken: Array) -> _Noise:
+        """Noise whose autocovariance is corrected for the fitted parameters. taken: basis' C basis (k, k), summed over the
+        channels.
         """
-        n, own = len(basis), np.fft.irfft(self.spectrum)[:lags]
-        crossed = 2.0 * spread - basis @ taken
-        short = [
+        n, own, basis, crossed = (
+            len(self.basis),
+            np.fft.irfft(self._model[0]),
+            self.basis,
+            2.0 * self.spread - self.basis @ taken,
+        )
+        lost = [
             lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
-            for lag in range(lags)
+            for lag in range(len(self.shown))
         ]
-        return np.array(short) / n
+        return replace(self, lost=np.array(lost) / n)
 
 
 def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
@@ -159,26 +173,21 @@ def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float
     corrected by the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left: residuals (m,); slopes: Jacobian (m,
     n).
     """
-    parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
+    parts, basis = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)[0]
     shown = [autocovariances(left[part.rows]) for part in parts]
-    bases, lost = [np.linalg.qr(slopes)[0][part.rows] for part in parts], [np.zeros(len(one)) for one in shown]
-    for _ in range(CORRECTIONS + 1):
-        models = [_Noise.of(own + less, len(basis)) for own, less, basis in zip(shown, lost, bases, strict=True)]
-        spreads = [model.times(basis) for model, basis in zip(models, bases, strict=True)]
-        taken = sum((basis.T @ one for basis, one in zip(bases, spreads, strict=True)), np.zeros((1, 1)))
-        lost = [
-            model.lost(basis, spread, taken, len(own))
-            for model, basis, spread, own in zip(models, bases, spreads, shown, strict=True)
-        ]
+    noises = [_Noise(basis[part.rows], own, np.zeros(len(own))) for part, own in zip(parts, shown, strict=True)]
+    for _ in range(CORRECTIONS):
+        taken = sum((noise.basis.T @ noise.spread for noise in noises), np.zeros((1, 1)))
+        noises = [noise.corrected(taken) for noise in noises]
     total = np.zeros((slopes.shape[1],) * 2)
-    for part, model in zip(parts, models, strict=True):
+    for part, noise in zip(parts, noises, strict=True):
         own = slopes[part.rows]
         if part.channel.quantum:
             scores = own.T @ _encoder_noise(part, left[part.rows])
             total += scores @ scores.T / DRAWS
         else:
-            total += own.T @ model.times(own)
-    return total, max(sum(model.freedom for model in models) - slopes.shape[1], 1.0)
+            total += own.T @ noise.times(own)
+    return total, max(sum(noise.freedom for noise in noises) - slopes.shape[1], 1.0)
 
 
 def _encoder_noise(part: Part, left: Array) -> Array:
@@ -204,7 +213,7 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
     # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     slopes = slopes if quick else with_faint_directions(problem, x, slopes)
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
     scores, firsts = np.zeros((0, n)), np.zeros(0, np.intp)
@@ -212,17 +221,16 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
         numbers = problem.blocks(BLOCKS)
         scores = np.zeros((int(numbers.max()) + 1, n))
         np.add.at(scores, numbers, slopes * left[:, None])
-        empty = ~np.any(scores != 0.0, axis=1)
-        of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
-        scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
+        blocks = np.flatnonzero(np.any(scores != 0.0, axis=1))
+        scores, firsts = scores[blocks], np.flatnonzero(np.diff(blocks // BLOCKS, prepend=-1))
         # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
         scores[:, at_bound] -= scores[:, at_bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
-    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
+    found = Uncertainty(inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
     deviation, quantile = found.deviations(inverse)
     # Entries in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
-    return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
+    return replace(found, deviation=np.where(lost, np.nan, deviation), quantile=quantile)
 
 
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
@@ -251,22 +259,18 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
     """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
     noise of the commands, since it excites oscillations of the robot.
     """
-    shifts = [-found.inverse @ (found.jacobian.T @ change) for change in _shaken(problem, x)]
-    variance = found.deviation**2 + (np.mean(np.square(shifts), axis=0) if shifts else 0.0)
-    if problem.tracks[0].door.exact_in_time:
-        substeps, motors = problem.playing.substeps
-        finer = replace(problem.playing, substeps=(FINER * substeps, motors))
-        change = residuals(replace(problem, playing=finer), x) - residuals(problem, x)
+    base, playing, variance = residuals(problem, x), problem.playing, found.deviation**2
+
+    def shift(other: Playing) -> Array:
+        """Change (n,) of the estimate if the commands are played differently, to first order."""
+        return np.asarray(found.inverse @ (found.jacobian.T @ (residuals(replace(problem, playing=other), x) - base)))
+
+    # Recorded torques contain the noise of the commands.
+    tracks = [problem.tracks[i] for i in problem.fitted]
+    if not any(track.data.guides or not any(one.noise for one in track.data.commands) for track in tracks):
+        variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
+    if tracks[0].door.exact_in_time:
+        finer = replace(playing, substeps=(FINER * playing.substeps[0], playing.substeps[1]))
         # Extrapolate the time-step error to infinitely fine substeps; sticking joints cause an error of first order.
-        variance += (found.inverse @ (found.jacobian.T @ change) / (1.0 - 1.0 / FINER)) ** 2
-    return found.with_deviation(np.sqrt(variance), found.quantile)
-
-
-def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
-    """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, since recorded torques contain
-    this noise.
-    """
-    tracks, base = [problem.tracks[i] for i in problem.fitted], residuals(problem, x)
-    if not any(track.data.guides or not track.has_noisy_inputs for track in tracks):
-        for draw in range(PLAYED):
-            yield residuals(replace(problem, playing=replace(problem.playing, draw=draw)), x) - base
+        variance += (shift(finer) / (1.0 - 1.0 / FINER)) ** 2
+    return replace(found, deviation=np.sqrt(variance))

@@ -146,7 +146,7 @@ def _scenario_text(
             commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
     lines = [
         "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
-        *(f"# {one.name}: {one.value:.6g} {one.unit}, {one.verdict}" for one in result.estimates),
+        f"# Intervals and verdicts are in {FIT}.",
         *(f"# The model does not fit: {text}" for text in result.misfit),
     ]
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

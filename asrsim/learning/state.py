@@ -47,13 +47,12 @@ def identity_of(plant: Plant) -> str:
 
 
 def _files(plant: Plant) -> Iterator[Path]:
-    """Files of the scenario (such as playbacks), meshes of objects, and collision meshes of the robot."""
+    """Files of the scenario (such as playbacks and meshes of objects), and collision meshes of the robot."""
     from asrsim.robot import engine_urdf
 
     scenario = plant.scenario
     text, _ = engine_urdf(plant.robot, package_paths=scenario.package_paths)
-    meshes = [item.mesh for item in scenario.world.objects if item.mesh]
-    for path in (*scenario.attachments.values(), *meshes, *map(Path, re.findall(r'filename="([^"]*)"', text))):
+    for path in (*scenario.attachments.values(), *map(Path, re.findall(r'filename="([^"]*)"', text))):
         # A ROS 2 bag is a folder.
         yield from path.rglob("*") if path.is_dir() else [path]
 

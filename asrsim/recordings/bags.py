@@ -22,7 +22,7 @@ _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
 _LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
-_NAMES = ("name", "names", "joint_names")
+NAMES = ("name", "names", "joint_names")
 """Message fields that name the entries of the other arrays in the message."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
@@ -68,7 +68,7 @@ def _is_number(value: Any) -> bool:
 def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
     """Labels and values of all numbers in a message or JSON object. Raises NoSignal."""
     members = _members(message)
-    named = [members[key] for key in _NAMES if isinstance(members.get(key), list)]
+    named = [members[key] for key in NAMES if isinstance(members.get(key), list)]
     names: Sequence[str] = next((entries for entries in named if entries and isinstance(entries[0], str)), [])
     for key, value in members.items():
         if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):

@@ -37,12 +37,14 @@ def propose(
         raise OutputError(f"{place} exists already; replace it with --overwrite")
     reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
     content, recording = read_tables(path, reading, joints)
+    stated = {key: value for key in ("sheet", "joint", "missing", "window") if (value := getattr(reading, key)) is not None}
     lines = [
         f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
         "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
         "# each line, answer the questions, and delete the columns that are not to be used.",
         _yaml({"file": called or path.name}),
         *(_line(_yaml({key: value}), "as found in the file") for key, value in content.layout.items()),
+        *(_line(_yaml({key: value}, flow=True).strip("{}"), "as stated") for key, value in stated.items()),
     ]
     if rate is not None:
         lines.append(_line(f"time: {{rate: {rate:g}}}", "Hz, as stated"))
@@ -58,7 +60,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     """Lines of `map`: used columns, and ambiguous columns as comments to complete."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
-    yield "map:" if any(column.quantity for column in columns) else "map: {}"
+    yield "map:"
     for column in columns:
         if column.quantity:
             unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit

@@ -91,7 +91,9 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         # A file that cannot be read may be another kind of document.
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         other = mistaken(path, "recording") if unread else None
-        problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
+        # The time may be in a column whose text is no date.
+        said = [*error.problems, *(one for one in findings if one.code == "text-column")]
+        problems = [other] if other is not None else [replace(one, file=one.file or path) for one in said]
         raise RecordingError(problems) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
@@ -177,6 +179,9 @@ def _meanings(
         else:
             try:
                 joint, quantity = _meaning(column, joints)
+                first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
+                if joints and quantity and first != name and first in names:
+                    joint_of(0, joints, indexed=False)  # a file that counts from 0 fits only a robot that does so
                 if quantity and uses[name] > 1:
                     raise DoubtError("several columns have its name")
             except DoubtError as doubt:

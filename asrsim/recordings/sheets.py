@@ -15,6 +15,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.arrays import of_tree
+from asrsim.recordings.bags import NAMES
 from asrsim.recordings.data import Content
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
@@ -89,8 +90,14 @@ def _of_lines(text: str, whole: Exception) -> list[Any]:
 def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:
     """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`."""
     if isinstance(data, dict):
+        start = f"{prefix}." if prefix else ""
+        names: list[Any] = next((data[key] for key in NAMES if isinstance(data.get(key), list)), [])
         for key, value in data.items():
-            yield from _flat(value, f"{prefix}.{key}" if prefix else key)
+            if isinstance(value, list) and len(value) == len(names) <= _LONGEST and value is not names:
+                for name, item in zip(names, value, strict=True):
+                    yield from _flat(item, f"{start}{name}.{key}")
+            else:
+                yield from _flat(value, f"{start}{key}")
     elif isinstance(data, list):
         for i, value in enumerate(data if len(data) <= _LONGEST else ()):
             yield from _flat(value, f"{prefix}[{i}]")

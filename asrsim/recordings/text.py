@@ -52,9 +52,11 @@ def parse(cell: str, decimal: str) -> tuple[str, float]:
         # Python reads 1_000 as a number, but no instrument writes numbers like this.
         if "_" not in cell:
             return "number", float(cell.replace(",", ".") if decimal == "," else cell)
+    if cell.count(":") == 1 and re.search("[.,]", cell):
+        cell = f"00:{cell}"  # Excel writes 62.5 s as 01:02.5
     for text in (cell, f"1970-01-01T{cell}"):
         with suppress(ValueError):
-            moment = datetime.fromisoformat(text)
+            moment = datetime.fromisoformat(text.replace("/", "-"))
             return "stamp", ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - _EPOCH) // _MICROSECOND * 1000
     return "text", math.nan
 
@@ -177,7 +179,7 @@ def read_text(path: Path, reading: Reading) -> Content:
     encoding = reading.encoding or _encoding(path)
     with path.open(encoding=encoding, errors="replace") as stream:
         start = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE), start=1)]
-        start = [(i, line) for i, line in start if line.strip("\0 \t")]
+        start = [(i, line) for i, line in start if line.strip("\0 \t") and i >= (reading.header or 0)]
         plain = [line for _, line in start if not line.lstrip().startswith(COMMENTS)]
         if not plain:
             raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
@@ -193,7 +195,8 @@ def read_text(path: Path, reading: Reading) -> Content:
 def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     """Content made of rows of cells, from a sheet or a list of records."""
     width = max((len(row) for row in rows), default=0)
-    filled = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
+    numbered = [(i, row) for i, row in enumerate(rows, start=1) if any(row) and i >= (reading.header or 0)]
+    filled = [(i, row + [""] * (width - len(row))) for i, row in numbered]
     if not filled:
         raise RecordingError("holds no rows", code="empty")
     layout = layout_of(filled[:_SAMPLE], reading, ".")
@@ -218,7 +221,8 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
     if place is None:
         raise RecordingError(
             "contains no row of numbers", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
-            hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
+            hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header; for topics a bag, "
+            "or what `ros2 topic echo --csv` prints",
         )  # fmt: skip
     above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
     # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
@@ -228,7 +232,7 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
     widths = (columns, columns - blank)
     fitting = [row for row in above if len(row[1]) in widths and share_of_values(kinds_of(row[1], decimal)) < 0.5]
     header, names = fitting[-1] if fitting else (0, [""] * columns)
-    if place and not fitting and reading.header is None and len(rows[place - 1][1]) > 2:
+    if place and not fitting and reading.header is None and len(rows[place - 1][1]) not in (1, 2, columns):
         line, names = rows[place - 1]
         raise RecordingError(
             f"the header has {len(names)} names, but the rows have {columns} fields", line=line, code="header-misfit",

@@ -63,15 +63,18 @@ class Inputs:
         self._chunk = lru_cache(maxsize=KEPT)(self._make_chunk)
         self._sensors = tuple(sensors)
         self._sensed = 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
-        self._wrenches = [(*wrench.force, *wrench.torque) for wrench in scenario.wrenches]
+        self._wrenches = [[signal or REST for signal in (*wrench.force, *wrench.torque)] for wrench in scenario.wrenches]
         mapped: dict[type[Actuator], list[int]] = {}
         for index, drive in enumerate(drives):
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
-        self._signals: list[list[Signal]] = [[for_joint(scenario.external_torques, drive.name, REST) for drive in drives]]
-        for slot in range(max((drive.positions for drive in drives), default=2)):
-            self._signals.append([self._reference(scenario, drive, j, slot) for j, drive in enumerate(drives)])
+        slots = range(max((drive.positions for drive in drives), default=2))
+        self._signals: list[list[Signal]] = []
+        """External torque and references of each joint."""
+        for j, drive in enumerate(drives):
+            references = (self._reference(scenario, drive, j, slot) for slot in slots)
+            self._signals.append([for_joint(scenario.external_torques, drive.name, REST), *references])
 
     def _reference(self, scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
         names = references_of(drive)
@@ -93,27 +96,7 @@ class Inputs:
 
     def sample(self, time: Array) -> Array:
         """External torques and references (n, joints, columns) at `time` (n,)."""
-        rows = np.empty((len(time), len(self._signals[0]), len(self._signals)))
-        # Joints with the same signal share its samples.
-        known: dict[int, Array] = {}
-        for column, signals in enumerate(self._signals):
-            for joint, signal in enumerate(signals):
-                if type(signal) is Constant:
-                    rows[:, joint, column] = signal.value
-                    continue
-                if id(signal) not in known:
-                    known[id(signal)] = signal.values(time)
-                rows[:, joint, column] = known[id(signal)]
-        return rows
-
-    def _forces(self, time: Array) -> Array:
-        """Forces and torques of the wrenches (n, w, 6) in N and N m at `time` (n,)."""
-        values = np.zeros((len(time), len(self._wrenches), 6))
-        for index, signals in enumerate(self._wrenches):
-            for column, signal in enumerate(signals):
-                if signal is not None:
-                    values[:, index, column] = signal.values(time)
-        return values
+        return _sampled(self._signals, time)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
         """Table of inputs (sets, n, joints, columns), made from references (sets, n, joints, columns) and sensors (n, joints,
@@ -140,12 +123,12 @@ class Inputs:
             cuts.append((substep - first, begin, end, begin + edges.index(substep * self.substep)))
             begin = end
         lengths = np.concatenate(pieces)
-        sensors = np.zeros((len(lengths), len(self._signals[0]), self._sensed))
+        sensors = np.zeros((len(lengths), len(self._signals), self._sensed))
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
         references = np.concatenate([self.sample(time) for time in times])[None]
-        wrenches = np.concatenate([self._forces(time) for time in times])[None]
+        wrenches = np.concatenate([_sampled(self._wrenches, time, 6) for time in times])[None]
         split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
         return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 
@@ -179,8 +162,8 @@ class Inputs:
             return []
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
-        listed = (signal for column in (*self._signals, *self._wrenches) for signal in column)
-        signals = {id(signal): signal for signal in listed if signal is not None and type(signal) is not Constant}.values()
+        listed = (signal for row in (*self._signals, *self._wrenches) for signal in row)
+        signals = {id(signal): signal for signal in listed if type(signal) is not Constant}.values()
         # A set instead of np.unique, which imports numpy.ma and slows down short runs.
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
@@ -196,6 +179,22 @@ class Inputs:
         inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
         return [edge for edge in edges if substep or edge >= now]
+
+
+def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:
+    """Values (n, rows, columns) of a table of signals at `time` (n,). columns: number of columns of a table without rows."""
+    values = np.empty((len(time), len(signals), max(map(len, signals), default=columns)))
+    # Equal signals share their samples.
+    known: dict[int, Array] = {}
+    for row, own in enumerate(signals):
+        for column, signal in enumerate(own):
+            if type(signal) is Constant:
+                values[:, row, column] = signal.value
+                continue
+            if id(signal) not in known:
+                known[id(signal)] = signal.values(time)
+            values[:, row, column] = known[id(signal)]
+    return values
 
 
 def joined(parts: Sequence[Given]) -> Given:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.simulation.joint import advance, damping_of, friction_of, limit, push_of, read_sensors, remember_springs
-from asrsim.simulation.laws import engine_step
+from asrsim.simulation.laws import engine_step, row
 from asrsim.simulation.layout import (
     APPLIED,
     APPLIED_BEFORE,
@@ -94,39 +94,39 @@ def run(
                 begin, end, on_time = own_cuts[cut][1], own_cuts[cut][2], own_cuts[cut][3]
                 cut += 1
             for j in range(len(kinds)):
-                s, p, k = s_all[j], p_all[j], kinds[j]
+                s, p, k = row(s_all, j), row(p_all, j), row(kinds, j)
                 v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
                 if k[CONTROLLERS]:
-                    read_sensors(s, p, k, z, u_all[step][j])
+                    read_sensors(s, p, k, z, row(u_all[step], j))
                 if jumped:
                     _clear_means(s)
                 total = torque = applied = push = drag = stiffness = energy = 0.0
                 # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing
                 # moves.
                 for turn in range(begin, end + 1 if jumped else end):
-                    row, h, noted = turn, z[STEP], True
+                    at, h, noted = turn, z[STEP], True
                     whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
                     if jumped and turn == on_time:
                         h = 0.0
                     elif jumped:
-                        row = turn - 1 if turn > on_time else turn
-                        h, noted, whole = float(own_lengths[row]) * z[STEP], False, p[P_DAMPING_RATIO] != 0.0
-                    u = u_all[row][j]
+                        at = turn - 1 if turn > on_time else turn
+                        h, noted, whole = float(own_lengths[at]) * z[STEP], False, p[P_DAMPING_RATIO] != 0.0
+                    u = row(u_all[at], j)
                     advance(s, p, k, z, u, h, noted, whole)
                     s[BRAKE] = limit(s, p, v)
                     s[PUSH] = push_of(s, p, u[EXTERNAL])
                     s[DRAG] = damping_of(s, p)
                     load = s[APPLIED] + s[PUSH]
                     total += load
-                    exchange[row - begin, j, E_TORQUE] = load
-                    exchange[row - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
-                    exchange[row - begin, j, E_FRICTION] = friction_of(s, p, v)
+                    exchange[at - begin, j, E_TORQUE] = load
+                    exchange[at - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                    exchange[at - begin, j, E_FRICTION] = friction_of(s, p, v)
                     if jumped and turn == on_time:
                         s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
                         torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
                         stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
                     elif jumped:
-                        _add_piece(s, p, 2.0 * float(own_lengths[row]), turn > on_time)
+                        _add_piece(s, p, 2.0 * float(own_lengths[at]), turn > on_time)
                 if jumped:
                     s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
                     s[STIFFNESS], s[LAW_ENERGY], s[BRAKE] = stiffness, energy, p[P_BRAKE]
@@ -137,7 +137,7 @@ def run(
                 break
             engine_step(engine, record, x, exchange, pushes[begin:end], own_lengths[begin:end], end - begin)
             for j in range(len(kinds)):
-                s, p, k = s_all[j], p_all[j], kinds[j]
+                s, p, k = row(s_all, j), row(p_all, j), row(kinds, j)
                 velocity = exchange[end - begin - 1, j, E_VELOCITY]
                 _read_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:

@@ -37,6 +37,11 @@ def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any,
     address(x, exchange, wrenches, lengths, pieces)
 
 
+def row(table: Any, j: int) -> Any:
+    """Row j of a table. In compiled code, the row is a pointer: its indices must not be negative."""
+    return table[j]
+
+
 def numbers(p: Any, at: int) -> Any:
     """Parameters of a motor, beginning at column `at` of its row, in the order of the motor's law."""
     return p[at : at + MOTOR_NUMBERS]

@@ -106,6 +106,8 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
+            # The loops over motors, columns and pieces are short: versions of them for many rounds would cost 5 to 10 %.
+            builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)
             return context.get_dummy_value()
@@ -123,10 +125,17 @@ def _pointers() -> dict[str, Any]:
     def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
         return passed(address, s, p, k, u, h, note)
 
+    def find_row(typing: Any, table: Any, j: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            whole = context.make_array(signature.args[0])(context, builder, arguments[0])
+            columns = builder.extract_value(whole.shape, 1)
+            return builder.gep(whole.data, [builder.mul(arguments[1], columns)])
+
+        return kinds.CPointer(table.dtype)(table, kinds.int64), generate
+
     def read_numbers(typing: Any, p: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            row = context.make_array(signature.args[0])(context, builder, arguments[0])
-            first = builder.gep(row.data, [arguments[1]])
+            first = builder.gep(arguments[0], [arguments[1]])
             values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(MOTOR_NUMBERS)]
             return context.make_tuple(builder, signature.return_type, values)
 
@@ -134,5 +143,5 @@ def _pointers() -> dict[str, Any]:
 
     return {
         "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
-        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers),
+        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers), "row": intrinsic(find_row),
     }  # fmt: skip

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-import math
-import random
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
-from asrsim.simulation.drives import SteppedJoint, make_drives, references_of
+from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
-from asrsim.simulation.inputs import Inputs
-from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.prepared import Prepared, make_engine
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
-from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
+from asrsim.simulation.substeps import resolution_of
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
-CONFIGURATIONS = 8
-"""Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -74,7 +66,9 @@ def prepare(
     try:
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
-        resolution = _resolve(scenario, drives, engine)
+        if engine.model is not None:
+            check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
+        resolution = resolution_of(scenario, drives, engine.model)
         substep = scenario.step / resolution.substeps
         # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
         sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
@@ -100,65 +94,6 @@ def prepare(
     )
 
 
-def resolution_of(prepared: Prepared) -> Resolution:
-    """Numbers of substeps that a new preparation with these parameters would choose; `Prepared.vary` keeps the earlier numbers.
-    Raises the errors of `prepare`.
-    """
-    engine = make_engine(prepared.scenario, prepared.robot)[0]
-    try:
-        return _resolve(prepared.scenario, prepared.drives, engine)
-    finally:
-        engine.close()
-
-
-def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine) -> Resolution:
-    points = np.linspace(0.0, scenario.duration, 2001)
-    inputs = Inputs(scenario, drives)
-    sampled = np.ascontiguousarray(inputs.sample(points).T)
-    for j, drive in enumerate(drives):
-        ranges = scenario.ranges_of(drive.name)
-        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
-            if name in ranges:
-                # The largest changes: the reference jumps between its smallest and its largest value.
-                sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
-    configurations = _configurations(drives)
-    model, still = engine.model, [0.0] * len(drives)
-    if model is None:
-        # An engine without dynamics prescribes the motion of the links: springs need no substeps.
-        masses = [1e9 * np.eye(len(drives))]
-        gravity = np.zeros(len(drives))
-    else:
-        masses = [model.mass_matrix(position) for position in configurations]
-        check_inertia(drives, masses[0])
-        gravity = np.max([np.abs(model.bias(position, still)) for position in configurations], axis=0)
-    external = np.max(np.abs(sampled[EXTERNAL]), axis=1)
-    stiffness = [
-        reachable_stiffness(
-            drive,
-            sampled[GOALS:, j],
-            interval=scenario.duration / 2000,
-            load=float(gravity[j] + external[j]),
-            inertia=max(float(mass[j, j]) for mass in masses),
-        )
-        for j, drive in enumerate(drives)
-    ]
-    if STEPPINGS.get(scenario.stepping).released:
-        # The released code has no substeps, and also runs springs that the step does not resolve.
-        finite = np.minimum(stiffness, 1e12).tolist()
-        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15, explicit=True)
-        return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
-    return resolve(
-        drives,
-        masses,
-        stiffness,
-        step=scenario.step,
-        substeps=scenario.substeps,
-        motor_substeps=scenario.motor_substeps,
-        cap=scenario.substep_cap,
-        explicit=STEPPINGS.get(scenario.stepping).implicitness == 0.0,
-    )
-
-
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
     """Raise RobotError if a motion has no inertia: a joint with a point mass on its axis, or two joints on one axis with no
     mass between them.
@@ -179,19 +114,10 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
     scale = 1.0 / np.sqrt(np.diag(mass))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale))
     if values[0] < SINGULAR:
-        share = np.abs(vectors[:, 0])
+        share = np.linalg.norm(vectors[:, values < SINGULAR], axis=1)
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
             f"joints {names} can move against each other without moving any mass: their motion is not defined",
             hint="Give the links between them inertias",
             code="massless-motion",
         )
-
-
-def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
-    """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
-    # The standard library's generator, since importing numpy.random takes longer than a short run.
-    generator = random.Random(0)
-    pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
-    initial = [drive.initial_position for drive in drives]
-    return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]

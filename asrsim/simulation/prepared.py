@@ -24,7 +24,7 @@ from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
-from asrsim.simulation.substeps import Resolution
+from asrsim.simulation.substeps import Resolution, resolution_of
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
@@ -130,6 +130,17 @@ class Prepared:
     def make_engine(self) -> Engine:
         """A new engine for this scenario; the caller must close it."""
         return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
+
+    def needed_resolution(self) -> Resolution:
+        """Numbers of substeps that a new preparation with these parameters would choose; `vary` keeps the earlier numbers.
+
+        Raises UnresolvedSpringError.
+        """
+        engine = self.make_engine()
+        try:
+            return resolution_of(self.scenario, self.drives, engine.model)
+        finally:
+            engine.close()
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
         """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""

@@ -7,6 +7,7 @@ omega h <= 0.2, where the relative error of the frequency is (omega h)^2 / 24 = 
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,10 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.vectorised import energy_law, over_arrays
+from asrsim.actuators.vectorised import energy_law
+from asrsim.engines.base import Model
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.steppings import STEPPINGS
+
+SAMPLES = 2000
+"""Number of intervals in which the references are sampled."""
+CONFIGURATIONS = 8
+"""Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
 TARGET = 0.2
 """Largest omega h with the automatic number of substeps, chosen for accuracy; above 2 the step is unstable."""
@@ -61,7 +73,40 @@ class Resolution:
     """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
-def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
+def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model | None) -> Resolution:
+    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
+    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
+    for j, drive in enumerate(drives):
+        ranges = scenario.ranges_of(drive.name)
+        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
+            if name in ranges:
+                # The largest changes: the reference jumps between its smallest and its largest value.
+                sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
+    # An engine without dynamics prescribes the motion of the links: springs need no substeps.
+    masses, load = [1e9 * np.eye(len(drives))], np.max(np.abs(sampled[EXTERNAL]), axis=1)
+    if model is not None:
+        configurations, still = _configurations(drives), [0.0] * len(drives)
+        masses = [model.mass_matrix(positions) for positions in configurations]
+        load = load + np.max([np.abs(model.bias(positions, still)) for positions in configurations], axis=0)
+    inertias = np.max([np.diag(mass) for mass in masses], axis=0).tolist()
+    interval = scenario.duration / SAMPLES
+    stiffness = [
+        _reachable_stiffness(drive, sampled[GOALS:, j], interval=interval, load=float(load[j]), inertia=inertias[j])
+        for j, drive in enumerate(drives)
+    ]
+    return _resolve(scenario, drives, masses, stiffness)
+
+
+def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
+    """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
+    # The standard library's generator, since importing numpy.random takes longer than a short run.
+    generator = random.Random(0)
+    pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
+    initial = [drive.initial_position for drive in drives]
+    return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]
+
+
+def _reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds this stiffness gets a
     warning.
 
@@ -72,27 +117,33 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
     limit; they deflect the springs at most until the springs have absorbed the joint's kinetic energy at this speed, and the
     springs' torque is at most the motors' largest torque (with a safety factor) plus the load.
     """
-    actuator: Any = drive.actuator
-    mode = drive.mode
+    actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
-    limit = drive.values.get("max_deflection", math.pi)
+    count, limit = actuator.motors, drive.values.get("max_deflection", math.pi)
     # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
+    rest = [sigma] if actuator.adjuster else [0.0] * (2 - count)
+
+    def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
+        """Largest magnitude of the values of a law for these positions; infinite if a value overflows."""
+        try:
+            values = law(link, *motors, *rest, drive.elastic)
+        except (OverflowError, ZeroDivisionError):
+            return math.inf
+        return float(max(map(abs, values)) if isinstance(values, tuple) else abs(values))
 
     def torque_at(deflection: float) -> float:
-        deflections = [_positions(drive, [d] * actuator.motors, sigma) for d in (deflection, -deflection)]
-        return float(max(abs(part) for positions in deflections for part in _torques(drive, positions)))
+        return max(largest(actuator.elastic_torques, 0.0, [end] * count) for end in (deflection, -deflection))
 
-    goals = drive.goals(references)[: actuator.motors]
+    goals = drive.goals(references)[:count]
     centre = goals.mean(axis=0)
     spread = float(np.max(np.abs(goals - centre))) if not mode.direct else 0.0
     offset = abs(float(centre[0]) - drive.initial_position)
-    changes = np.abs(np.diff(centre))
-    change = float(np.max(changes)) if len(changes) else 0.0
+    change = float(np.max(np.abs(np.diff(centre)), initial=0.0))
     if mode.motor:
-        motors = range(1, actuator.motors + 1)
+        motors = range(1, count + 1)
         pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.direct:
@@ -101,54 +152,25 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
-        moved = _caught(drive, spread, sigma, 0.5 * inertia * speed * speed, limit)
+        pretension = [spread, *[-spread] * (count - 1)]
+        energy = energy_law(actuator)
+        stored = largest(energy, 0.0, pretension)
+        # The link moves until the springs have absorbed its kinetic energy.
+        moved = _largest_below(
+            lambda deflection: largest(energy, -deflection, pretension) - stored, 0.5 * inertia * speed * speed, limit
+        )
         bound = min(torque_at(min(spread + moved, limit)), OVERSHOOT * pull) + OVERSHOOT * load
     else:
         bound = torque_at(min(spread + max(offset, change), limit)) + OVERSHOOT * load
     reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
-    best = 0.0
-    for deflections in product(grid, repeat=actuator.motors):
-        value = abs(actuator.stiffness(0.0, *_positions(drive, deflections, sigma), drive.elastic))
-        best = max(best, value) if math.isfinite(value) else math.inf
+    best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
+    if not math.isfinite(best):
+        return math.inf
     if drive.hysteresis is not None:
         # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
-        best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
+        best += count * drive.hysteresis[0] / drive.hysteresis[1]
     return best
-
-
-def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, limit: float) -> float:
-    """Deflection at which the springs have absorbed `energy` J, starting from the pretension `spread`."""
-    if drive.actuator is None or not math.isfinite(energy):
-        return limit
-    law = over_arrays(energy_law(drive.actuator))
-    others = [-spread] * (drive.actuator.motors - 1)
-    placed = [np.full(2, place) for place in _positions(drive, [spread, *others], sigma)]
-    if drive.actuator.motors == 1 and not drive.actuator.adjuster:
-        placed[1][:] = -spread
-
-    def absorbed(deflection: float) -> float:
-        points = np.array([-deflection, 0.0])
-        stored = law(points, *placed, drive.elastic)
-        return float(stored[0] - stored[1])
-
-    return _largest_below(absorbed, energy, limit)
-
-
-def _positions(drive: SteppedJoint, deflections: Sequence[float], adjusted: float) -> tuple[float, ...]:
-    """Positions that the laws take as arguments, for a link at 0: motor positions equal to these deflections, and the
-    adjuster's position."""
-    rest = [adjusted] if drive.actuator is not None and drive.actuator.adjuster else [0.0] * (2 - len(deflections))
-    return (*deflections, *rest)
-
-
-def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Any:
-    """Torque of each spring in N m, with the link at 0."""
-    actuator: Any = drive.actuator
-    try:
-        return actuator.elastic_torques(0.0, *positions, drive.elastic) if actuator else (0.0, 0.0)
-    except (OverflowError, ZeroDivisionError):
-        return math.inf, math.inf
 
 
 def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
@@ -164,59 +186,57 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
     return high
 
 
-def resolve(
-    drives: Sequence[SteppedJoint],
-    masses: Sequence[Array],
-    stiffness: Sequence[float],
-    *,
-    step: float,
-    substeps: int | None,
-    motor_substeps: int | None,
-    cap: int,
-    explicit: bool,
+def _resolve(
+    scenario: Scenario, drives: Sequence[SteppedJoint], masses: Sequence[Array], stiffness: Sequence[float]
 ) -> Resolution:
-    """Numbers of substeps; raises UnresolvedSpringError if more than `cap` are needed.
-
-    explicit: whether damping acts on the last velocity; masses: mass matrices (n, n) in the relevant configurations; stiffness:
-    stiffness of each joint in N m/rad.
-    """
+    """Numbers of substeps. masses: mass matrices (n, n) in the relevant configurations; stiffness: of each joint in N m/rad."""
+    stepping, step = STEPPINGS.get(scenario.stepping), scenario.step
+    limited = np.minimum(stiffness, 1e12).tolist() if stepping.released else stiffness
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
-        for drive, k in zip(drives, stiffness, strict=True)
+        for drive, k in zip(drives, limited, strict=True)
     ]
     omega, shape = _fastest(masses, gains)
     frequency = math.sqrt(omega)
     stiffest = drives[int(np.argmax(np.abs(shape)))].name if len(drives) else ""
     needed = max(1, math.ceil(frequency * step / TARGET - 1e-9))
-    if substeps is None:
-        if needed > cap:
+    substeps = scenario.substeps
+    if stepping.released:
+        substeps = needed
+    elif substeps is None:
+        if needed > scenario.substep_cap:
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
-                f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is {cap}. Lower the "
-                f"step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
+                f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is "
+                f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring or limit its deflection "
+                "(max_deflection)"
             )
         fading = max((_fading(drive, masses, j) for j, drive in enumerate(drives)), default=0.0)
-        substeps = max(needed, min(cap, math.ceil(fading * step / FADING - 1e-9)))
+        substeps = max(needed, min(scenario.substep_cap, math.ceil(fading * step / FADING - 1e-9)))
     h = step / substeps
-    limit = frequency * h
-    if limit >= UNSTABLE:
+    if frequency * h >= UNSTABLE:
         raise UnresolvedSpringError(
-            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
-            f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
+            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
+            f"{frequency * h:.3g}, the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
         )
-    steep = max((_motor_fading(drive) for drive in drives), default=0.0)
-    motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, stiffness, strict=True)), default=0.0)
-    if motor_substeps is None:
+    least = 0.0 if stepping.implicitness == 0.0 else 0.5
+    implicitness = _implicitness(masses, list(map(_damping, drives, limited)), h, least)
+    motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, limited, strict=True)), default=0.0)
+    motor_substeps = scenario.motor_substeps
+    if stepping.released:
+        # The released code has no substeps, and also runs springs that the step does not resolve.
+        substeps = motor_substeps = 1
+    elif motor_substeps is None:
+        steep = max((_motor_fading(drive) for drive in drives), default=0.0)
         motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9), math.ceil(steep * h / FADING - 1e-9))
-    motor_substeps += 1 - motor_substeps % 2
     return Resolution(
         substeps=substeps,
-        motor_substeps=motor_substeps,
+        motor_substeps=motor_substeps + 1 - motor_substeps % 2,
         frequency=frequency,
         motor_frequency=motor_frequency,
-        omega_h=limit,
+        omega_h=frequency * step / substeps,
         stiffness=tuple(float(k) for k in stiffness),
-        link_implicitness=_implicitness(masses, list(map(_damping, drives, stiffness)), h, 0.0 if explicit else 0.5),
+        link_implicitness=implicitness,
     )
 
 

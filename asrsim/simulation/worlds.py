@@ -127,7 +127,6 @@ class Worlds:
             self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
             self.closed = False
-            self._owner = object()
             self.reset()
         except BaseException:
             engine.close()
@@ -373,16 +372,16 @@ class Worlds:
             if len(self._variants) >= VARIANTS_KEPT:
                 self._variants.clear()
             self._variants[key] = varied
-        self._take_over(world, varied)
-        inputs = self._home_inputs
+        started, inputs = varied.started(start), self._home_inputs
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
             if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
                 self._signals = signals, self._inputs_of(self.prepared.with_references(start.references))
             inputs = self._signals[1]
+        self._take_over(world, varied)
         self._worlds[world] = self._worlds[world]._replace(inputs=inputs)
-        self.place(world, varied.started(start))
+        self.place(world, started)
 
     def _at_rest(self, world: int, varied: Prepared) -> Prepared:
         """Other parameters of a world, with the start at equilibrium that the scenario may require. Raises RobotError for a

@@ -62,8 +62,8 @@ class Followed:
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
         """Start and end of each alarm of a joint, s."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.alarm[:, joint], [False]]).astype(int)))
-        return [(float(self.time[a]), float(self.time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        edges = np.flatnonzero(np.diff(self.alarm[:, joint], prepend=False, append=False))
+        return list(zip(self.time[edges[::2]].tolist(), self.time[edges[1::2] - 1].tolist(), strict=True))
 
     def rows(self) -> list[dict[str, Any]]:
         """Plain values of each joint with recorded positions, for JSON."""
@@ -126,33 +126,29 @@ def follow(
         ready = prepare(scenario, variant=variant, overrides=(*texts, *changes))
     time = np.arange(stamps[0], stamps[-1] + 1e-9, ready.scenario.step)
     measured = np.full((len(time), len(names)), np.nan)
-    for j, joint in enumerate(names):
-        if joint in positions:
-            measured[:, j] = resample(positions[joint].time - lag, positions[joint].values, time)
+    for joint, column in positions.items():
+        measured[:, names.index(joint)] = resample(column.time - lag, column.values, time)
     notes = [*plan.remarks]
     notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
     ready = ready.with_references(_commands(ready, plan, time, notes))
     if any(one.slot == 0 for one in plan.played):
         notes += _clocks(ready, measured, time)
-    tables = {name: np.full(measured.shape, np.nan) for name in FIELDS}
-    done = 0
+    rows: list[Array] = []
     with Twin(ready, bandwidth=min(8.0, 0.05 / ready.scenario.step) if bandwidth is None else bandwidth) as twin:
-        while done < len(time):
-            if done % 200 == 0:
-                progress(done / len(time))
+        for row, at in zip(measured, time.tolist(), strict=True):
+            if len(rows) % 200 == 0:
+                progress(len(rows) / len(time))
                 # The files of an interrupted run need at least some steps.
-                if done and stop():
+                if rows and stop():
                     break
-            found = twin.step(measured[done], {})
-            for name, table in tables.items():
-                table[done] = getattr(found, name)
-            notes += [f"{time[done]:.3f} s: {note}" for note in found.notes]
-            done += 1
-    kept: dict[str, Any] = {name: table[:done] for name, table in tables.items()}
-    kept["alarm"] = kept["alarm"] == 1.0
+            found = twin.step(row, {})
+            rows.append(np.array([getattr(found, name) for name in FIELDS]))
+            notes += [f"{at:.3f} s: {note}" for note in found.notes]
+    *estimates, alarm = np.array(rows).swapaxes(0, 1)
     return Followed(
-        joints=tuple(names), prismatic=tuple(drive.joint.kind == "prismatic" for drive in ready.drives), time=time[:done],
-        notes=tuple(dict.fromkeys(notes)), interrupted=done < len(time), **kept,
+        joints=tuple(names), prismatic=tuple(drive.joint.kind == "prismatic" for drive in ready.drives), time=time[: len(rows)],
+        alarm=alarm == 1.0, notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
+        **dict(zip(FIELDS, estimates, strict=False)),
     )  # fmt: skip
 
 

@@ -1,7 +1,5 @@
 """`check` reports all faults of a scenario and its robot at once, but no consequences of another fault."""
 
-from __future__ import annotations
-
 import json
 import random
 

@@ -1,7 +1,5 @@
 """Bad input on the command line ends with an exit code and a line that names the fault, without a traceback."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Output of `asrsim check` and `asrsim actuators`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Control characters in files never reach the terminal; they are printed as escape sequences."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands of the tutorial and of the help texts run as printed; `asrsim examples` copies the files that they need."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shlex

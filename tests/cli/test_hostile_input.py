@@ -1,7 +1,5 @@
 """Absurd values are refused with a message or accepted unchanged; they never cause an internal error."""
 
-from __future__ import annotations
-
 import pytest
 
 import asrsim

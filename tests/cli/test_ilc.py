@@ -1,7 +1,5 @@
 """`asrsim ilc` from end to end: its output folder, interruption, and playback of the learned input."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """`asrsim init`: starter scenarios load, fit their robot and run."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """`asrsim init --experiment`: recorded commands are played, and the motion is compared with the recording."""
 
-from __future__ import annotations
-
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,7 +12,7 @@ import asrsim
 from asrsim.cli.app import app
 from asrsim.errors import RecordingError
 from asrsim.identification import task_of
-from asrsim.identification.setup import set_up
+from asrsim.identification.problem import set_up
 from asrsim.kinematics.sizing import sizing
 from asrsim.log import open_log
 from asrsim.plots.claims import judge

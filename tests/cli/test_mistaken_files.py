@@ -1,7 +1,5 @@
 """If a command gets a file of the wrong kind, the error names the kind and the command that takes it."""
 
-from __future__ import annotations
-
 import pytest
 
 from asrsim.document.file import COMMANDS, kind_of

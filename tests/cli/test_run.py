@@ -1,7 +1,5 @@
 """Output files, messages and exit codes of `asrsim run` and `asrsim rerun`."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -1,7 +1,5 @@
 """Commands that write files: foreign files and, on a full disk, earlier results stay; signals and kills end a run cleanly."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The numerical error that `--certify` reports is within a factor of two of the true error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Worlds with contacts: bodies without contact move as in a world without contacts, and a fixed base collides with objects."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cross-check by a run in another engine: equal without contacts; differences are reported."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,13 +1,11 @@
 """Viscous damping of the links, which a substep treats implicitly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from asrsim.scenario.data import LinkDamping, World
-from asrsim.signals import Step
+from asrsim.scenario.data import LinkDamping, World, Wrench
+from asrsim.signals import Constant, Step
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEP, INERTIA = 1e-3, 0.01
@@ -30,12 +28,15 @@ def test_weak_damping_acts_on_the_mean_velocity_of_a_step(engine):
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_damping_does_not_depend_on_a_world_out_of_reach(engine):
+def test_dampers_and_wrenches_act_as_without_a_world_out_of_reach(engine):
     links = [Body(mass=0.4, reach=0.1, inertia=2e-3, length=0.2, damping=damping) for damping in (0.3, 0.1)]
     alone, beside = (
-        run(chain(*links), initial=[0.7, 0.4], initial_velocities={"joint_1": 2.0}, duration=0.1, engine=engine, world=world)
+        run(
+            chain(*links), initial=[0.7, 0.4], initial_velocities={"joint_1": 2.0}, duration=0.1, engine=engine, world=world,
+            wrenches=(Wrench(link="link_1", force=(Constant(value=3.0), None, None), point=(0.0, 0.0, -0.1)),),
+        )
         for world in (World(), World(ground=True, ground_height=-9.0))
-    )
+    )  # fmt: skip
     for name in ("link_position", "link_velocity"):
         np.testing.assert_allclose(beside.samples.values[name], alone.samples.values[name], rtol=0.0, atol=1e-9)
 

@@ -3,8 +3,6 @@
 Both engines share the time stepping and the solver for friction and stops, but have separate models of the robot.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """`initial: equilibrium`: a run starts at rest and stays at rest for every actuator, mode and stop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Coulomb friction of many joints: a joint sticks with less than its friction torque, or slides with all of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@
 positions over 0.4 s of six runs of the paper's one-joint step in Gazebo 11 at 1 ms; `facts/recorded.json` describes the former.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Former faults that gave wrong results without an error: axes, link controllers, stiction, energies, delays, damping."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Velocity and effort limits of joints, also in substeps that are split by a jump of an input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

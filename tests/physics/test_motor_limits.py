@@ -1,7 +1,5 @@
 """Motors at position stops and speed limits: logged torques and losses are those of a motor at rest or at this speed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

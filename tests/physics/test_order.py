@@ -1,7 +1,5 @@
 """Substeps and motor substeps have second order. For the order of random robots see test_random_robots.py."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

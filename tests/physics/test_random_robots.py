@@ -1,7 +1,5 @@
 """Random robots against the independent solution `support.independent_ode`, for all engines, bases, jumps and modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Keys of a scenario have the documented effect, in numbers that a user can calculate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

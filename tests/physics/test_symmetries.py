@@ -4,8 +4,6 @@ Every recorded quantity is compared, with springs, limits and losses all enabled
 motor or one side, breaks the symmetry.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

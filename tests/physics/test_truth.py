@@ -1,7 +1,5 @@
 """Simulator against external facts: every check of docs/validation.md with its bound."""
 
-from __future__ import annotations
-
 import pytest
 
 from validation.check import available, installed_engines, on

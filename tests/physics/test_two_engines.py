@@ -1,7 +1,5 @@
 """Every documented feature gives the same motion in both engines, up to rounding, if there are no contacts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Documentation and code agree: generated parts, snippets, links, commands, pictures."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shlex

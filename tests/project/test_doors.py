@@ -1,7 +1,5 @@
 """An engine that users add is one file."""
 
-from __future__ import annotations
-
 import runpy
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Declared requirements, contents of the distributions, and the installed wheel."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

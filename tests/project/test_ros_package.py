@@ -1,7 +1,5 @@
 """ROS package of asrsim's messages: equal to the messages of logs and live runs, and readable for ROS."""
 
-from __future__ import annotations
-
 import re
 from xml.etree import ElementTree
 

@@ -1,8 +1,6 @@
 """Identification of the optional models from independently simulated recordings: the confidence intervals contain the
 true parameters."""
 
-from __future__ import annotations
-
 from math import copysign, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Learning on independently simulated robots that differ from their models, and the reachability verdict for weak arms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ ASRSIM_PEERS names a folder with the environments `jazzy` and `kilted`. Without 
 python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces; also for Kilted.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Random robots with new seeds in each slow run. `ASRSIM_SEED=N` repeats a run."""
 
-from __future__ import annotations
-
 import os
 import secrets
 

@@ -1,7 +1,5 @@
 """Claims of the figures are sensitive: every changed law, mass or loss makes at least one claim fail."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ROS bags made of given messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Hanging chain of links, its simulation, and its independent integration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

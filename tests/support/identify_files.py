@@ -1,7 +1,5 @@
 """Robots and recordings with known true parameters, for tests of identification."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

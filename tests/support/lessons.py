@@ -1,7 +1,5 @@
 """Learning of a random arm, and laboratory work between two trials: play an input on the robot, and record the motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from asrsim.learning.plant import make_plant

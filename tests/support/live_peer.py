@@ -4,8 +4,6 @@ and prints what it observed as JSON.
 Arguments: duration in s, ROS domain, rate of the commands in Hz.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import math

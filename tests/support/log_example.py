@@ -1,7 +1,5 @@
 """Artificial run with every kind of joint, for tests of the log."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from asrsim.quantities import QUANTITIES

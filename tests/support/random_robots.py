@@ -1,7 +1,5 @@
 """Random robots: trees with rotated, offset and massless links, fixed joints and every kind of moving joint."""
 
-from __future__ import annotations
-
 import numpy as np
 
 Array = np.ndarray

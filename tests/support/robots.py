@@ -1,7 +1,5 @@
 """Plain URDFs without plugin blocks, as a new user has them."""
 
-from __future__ import annotations
-
 from asrsim.actuators import MODES
 from asrsim.actuators.drive import Drive
 

@@ -44,25 +44,6 @@ def law(request):
 # -- laws --------------------------------------------------------------------------------------------------------------
 
 
-def test_its_energy_has_the_torques_as_slopes(law):
-    if law.elastic_energy is Actuator.elastic_energy:
-        pytest.skip("its energy is integrated from its torques")
-    h = 1e-5
-    for q, x, y, parameters in points(law):
-
-        def energy(q, x, y, parameters=parameters):
-            return law.elastic_energy(q, x, y, parameters)
-
-        torques = law.elastic_torques(q, x, y, parameters)
-        scale = max(abs(law.stiffness(q, x, y, parameters)) * 0.3, *map(abs, torques), 1e-6)
-        slopes = [(energy(q, x + h, y) - energy(q, x - h, y)) / (2 * h), -(energy(q + h, x, y) - energy(q - h, x, y)) / (2 * h)]
-        assert slopes[0] == pytest.approx(torques[0], abs=2e-4 * scale)
-        assert slopes[1] == pytest.approx(sum(torques), abs=2e-4 * scale)
-        if not law.adjuster and law.motors == 2:
-            slope = (energy(q, x, y + h) - energy(q, x, y - h)) / (2 * h)
-            assert slope == pytest.approx(torques[1], abs=2e-4 * scale)
-
-
 def test_energies_without_a_law_are_integrated(law):
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)

@@ -1,7 +1,5 @@
 """Compiled functions whose code differs never share a file of the cache."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 
 import pytest

@@ -1,7 +1,5 @@
 """Results in notebooks: short prints, a table with a picture, a table of pandas, overrides as a mapping."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files are there as a whole, or as they were; what others wrote stays."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

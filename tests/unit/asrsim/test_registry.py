@@ -1,7 +1,5 @@
 """Engines and steppings of other installed packages: `engine:` and `stepping:` take them."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The Gymnasium environment: the interface's own checker, seeds and bits, resets, randomised parameters, pictures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

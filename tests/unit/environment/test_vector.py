@@ -1,7 +1,5 @@
 """Many environments that are stepped together."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

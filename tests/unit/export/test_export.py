@@ -1,7 +1,5 @@
 """Exported models: motion in plain MuJoCo, compared with asrsim and with an independent solution; remarks on missing parts."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -13,7 +13,8 @@ import pytest
 from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.data import Channel
-from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_noise, foreign, praise, verdict
+from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
+from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
 from asrsim.identification.write import chosen_values
 from asrsim.recordings.data import Column
@@ -36,16 +37,15 @@ def test_residuals_beyond_the_noise_are_faults_by_name():
     generator, time = np.random.default_rng(0), 2e-3 * np.arange(2000)
     white, sine = 1e-3 * generator.normal(size=2000), 0.7e-3 * np.sin(2.0 * np.pi * 60.0 * time)
     one = channel(np.sin(time))
-    assert list(faults(one, white)) == []
+    assert fault_of(one, white) == ""
     for left, words in (
         (white + 1e-3, "residuals are not white"),
         (2.0 * white, "the residuals are 2 times the noise"),
         (white + sine, "an oscillation of 60 Hz remains"),
     ):
-        (fault,) = faults(one, left)
-        assert words in fault
+        assert words in fault_of(one, left)
     # Noise of the played commands may cause an oscillation.
-    assert list(faults(one, white + sine, 0.3 * (white + sine))) == []
+    assert fault_of(one, white + sine, 0.3 * (white + sine)) == ""
 
 
 def test_a_simulation_that_diverges_fits_nothing():
@@ -62,7 +62,7 @@ def test_the_held_out_error_may_reach_its_predicted_size():
     assert verdict([large], lambda: [1.0]) == []
     assert verdict([replace(large, shaken=1.0)], lambda: [0.0]) == []
     # A recording without a fault does not hide the fault of another recording.
-    (reason,) = verdict([GOOD, replace(GOOD, recording="b", faults=("a swing",))], lambda: [0.0, 0.0])
+    (reason,) = verdict([GOOD, replace(GOOD, recording="b", fault="a swing")], lambda: [0.0, 0.0])
     assert reason == "j.q: a swing"
 
 
@@ -71,7 +71,7 @@ def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still):
     time, generator = np.arange(0.0, 4.0, 2e-3), np.random.default_rng(0)
     values = 1e3 * np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + generator.normal(size=len(time))
     problem = replace(modelled(lambda _: 0.0 * values, 1, len(time), recorded=values), ends=(0.75,))
-    (found,) = channel_fits(problem, [0.0 * values], np.zeros(1))
+    (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
     assert found.held_moves == (not still)
     (said,) = praise([found])
     assert ("no channel moves" in said) == still
@@ -82,8 +82,8 @@ def test_fits_that_prove_little_are_told():
     assert "errors of the model may be hidden" in hidden
     values = np.sin(np.arange(12.0))
     problem = replace(modelled(lambda _: 0.0 * values, 1, 12, recorded=values), ends=(0.75,))
-    (found,) = channel_fits(problem, [0.0 * values], np.zeros(1))
-    assert found.faults == ("9 samples are too few to judge the fit",)
+    (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
+    assert found.fault == "9 samples are too few to judge the fit"
 
 
 def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
@@ -95,7 +95,7 @@ def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
         problem = modelled(lambda _, factor=factor: (factor - 1.0) * values, 1, len(values), recorded=values)  # type: ignore[misc]
         (track,) = problem.tracks
         track.channels = (replace(track.channels[0], column=source),)
-        (found,) = channel_fits(problem, [values], np.zeros(1))
+        (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
         assert words in found.suspicion
         assert bool(words) == bool(found.suspicion)
 

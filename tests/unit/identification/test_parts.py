@@ -10,8 +10,7 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.problem import solve
-from asrsim.identification.setup import set_up
+from asrsim.identification.problem import set_up, solve
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
 
@@ -83,7 +82,7 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     """Gradients of three recordings of four blocks each; all blocks of a recording have one sign."""
     nothing = np.empty(0)
     known = Uncertainty(
-        inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, noise=np.eye(1),
+        inverse=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, noise=np.eye(1),
         freedom=1e9, at_bound=np.zeros(1, bool), scores=np.repeat([1.0, -2.0, 1.0], 4)[:, None], firsts=np.array([0, 4, 8]),
     )  # fmt: skip
     assert known.deviations(np.eye(1))[0] == pytest.approx(np.sqrt(16.0 * 6.0 * 1.5))

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from asrsim.identification import door, task_of
-from asrsim.identification.problem import jacobian
-from asrsim.identification.setup import set_up
+from asrsim.identification.problem import jacobian, set_up
 
 LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.009"/></inertial></link>

@@ -1,7 +1,5 @@
 """Gravity compensation: the elastic law inverted, for every actuator."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

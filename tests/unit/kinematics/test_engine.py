@@ -1,7 +1,5 @@
 """Plans on the example arm, with the engine's model of the robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sag under the arm's own weight, compared with simulations; proposed parameters."""
 
-from __future__ import annotations
-
 import re
 import shutil
 

@@ -1,7 +1,5 @@
 """The tip of a Cartesian task: logged, claimed, summarised, repeated bit for bit; in the right place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

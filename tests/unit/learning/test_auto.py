@@ -1,7 +1,5 @@
 """The law `auto` on random arms, its model, and on robots that are not asrsim, through recordings."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Iterative learning control on plants whose answer is known: the law, its convergence, its stops, its state."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

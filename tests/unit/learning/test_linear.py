@@ -1,7 +1,5 @@
 """The linearised joints against closed forms and against the simulation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings of the robot as a laboratory has them, taken as trials of learning."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Claims of a scenario: comparison, tolerance, verdict, and errors at the claim's line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

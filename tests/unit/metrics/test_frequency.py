@@ -1,7 +1,5 @@
 """Frequency responses against the analytic response of the linear two-mass actuator, motor - spring - link."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import butter, chirp, cont2discrete, sosfilt, ss2zpk, zpk2sos

@@ -1,7 +1,5 @@
 """Measures on signals whose numbers are known in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thinning keeps every extreme and every gap, and needs no more memory for a longer series."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`asrsim plot`: runs beside experiments, their metrics, frequency responses and verdicts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pictures of runs: what is drawn, with which units and colours, into which files."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -81,11 +81,16 @@ def test_names_and_numbers_say_which_joint_it_is(tmp_path, names, joints, expect
 
 
 @pytest.mark.parametrize(
-    ("name", "joints"),
-    [("position", ["shoulder", "elbow"]), ("q0", ["shoulder", "elbow"]), ("q1", ["joint_0", "joint_1"]), ("q3", ["a", "b"])],
+    ("names", "joints"),
+    [
+        (["position"], ["shoulder", "elbow"]),
+        (["q0", "q1"], ["shoulder", "elbow"]),
+        (["q1"], ["joint_0", "joint_1"]),
+        (["q3"], ["a", "b"]),
+    ],
 )
-def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, name, joints):
-    assert [column.source for column in read(tmp_path, [name], joints).asked] == [name]
+def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, names, joints):
+    assert [column.source for column in read(tmp_path, names, joints).asked] == names
 
 
 def test_columns_of_one_name_are_all_asked_about(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
+from asrsim.recordings.propose import propose
 from asrsim.scenario import load_scenario
 from asrsim.signals import Playback
 from support.paths import ROOT
@@ -114,8 +115,8 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
     rows = [f"{1000 * t:.0f}\t{a:.9f}\t{b:.9f}\t0.5" for t, a, b in zip(TIME, ALPHA, BETA, strict=True)]
     path = tmp_path / "lab.txt"
     path.write_text("\n".join(["%Time (ms)\tHubangle (deg)\tq1 [deg]\teff", *rows]) + "\n")
-    plain = read_recording(path)
-    assert asrsim_command("init", "--experiment", "lab.txt").code == 0
+    plain = read_recording(path, mapping=["window=0.1.."])
+    assert asrsim_command("init", "--experiment", "lab.txt", "--map", "window=0.1..").code == 0
     text = (tmp_path / "lab.txt.yaml").read_text()
     assert "Hubangle" in text
     assert "# eff: JOINT.QUANTITY [unit]" in text
@@ -131,10 +132,16 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
     assert asrsim_command("init", "--experiment", "lab.txt").code == 1
 
 
+def test_a_question_is_answered_in_its_line(tmp_path):
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack([TIME, ALPHA]), delimiter=",", header="time,theta", comments="")
+    document = propose(path)[0]
+    document.write_text(document.read_text().replace("# theta: JOINT.QUANTITY [unit]", "theta: elbow.link_position [deg]"))
+    np.testing.assert_allclose(read_recording(path).column("elbow", "link_position").values, np.radians(ALPHA))
+
+
 @pytest.mark.parametrize("name", ["quanser_2dsfl_lqr_10deg.csv", "hebi_sine_1hz.csv", "emps_estimation.csv"])
 def test_proposals_for_real_files_do_not_change_the_reading(tmp_path, shared, name):
-    from asrsim.recordings.propose import propose
-
     path = tmp_path / name
     path.write_bytes((shared / "recordings" / name).read_bytes())
     plain = read_recording(path)

@@ -68,6 +68,8 @@ LAYOUTS: dict[str, list[str]] = {
         *rows(separator="\t"),
     ],
     "date and zone": ["when,q1,q2", *dated("2024-05-06T10:00:{:012.9f}+02:00")],
+    "date with slashes": ["when,q1,q2", *dated("2024/05/06 10:00:{:06.3f}")],
+    "minutes and seconds": ["time,q1,q2", *dated("59:{:05.2f}")],
     "time of day": ["Zeit,q1,q2", *dated("10:00:{:06.3f}")],
     "preamble": ["Laboratory 5", "Operator,Ada,", "Robot,SEA,", "Rate,100,", "time,q1,q2", *rows()],
     "quoted": ['"time","q1","q2"', *['"' + line.replace(",", '","') + '"' for line in rows()]],
@@ -193,6 +195,7 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
         ([], "file is empty"),
         (["# only", "# comments"], "holds no rows"),
         (["time,q1"], "no row of numbers"),
+        (["time,q1", *["13/05/2024,1"] * 9], "(?s)none of the columns is a time.*time: text is not read"),
         (["q1,q2", *["0.3,0.4", "0.5,0.3"] * 9], "none of the columns is a time"),
         (["V,rad.s", *["0.3,0.4", "0.5,0.5"] * 9], "none of the columns is a time"),
         (["time", *[f"{t}" for t in TIME]], "only a time column"),
@@ -258,6 +261,12 @@ def test_rows_of_joints_that_take_turns_become_columns(tmp_path, names):
     (tmp_path / "lab.csv.yaml").write_text("joint: motor\n")
     with pytest.raises(RecordingError, match="joint: motor"):
         read_recording(path)
+
+
+def test_lines_above_a_stated_header_do_not_count(tmp_path):
+    path = write(tmp_path / "lab.csv", [*["7;1"] * 180, "time,q1,q2", *rows()])
+    (tmp_path / "lab.csv.yaml").write_text("header: 181\n")
+    check(path)
 
 
 def test_a_row_of_units_is_asked_about(tmp_path):

@@ -1,7 +1,5 @@
 """Meshes of files as pictures show them: places, units and colours of COLLADA scenes and OBJ materials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Pictures of the logged motion: the camera sees all of it, links without shapes are seen, files are what they say."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

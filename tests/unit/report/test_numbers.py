@@ -1,7 +1,5 @@
 """Numbers of a page and of pictures against those of the logs that they were made of: series, limits, tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page: everything in it, nothing from outside, small, and drawn by a real browser."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

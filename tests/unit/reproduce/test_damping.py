@@ -1,7 +1,5 @@
 """The law of damping that grows with the stiffness, in every kind of joint: c = c_URDF + 2 ratio sqrt(I k)."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

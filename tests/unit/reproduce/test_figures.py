@@ -1,7 +1,5 @@
 """The paper's figures run again: measuring, judging, the page, the command."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Another reader of URDF, yourdfpy, puts every link where asrsim puts it, with the same mass."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Plugin blocks: values, origins, warnings and errors."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Damaged robots: whatever is changed in a good file gives a checked robot or a RobotError, and what `check` passes runs."""
 
-from __future__ import annotations
-
 import random
 import warnings
 from collections import Counter

@@ -1,7 +1,5 @@
 """What reaches an engine: the numbers that were read, all digits of them, and nothing else; fixed links merged exactly."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

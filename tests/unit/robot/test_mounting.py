@@ -1,7 +1,5 @@
 """Actuators without editing the URDF: by the scenario, by `asrsim init --actuator`, and as a block to paste."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from typer.testing import CliRunner

@@ -1,7 +1,5 @@
 """Robots as their packages ship them, with actuators added: driven and drawn; and their bodies in every engine."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Engine text, overrides, inertia and the checks of a step."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

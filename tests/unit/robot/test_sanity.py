@@ -1,7 +1,5 @@
 """Robots with unknown words and improbable numbers get warnings; `check` refuses what `run` refuses."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

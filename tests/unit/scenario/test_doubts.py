@@ -1,7 +1,5 @@
 """Warnings about scenarios that are probably mistakes, and errors about signals and presets that nobody can follow."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

@@ -1,7 +1,5 @@
 """A scenario laid upon its robot: what changes, and what does not fit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

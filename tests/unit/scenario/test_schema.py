@@ -1,7 +1,5 @@
 """The JSON Schema and the documentation's tables follow from the declarations."""
 
-from __future__ import annotations
-
 import json
 import re
 

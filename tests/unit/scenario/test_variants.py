@@ -1,7 +1,5 @@
 """Variants, overrides, and the resolved scenario that repeats a run."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import struct

@@ -1,7 +1,5 @@
 """Playback of recordings: CSV, MCAP, ROS bags."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The summary of a run: its numbers against the samples, its limits, its JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

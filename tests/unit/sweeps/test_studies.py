@@ -1,7 +1,5 @@
 """Sweeps: points of a study, rows that do not depend on who did them, workers that die, resumption, pictures."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
