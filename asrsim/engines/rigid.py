@@ -101,19 +101,17 @@ def make_room(
     """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`; parents precede the degrees of freedom
     that they carry. None: the mass matrix may have no zeros."""
     size = len(qvel)
-    arrays: dict[str, Any] = {
-        name: np.zeros(size) for name in ("diagonal", "bias", "force", "velocity", "impulse", "bound", "change", "push")
-    }
-    arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
-    return Room(
-        joints=len(lower), freedoms=size, coordinates=len(qpos), scheme=np.zeros(4), free=int(free), qpos=qpos, qvel=qvel,
-        parent=np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
-        slowest=np.full(size, -inf), fastest=np.full(size, inf),
-        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
-        **arrays,
-    )  # fmt: skip
+    fields: dict[str, Any] = {name: np.zeros(size) for name in Room._fields}
+    fields |= {
+        "joints": len(lower), "freedoms": size, "coordinates": len(qpos),
+        "scheme": np.zeros(4), "free": int(free), "qpos": qpos, "qvel": qvel, "regime": np.zeros(size, dtype=np.int64),
+        "parent": np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
+        "matrix": np.zeros((size, size)), "square": np.zeros((size, size)), "slowest": np.full(size, -inf),
+        "fastest": np.full(size, inf), "joint_q": np.array(joint_q, dtype=np.int64),
+        "joint_v": np.array(joint_v, dtype=np.int64), "lower": lower, "upper": upper,
+    }  # fmt: skip
+    return Room(**fields)
 
 
 def plain(record: Any) -> Any:
