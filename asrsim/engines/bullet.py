@@ -40,7 +40,6 @@ from asrsim.engines.rigid import (
     RigidEngine,
     find_change,
     make_room,
-    store_diagonal,
 )
 from asrsim.errors import Problem, SimulationError
 from asrsim.robot.engine_text import engine_urdf, usable_shapes
@@ -77,7 +76,6 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
     for i in range(len(room.regime)):
         room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
-    store_diagonal(room)
     find_change(room, exchange, 0, lengths[0])
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]

@@ -55,8 +55,11 @@ class Room(NamedTuple):
     """Torques (v,) in N m that balance gravity, Coriolis and centrifugal forces."""
     force: Numbers
     """Generalised forces (v,) of the wrenches in a piece of the kick, N m."""
-    inertia: Numbers
-    """Diagonal (n,) of the mass matrix in the rows of the joints, without damping, kg m^2."""
+    diagonal: Numbers
+    """Diagonal (v,) of the mass matrix with implicit damping, kg m^2."""
+    parent: Numbers
+    """Index (v,) of the degree of freedom that carries this degree of freedom next; -1: none. The mass matrix is 0 for two
+    degrees of freedom of which none carries the other."""
     velocity: Numbers
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""
@@ -86,21 +89,21 @@ def make_room(
     joint_q: Sequence[int] | Numbers,
     joint_v: Sequence[int] | Numbers,
     free: bool,
+    parent: Numbers | None = None,
 ) -> Room:
-    """Work space for a robot; the library reads `qpos` and `qvel`."""
+    """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`; parents precede the degrees of freedom
+    that they carry. None: the mass matrix may have no zeros."""
     size = len(qvel)
-    arrays: dict[str, Any] = {
-        name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
-    }
-    arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
-    return Room(
-        scheme=np.zeros(4), free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
-        slowest=np.full(size, -inf), fastest=np.full(size, inf),
-        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
-        **arrays,
-    )  # fmt: skip
+    fields: dict[str, Any] = {name: np.zeros(size) for name in Room._fields}
+    fields |= {
+        "scheme": np.zeros(4), "free": int(free), "qpos": qpos, "qvel": qvel, "regime": np.zeros(size, dtype=np.int64),
+        "parent": np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
+        "matrix": np.zeros((size, size)), "square": np.zeros((size, size)), "slowest": np.full(size, -inf),
+        "fastest": np.full(size, inf), "joint_q": np.array(joint_q, dtype=np.int64),
+        "joint_v": np.array(joint_v, dtype=np.int64), "lower": lower, "upper": upper,
+    }  # fmt: skip
+    return Room(**fields)
 
 
 def plain(record: Any) -> Any:
@@ -129,7 +132,6 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     sticks or slides in the other direction.
     """
     count = len(room.joint_v)
-    store_diagonal(room)
     for splits in range(count + 1):
         find_change(room, exchange, piece, length)
         resting = first_standstill(room) if splits < count else -1
@@ -145,29 +147,22 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
             room.velocity[resting] = 0.0
         length -= part
-    for j in range(count):
-        room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
-
-
-def store_diagonal(room: Any) -> None:
-    """Store the diagonal of the mass matrix, to which `find_change` adds damping, in `room.inertia`."""
-    for j in range(len(room.joint_v)):
-        room.inertia[j] = room.matrix[room.joint_v[j], room.joint_v[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
     """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
 
-    length: length of the part as a fraction of a step. `room.inertia` is the diagonal of the mass matrix without damping.
+    length: length of the part as a fraction of a step.
     """
     step = room.scheme[STEP]
     time = length * step
     for i in range(len(room.velocity)):
         room.impulse[i] = time * (room.force[i] - room.bias[i])
+        room.diagonal[i] = room.matrix[i, i]
     for j in range(len(room.joint_v)):
         i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[piece, j, DAMPING]
         room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
-        room.matrix[i, i] = room.inertia[j] + room.scheme[IMPLICITNESS] * time * damping
+        room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
         room.bound[i] = time * exchange[piece, j, FRICTION]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
@@ -221,11 +216,12 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     total = 0.0
     for piece in range(len(lengths)):
         total += lengths[piece]
+    rest = 1.0 - 1.0 / total
     for i in range(size):
         before, after = state[first + i], room.velocity[i]
         # After a first, shorter kick, the stored old velocity is the velocity from which a full kick would have led to the new
         # velocity.
-        state[first + size + i] = before + (1.0 - 1.0 / total) * (after - before)
+        state[first + size + i] = before + rest * (after - before)
         state[first + i] = after
         state[first + 2 * size + i] = float(room.regime[i])
     if room.free:

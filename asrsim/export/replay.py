@@ -71,23 +71,24 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     times = prepared.scenario.step_times()
-    controls, torques = np.zeros((len(times), model.nu)), np.zeros((len(times), model.nv))
+    inputs = np.zeros((len(times), model.nu + model.nv))
+    """Controls and external torques at asrsim's steps."""
     for j, stepped in enumerate(prepared.drives):
-        torques[:, int(model.joint(stepped.name).dofadr[0])] = run["external_torque"][:, j]
+        inputs[:, model.nu + int(model.joint(stepped.name).dofadr[0])] = run["external_torque"][:, j]
         if (drive := stepped.drive) is None:
             continue
         references = [values[:, j] for name, values in run.items() if name.startswith("reference_")]
-        goals = drive.goals(np.nan_to_num([*references, np.zeros(len(controls))]))
+        goals = drive.goals(np.nan_to_num([*references, np.zeros(len(times))]))
         motors = [motor_name(drive.joint, i + 1) for i in range(drive.actuator.motors)] if drive.mode.spring else [drive.joint]
         for name, goal in zip(motors, goals, strict=False):
-            controls[:, model.actuator(name).id] = goal
+            inputs[:, model.actuator(name).id] = goal
     stamps = np.arange(np.ceil(times[-1] / model.opt.timestep) + 1.0) * model.opt.timestep
 
     def at(own: Array, values: Array, wanted: Array) -> Array:
         """Values (n, columns) at the times `own`, interpolated linearly at other times."""
         return np.column_stack([np.interp(wanted, own, column) for column in values.T])
 
-    inputs = np.hstack([at(times, controls, stamps), at(times, torques, stamps)])
+    inputs = at(times, inputs, stamps)
     rows = [int(model.joint(stepped.name).qposadr[0]) for stepped in prepared.drives]
     theirs = np.full((len(stamps), len(rows)), np.nan)
     for k, stamp in enumerate(stamps):

@@ -31,8 +31,6 @@ class Spline:
     """Largest deflection for which the pieces were fitted, rad."""
     knots: int
     """Number of knots on each side."""
-    saturates: bool
-    """Whether the torque is constant beyond `reach`, as in the spring law; if not, the last cubic continues."""
     error: float
     """Largest difference of the torques within `reach`, divided by the stiffness there, rad."""
 
@@ -74,7 +72,7 @@ def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knot
             elif not symmetric:
                 band = [-FAR, position] if sign > 0.0 else [-position, FAR]
                 pieces.append([*band, first, sign * second, third])
-    return Spline(pieces=np.array(pieces), reach=edge, knots=count, saturates=saturates, error=error)
+    return Spline(pieces=np.array(pieces), reach=edge, knots=count, error=error)
 
 
 def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool) -> tuple[Array, float]:

@@ -60,7 +60,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     """Lines of `map`: used columns, and ambiguous columns as comments to complete."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
-    yield "map:" if any(column.quantity or column.question for column in columns) else "map: {}"
+    yield "map:"
     for column in columns:
         if column.quantity:
             unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit

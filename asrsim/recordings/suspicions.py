@@ -85,17 +85,10 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         )
         hint = "Comparisons skip these samples; they are not interpolated"
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
-    start = values[:1000]
-    if len(start) > _FEWEST and np.ptp(start) > 0.0:
-        changes = [float(np.median(np.abs(start[lag:] - start[:-lag]))) for lag in range(1, 9)]
-        # A resting sensor alternates between neighbouring values.
-        if min(changes) < 0.1 * changes[0] and changes[0] > 10 * np.diff(np.unique(start)).min():
-            count = np.argmin(changes) + 1
-            message = (
-                f"is close to its value {count} samples before, but far from its neighbours: do {count} joints take turns?"
-            )
-            hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
-            yield Problem(message, key=column.source, hint=hint, code="suspected-turns")
+    if count := _turns(values[:1000]):
+        message = f"is close to its value {count} samples before, but far from its neighbours: do {count} joints take turns?"
+        hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
+        yield Problem(message, key=column.source, hint=hint, code="suspected-turns")
     whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
     periods = [(numbers, 2.0**bits) for bits in (8, 16, 32) if whole and numbers.max() < 2.0**bits]
     for series, period in [(values, math.tau)] * (column.unit == "rad") + periods:
@@ -114,6 +107,17 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         hint = "" if str(column.quantity).startswith("reference") else "Was the sensor connected?"
         message = f"is constant at {values[0]:g} {column.unit}".rstrip()
         yield Problem(message, key=column.source, hint=hint or None, code="constant-column")
+
+
+def _turns(values: Array) -> int:
+    """Number of joints that seem to take turns in the samples; 0 for a single joint."""
+    if len(values) < _FEWEST or np.ptp(values) == 0.0:
+        return 0
+    changes = np.array([np.mean(np.abs(values[lag:] - values[:-lag])) for lag in range(1, min(41, len(values) // 2))])
+    near = np.flatnonzero(changes < 0.1 * changes[0])
+    # Smooth motions change most in half a period, and a resting sensor alternates between neighbouring values.
+    apart = changes.max() < 3 * changes[0] and changes[0] > 10 * np.diff(np.unique(values)).min()
+    return int(near[0]) + 1 if len(near) and apart else 0
 
 
 def _slope(position: Column, velocity: Column) -> Iterator[Problem]:

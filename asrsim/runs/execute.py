@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import DivergenceError
-from asrsim.log import LogWriter, read_log
+from asrsim.log import LogWriter, open_log
 from asrsim.outfile import write_text
 from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
@@ -118,8 +118,8 @@ def execute(
     summary = judged(scenario, run, collectors[0], certificate, samples=samples)
     summary = replace(summary, files={} if log is None else {"log": log}, replaced=earlier)
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
-        logged = run.samples if log is None else read_log(log, quantities=COMPARED).samples
-        assert logged is not None
+        kept = [] if run.samples is None else [run.samples]
+        logged = kept if log is None else open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
         summary = replace(summary, cross_check=found)
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)

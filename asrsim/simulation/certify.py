@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 COMPARED = ("link_position", "link_torque")
+BLOCK = 65_536
+"""Number of samples that are compared in one operation, to save memory."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
 is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
@@ -72,18 +75,23 @@ def certify(
     is called regularly; if `stop` returns True, the result is None. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    motions = [] if run.samples is None else [run.samples]
-    for times in (1, 2, 4)[len(motions) :]:
-        tell = progress and partial(progress, "finer steps")
-        finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
-        if finer.status == "interrupted" or finer.samples is None:
-            return None
-        motions.append(finer.samples)
-    coarse, half, quarter = motions
-    first, whole, second = differences(coarse, half), differences(coarse, quarter), differences(half, quarter)
+    found: list[Array] = []
+    earlier: list[Array] = []
+    for times in (1, 2, 4):
+        comparison = Comparison(scenario, earlier, keep=times < 4)
+        if times == 1 and run.samples is not None:
+            comparison.write(run.samples)
+        else:
+            tell = progress and partial(progress, "finer steps")
+            options: Any = {"sinks": [comparison], "keep": False, "names": COMPARED, "progress": tell, "stop": stop}
+            if simulate(_finer(scenario, run, times), robot, **options).status == "interrupted":
+                return None
+        found += comparison.differences
+        earlier.append(comparison.motion)
+    first, whole, second = found
     joints: dict[str, JointError] = {}
     warnings = []
-    for j, joint in enumerate(coarse.joints):
+    for j, joint in enumerate(part.name for part in run.info.joints):
         order = _order(float(first[1, 0, j]), float(second[1, 0, j]))
         low = order < stepping.order - ORDER_TOLERANCE
         used = max(order, 0.5) if low else stepping.order
@@ -121,16 +129,48 @@ def _order(first: float, second: float) -> float:
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
-def differences(first: Samples, second: Samples) -> Array:
-    """Largest and root-mean-square differences of two motions over their common length, (2, quantities of `COMPARED`, joints of
-    `first`); NaN for quantities that a joint does not have."""
-    count = min(len(first.time), len(second.time))
-    found = np.full((2, len(COMPARED), len(first.joints)), np.nan)
-    for row, name in enumerate(COMPARED):
-        for j, joint in enumerate(first.joints):
-            there = second.values[name][:count, second.joints.index(joint)]
-            difference = np.abs(first.values[name][:count, j] - there)
-            difference = difference[~np.isnan(difference)]
-            if len(difference):
-                found[:, row, j] = difference.max(), np.sqrt(np.mean(difference**2))
-    return found
+class Comparison:
+    """A sink that compares a motion with earlier motions (samples, quantities of `COMPARED`, joints), chunk by chunk. With
+    `keep`, the motion is stored."""
+
+    def __init__(self, scenario: Scenario, earlier: Sequence[Array], *, keep: bool) -> None:
+        self._earlier, self._keep, self._count = tuple(earlier), keep, 0
+        self._samples = scenario.steps // scenario.log_every + 1
+        self._stored = np.empty((0, 0, 0))
+        self._found: list[tuple[Array, Array, Array]] = []
+        """Largest difference, sum of squared differences and number of differences, for each earlier motion."""
+
+    def write(self, samples: Samples) -> None:
+        """Compare the next samples."""
+        for begin in range(0, len(samples.time), BLOCK):
+            part = slice(begin, begin + BLOCK)
+            self._add(np.stack([samples.values[name][part] for name in COMPARED], axis=1))
+
+    def _add(self, rows: Array) -> None:
+        shape = rows.shape[1:]
+        if not self._count:
+            self._found = [(np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)) for _ in self._earlier]
+            self._stored = np.empty((self._samples if self._keep else 0, *shape))
+        part = slice(self._count, self._count + len(rows))
+        self._count = part.stop
+        for other, (largest, squares, number) in zip(self._earlier, self._found, strict=True):
+            # The earlier motion may be shorter, if that run diverged.
+            beside = other[part]
+            difference = np.abs(beside - rows[: len(beside)])
+            largest[:] = np.fmax(largest, np.fmax.reduce(difference, axis=0, initial=np.nan))
+            squares += np.nansum(difference**2, axis=0)
+            number += np.isfinite(difference).sum(axis=0)
+        if self._keep:
+            self._stored[part] = rows
+
+    @property
+    def motion(self) -> Array:
+        """The stored motion."""
+        return self._stored[: self._count]
+
+    @property
+    def differences(self) -> list[Array]:
+        """Largest and root-mean-square differences from each earlier motion, (2, quantities, joints), over the common length;
+        NaN for quantities that a joint does not have. Empty if the run has no samples."""
+        with np.errstate(invalid="ignore"):
+            return [np.stack([largest, np.sqrt(squares / number)]) for largest, squares, number in self._found]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,9 +13,9 @@ import numpy as np
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
-from asrsim.samples import RunInfo, Samples
+from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.certify import COMPARED, differences
+from asrsim.simulation.certify import COMPARED, Comparison
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.run import Run, simulate
@@ -56,32 +56,34 @@ def require_other_engine(scenario: Scenario) -> str:
 def cross_check(
     scenario: Scenario,
     info: RunInfo,
-    logged: Samples,
+    chunks: Iterable[Samples],
     robot: Robot | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, Any]:
     """Repeat a run in another engine and compare the motions.
 
-    info, logged: description and samples of the run, with the quantities of `COMPARED`. robot: the robot as read from its file.
-    progress: function that receives the name of the engine and its simulated time. Returns plain values for JSON: both engines
-    and the versions of their libraries; whether bodies may touch; the differences of each joint (rad, m; N m, N; None for a
-    joint without drive); `finding`: description of a fault, empty if the engines agree or may differ; `note`: explanation of
-    the differences. Raises SimulationError if there is no other engine.
+    info, chunks: description and samples of the run, with the quantities of `COMPARED`; `chunks` is iterated once. robot: the
+    robot as read from its file. progress: function that receives the name of the engine and its simulated time. Returns plain
+    values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences of each joint
+    (rad, m; N m, N; None for a joint without drive); `finding`: description of a fault, empty if the engines agree or may
+    differ; `note`: explanation of the differences. Raises SimulationError if there is no other engine.
     """
     other = require_other_engine(scenario)
     same = scenario
     if not STEPPINGS.get(scenario.stepping).released:
         same = replace(scenario, substeps=int(info.metadata["substeps"]), motor_substeps=int(info.metadata["motor_substeps"]))
-    names = logged.joints
+    names = [joint.name for joint in info.joints]
     found = np.full((2, len(COMPARED), len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
+    logged = Comparison(same, [], keep=True)
+    for chunk in chunks:
+        logged.write(chunk)
     try:
-        again = _repeated(prepare(replace(same, engine=other), robot), progress and partial(progress, other))
-        version = again.info.metadata["engine_version"]
-        if again.samples is not None:
-            found = differences(logged, again.samples)
+        repeated = prepare(replace(same, engine=other), robot)
+        version = repeated.info.metadata["engine_version"]
+        again, found = _differences(repeated, logged.motion, progress and partial(progress, other))
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -93,10 +95,9 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        nudged = _repeated(_nudged(prepare(same, robot)), progress and partial(progress, "sensitivity"))
-        sensitivity = math.inf
-        if nudged.status != "diverged" and nudged.samples is not None:
-            sensitivity = float(differences(logged, nudged.samples)[0, 0].max())
+        nudged = _nudged(prepare(same, robot))
+        moved, effect = _differences(nudged, logged.motion, progress and partial(progress, "sensitivity"))
+        sensitivity = math.inf if moved.status == "diverged" else float(effect[0, 0].max())
         if difference <= SENSITIVE * sensitivity:
             note = (
                 f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
@@ -126,12 +127,15 @@ def _nudged(prepared: Prepared) -> Prepared:
     return prepared.started(Start(positions=positions))
 
 
-def _repeated(prepared: Prepared, progress: Callable[[float], None] | None) -> Run:
-    """A further run; if it diverges, the part before the divergence."""
+def _differences(prepared: Prepared, logged: Array, progress: Callable[[float], None] | None) -> tuple[Run, Array]:
+    """A further run, and its differences from the logged motion (see `Comparison.differences`). If the run diverges, the part
+    before the divergence."""
+    comparison = Comparison(prepared.scenario, [logged], keep=False)
     try:
-        return simulate(prepared, names=COMPARED, progress=progress)
+        run = simulate(prepared, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:
-        return error.run  # type: ignore[return-value]
+        run = error.run  # type: ignore[assignment]
+    return run, comparison.differences[0] if comparison.differences else np.full((2, *logged.shape[1:]), np.nan)
 
 
 def _size(value: float) -> float:

@@ -9,7 +9,6 @@ import struct
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
 from operator import itemgetter
 
 import numpy as np
@@ -76,9 +75,7 @@ class LiveTwin:
     def run(self, *, stop: Callable[[], bool]) -> None:
         """Follow the robot until `stop` returns True or the duration is over. Raises InputError if a transport is missing."""
         pace = Pace(1.0)
-        with ExitStack() as stack:
-            stack.callback(self._twin.close)
-            transports = stack.enter_context(opened(self._names, self.interface, self._access, self._tell))
+        with self._twin, opened(self._names, self.interface, self._access, self._tell) as transports:
             self._tell(f"waiting for positions on {self.interface.inlets[-1].name}")
             commands = deque[Received](maxlen=MOST_COMMANDS)
             while not stop() and (self._duration is None or pace.ticks * self._step < self._duration):
@@ -145,17 +142,14 @@ class LiveTwin:
         self.steps += 1
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
-        self._report_alarms(found)
+        for number in np.flatnonzero(found.alarm).tolist():
+            # Only the first alarm after a while is reported.
+            if self.time - self._alarm_ends[number] > QUIET:
+                self.alarms += 1
+                self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[number]}")
+            self._alarm_ends[number] = self.time
         for note in found.notes:
             self._tell(note)
-
-    def _report_alarms(self, found: TwinStep) -> None:
-        """Report alarms of joints that had no alarm for a while."""
-        for joint in np.flatnonzero(found.alarm).tolist():
-            if self.time - self._alarm_ends[joint] > QUIET:
-                self.alarms += 1
-                self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[joint]}")
-            self._alarm_ends[joint] = self.time
 
 
 def _values(message: Received, names: Iterable[str]) -> Array:

@@ -16,7 +16,6 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.observation import Observation
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.worlds import Worlds
@@ -152,9 +151,17 @@ class Twin:
         self._measure_noise(positions, notes)
         # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
         positions = np.clip(positions, *self._stops)
-        if self._steps == 0 or (lost & np.isfinite(positions)).any():
+        begins = self._steps == 0 or bool((lost & np.isfinite(positions)).any())
+        state = self.worlds.observe()
+        distances = positions - state.link_position[0]
+        for joint, distance in () if begins else zip(self.joints, distances.tolist(), strict=True):
+            if abs(distance) > JUMP:
+                why = "another robot, a motor that is off, or a wrong command?"
+                text = f"the robot is {distance:+.2g} from its twin ({why}): the twin is set to the robot's position"
+                self._note(f"{joint}: {text}", notes)
+        if begins or (np.abs(distances) > JUMP).any():
             self._place(positions)
-        state = self._corrected(positions, notes)
+            state = self.worlds.observe()
         error = positions - state.link_position
         torques = self._pull(error, state.link_position[0])
         self.worlds.advance()
@@ -201,22 +208,6 @@ class Twin:
             self.worlds.set_reference(joint, reference, value)
         self._observer.restart()
         self._settled = self._steps + round(SETTLE / self._step)
-
-    def _corrected(self, positions: Array, notes: list[str]) -> Observation:
-        """States of the twin and of its copies. If a link is further than `JUMP` from its measured position, the twin is set to
-        the robot's positions.
-        """
-        state = self.worlds.observe()
-        error = positions - state.link_position[0]
-        if not (np.abs(error) > JUMP).any():
-            return state
-        for joint, distance in zip(self.joints, error, strict=True):
-            if abs(distance) > JUMP:
-                why = "another robot, a motor that is off, or a wrong command?"
-                text = f"the robot is {distance:+.2g} from its twin ({why}): the twin is set to the robot's position"
-                self._note(f"{joint}: {text}", notes)
-        self._place(positions)
-        return self.worlds.observe()
 
     def _pull(self, error: Array, links: Array) -> Array:
         """Apply the torques that reduce the position errors; return the torques that the models lack (worlds, n), N m. links:
