@@ -11,7 +11,7 @@ from typing import Any
 import asrsim
 from asrsim.actuators import MODES
 from asrsim.document.block import Block
-from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf, Optional
+from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf
 from asrsim.metrics.measures import MEASURES
 from asrsim.recordings.reading import READING, TIME
 from asrsim.scenario.data import KEYS, VARIANTS
@@ -57,7 +57,7 @@ def _blocks() -> dict[str, Block[Any]]:
             places.setdefault(id(kind), ([], kind))[0].append(place)
             for key in kind.keys:
                 walk(key.kind, f"{place}.{key.name}")
-        for inner in (kind.kind,) if isinstance(kind, Optional) else kind.options if isinstance(kind, Either) else ():
+        for inner in kind.options if isinstance(kind, Either) else ():
             walk(inner, place)
         if isinstance(kind, ListOf | MapOf):
             walk(kind.of, place + ("[]" if isinstance(kind, ListOf) else f".<{kind.noun}>"))

@@ -17,7 +17,7 @@ from asrsim.errors import InputError, Problem
 
 SENSORS = "sensors"
 """Key of `choose` that lists sensors; all other keys are gains."""
-_RANGE = Either((ListOf(of=NUMBER, length=2, names=("low", "high")), POSITIVE))
+_RANGE = Either((ListOf(of=NUMBER, names=("low", "high")), POSITIVE))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
-from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt, merge_items
+from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
-from asrsim.errors import InputError, Problem, nearest
+from asrsim.errors import InputError, nearest
 
 T = TypeVar("T")
 
@@ -70,19 +70,19 @@ class Block(Kind[T], Generic[T]):
     """Constructor, called with a keyword argument for every key. Its InputErrors are reported at this block."""
     noun: str = "mapping"
     doc: str = ""
-    may_be_empty: bool = True
     main: str = ""
     """Main key: a value that is no mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
     read_before: tuple[str, ...] = ()
     """Further valid keys, which other code reads; messages list them too."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T:
-        if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
+        if node.value is None and not any(key.required for key in self.keys):
             node = Node({}, node.line, None, node.file)
         node = self.opened(node)
         if not isinstance(node.value, dict):
             raise reading.fault(node, path, f"must be a mapping ({', '.join(self.names)})", code="type")
-        good, arguments = True, {}
+        arguments: dict[str, Any] = {}
+        before = len(reading.problems)
         known = (*self.names, *self.read_before)
         for name, item in node.value.items():
             if name not in self.names:
@@ -91,28 +91,24 @@ class Block(Kind[T], Generic[T]):
                     show=False,
                 )  # fmt: skip
                 reading.unread.append((*path, nearest(name, known) or name))
-                good = False
         for key in self.keys:
             if not (key.required or key.spread):
                 arguments[key.argument] = key.default
             given = node.value.get(key.name)
             if given is None and key.required:
-                message, hint = f"the key '{key.name}' is missing", key.doc or None
-                reading.fault(node, path, message, hint=hint, code="missing-key", show=False)
+                message = f"the key '{key.name}' is missing"
+                reading.fault(node, path, message, hint=key.doc, code="missing-key", show=False)
                 reading.unread.append((*path, key.name))
-                good = False
             elif given is not None and (given.value is not None or key.required):
                 found = attempt(key.kind, given, (*path, key.name), reading)
-                good = good and found is not None
                 if found is not None:
                     arguments.update(found[0] if key.spread else {key.argument: found[0]})
         # A block that is read into a plain mapping keeps its valid keys.
-        if not good and self.build is not dict:
+        if len(reading.problems) > before and self.build is not dict:
             raise Rejected
         return self._built(arguments, node, path, reading)
 
     def opened(self, node: Node) -> Node:
-        """Node as a mapping; a value that is not a mapping becomes that of the main key."""
         if not self.main or isinstance(node.value, dict):
             return node
         return Node({self.main: node}, node.line, {self.main: node.line}, node.file)
@@ -122,24 +118,18 @@ class Block(Kind[T], Generic[T]):
             return self.build(**arguments)
         except InputError as error:
             for problem in error.problems:
+                head, *inner = (problem.key or "").split(".")
+                own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
+                # Keys inside another file are no keys of this document; they stay in the message.
+                elsewhere = problem.file is not None
                 item, place = node, path
-                for name in self._place(problem):
+                for name in own if elsewhere or not own else (*own, *inner):
                     item, place = dict(item.items()).get(name, item), (*place, name)
-                # A problem of another file keeps its key in the message.
-                own = problem.key if problem.file is not None else None
-                message = str(dataclasses.replace(problem, key=own, choices=(), hint=None, value=None))
+                inner_key = problem.key if elsewhere else None
+                message = str(dataclasses.replace(problem, key=inner_key, choices=(), hint=None, value=None))
                 key = ".".join(place) or None
                 reading.problems.append(dataclasses.replace(problem, message=message, file=item.file, line=item.line, key=key))
             raise Rejected from None
-
-    def _place(self, problem: Problem) -> list[str]:
-        """Path inside the block of the value with a problem; empty if the problem is about the whole block."""
-        head, *inner = (problem.key or "").split(".")
-        name = next((key.name for key in self.keys if head in (key.argument, key.name)), None)
-        if name is None:
-            return []
-        # Keys inside another file are no keys of this document.
-        return [name] if problem.file is not None else [name, *inner]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -149,35 +139,29 @@ class Block(Kind[T], Generic[T]):
     def schema(self) -> Schema:
         required = [key.name for key in self.keys if key.required]
         schema: Schema = {
-            "type": "object" if required or not self.may_be_empty else ["object", "null"],
+            "type": "object" if required else ["object", "null"],
             "properties": {key.name: key.schema() for key in self.keys},
+            "required": required,
             "additionalProperties": False,
         }
-        if required:
-            schema["required"] = required
-        if self.main:
-            schema = {"anyOf": [*(key.kind.schema() for key in self.keys if key.name == self.main), schema]}
-        if self.doc:
-            schema["description"] = self.doc
-        return schema
+        if (main := self.part(self.main)) is not None:
+            schema = {"anyOf": [main.kind.schema(), schema]}
+        return {**schema, "description": self.doc} if self.doc else schema
 
     @property
     def text(self) -> str:
-        main = "".join(f"{key.kind.text}, or " for key in self.keys if key.name == self.main)
-        return main + self.noun
+        main = self.part(self.main)
+        return self.noun if main is None else f"{main.kind.text}, or {self.noun}"
 
     def fits(self, node: Node) -> bool:
-        return isinstance(node.value, dict)
+        main = self.part(self.main)
+        return isinstance(node.value, dict) or (main is not None and main.kind.fits(node))
 
     def part(self, name: str) -> Key | None:
         return next((key for key in self.keys if key.name == name), None)
 
-    def chosen(self, node: Node) -> Kind[Any]:
-        main = None if isinstance(node.value, dict) else self.part(self.main)
-        return self if main is None else main.kind.chosen(node)
-
     def merge(self, base: Node, over: Node) -> Node:
-        return merge_items(self.opened(base), self.opened(over), self.part)
+        return super().merge(self.opened(base), self.opened(over))
 
 
 def block_of(cls: Callable[..., T], noun: str, *, main: str = "") -> Block[T]:

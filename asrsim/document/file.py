@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from asrsim.document.block import Block
+from asrsim.document.kinds import attempt
 from asrsim.document.node import Node
-from asrsim.document.reading import DocumentReading, Rejected
+from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 
@@ -54,10 +55,8 @@ def kind_of(path: Path, root: Node | None = None) -> str | None:
     if kind := ENDINGS.get(path.suffix.lower()):
         return kind
     if root is None and path.suffix.lower() in DOCUMENTS:
-        try:
+        with suppress(InputError):
             root, _ = read_yaml(path)
-        except InputError:
-            return None
     keys: Collection[str] = root.value if root is not None and isinstance(root.value, dict) else ()
     return next((kind for kind, known in KEYS.items() if known.intersection(keys)), None)
 
@@ -75,13 +74,15 @@ def read_document(
     path: Path, wanted: str, *, error: type[InputError] = InputError, faults: list[Problem] | None = None
 ) -> tuple[Node, str]:
     """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects files of another kind."""
-    other = mistaken(path, wanted) if path.suffix.lower() not in DOCUMENTS else None
-    if other is not None:
-        raise error([other])
+
+    def require(root: Node | None = None) -> None:
+        if (other := mistaken(path, wanted, root)) is not None:
+            raise error([other])
+
+    if path.suffix.lower() not in DOCUMENTS:
+        require()
     root, text = read_yaml(path, error=error, faults=faults)
-    other = mistaken(path, wanted, root)
-    if other is not None:
-        raise error([other])
+    require(root)
     return root, text
 
 
@@ -90,9 +91,7 @@ def read_file(block: Block[T], path: Path) -> T:
     faults: list[Problem] = []
     root, _ = read_document(path, block.noun, faults=faults)
     reading = DocumentReading(base=path.parent)
-    found: T | None = None
-    with suppress(Rejected):
-        found = block.read(root, (), reading)
+    found = attempt(block, root, (), reading)
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
-    return found
+    return found[0]

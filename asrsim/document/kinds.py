@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import re
+import operator
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -38,6 +38,11 @@ class Kind(ABC, Generic[T_co]):
     def text(self) -> str:
         """Short description for messages and for tables in the documentation."""
 
+    def wrong(self, node: Node, path: KeyPath, reading: DocumentReading, addition: str = "") -> Rejected:
+        """Exception for a value that is not of this kind, whose problem is recorded. addition: end of the message."""
+        article = "" if self.text.startswith(("text", "true", "`")) else "a "
+        return reading.fault(node, path, f"must be {article}{self.text}{addition}", code="type")
+
     def part(self, name: str) -> Key | None:
         """Key of an entry of a mapping, or of an entry of a list by its index; None if there can be no such entry."""
         return None
@@ -46,13 +51,28 @@ class Kind(ABC, Generic[T_co]):
         """Kind that reads this node: the alternative that fits the node, if the kind has alternatives."""
         return self
 
+    def opened(self, node: Node) -> Node:
+        """Node as a mapping, if its value is the short form of a mapping."""
+        return node
+
     def fits(self, node: Node) -> bool:
         """Whether the type of the YAML value (scalar, list or mapping) is one that this kind reads."""
         return not isinstance(node.value, dict | list)
 
     def merge(self, base: Node, over: Node) -> Node:
-        """Value of a variant: `over`; if the kind has parts, the parts of `over` replace those of `base`."""
-        return over
+        """Value of a variant: `over`, or for two mappings `base` with the keys of `over`. Null in `over` removes a key."""
+        if not isinstance(base.value, dict) or not isinstance(over.value, dict):
+            return over
+        items = dict(base.value)
+        lines = dict(base.key_lines or {})
+        for name, value in over.value.items():
+            lines[name] = over.key_line(name)
+            if value.value is None:
+                items.pop(name, None)
+                continue
+            key = self.part(name)
+            items[name] = key.kind.merge(items[name], value) if key is not None and name in items else value
+        return Node(items, over.line if over.line is not None else base.line, lines, over.file or base.file)
 
 
 REQUIRED: Any = object()
@@ -91,7 +111,7 @@ class Key:
         schema = self.kind.schema()
         if self.default is None:
             schema = {"anyOf": [schema, {"type": "null"}]}
-        elif isinstance(self.default, bool | int | float | str):
+        elif isinstance(self.default, int | float | str):
             schema = {**schema, "default": self.default}
         return {**schema, "description": self.doc + (f" Unit: {self.unit}." if self.unit else "")}
 
@@ -113,6 +133,7 @@ def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:
 def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Kind[Any], Node]]:
     """Tuples (path, kind, node) of a node and of all nodes inside it whose kinds are declared."""
     kind = kind.chosen(node)
+    node = kind.opened(node)
     yield path, kind, node
     for name, item in node.items() if kind.fits(node) else ():
         key = kind.part(name)
@@ -120,15 +141,20 @@ def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyP
             yield from walk(key.kind, item, (*path, name))
 
 
+_LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
+    "minimum": (">=", operator.ge), "exclusiveMinimum": (">", operator.gt), "maximum": ("<=", operator.le),
+}  # fmt: skip
+"""Sign and comparison of each kind of limit, by its name in JSON Schema."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Number(Kind[float]):
-    """Kind of value: a real number, finite unless `finite` is False."""
+    """Kind of value: a finite real number."""
 
     minimum: float | None = None
     above: float | None = None
     """Exclusive lower limit."""
     maximum: float | None = None
-    finite: bool = True
     noun: ClassVar[str] = "number"
     json_type: ClassVar[str] = "number"
 
@@ -137,31 +163,26 @@ class Number(Kind[float]):
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         value = node.value
-        if not self.finite and value in ("inf", "+inf", "-inf"):
-            value = float(str(value))
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise reading.fault(node, path, f"must be a {self.noun}", code="type")
-        number = float(value) if isinstance(value, float) or abs(value) < 1 << 1023 else math.inf  # larger integers overflow
-        if math.isnan(number) or (self.finite and math.isinf(number)):
+            raise self.wrong(node, path, reading)
+        if not abs(value) <= sys.float_info.max:  # infinities, NaN, and integers that overflow
             raise reading.fault(node, path, "must be a finite number", code="range")
-        if (
-            (self.minimum is not None and number < self.minimum)
-            or (self.above is not None and number <= self.above)
-            or (self.maximum is not None and number > self.maximum)
-        ):
-            raise reading.fault(node, path, f"must be a {self.text}", code="range")
-        return number
+        if not all(_LIMITS[name][1](value, limit) for name, limit in self._limits.items()):
+            raise self.wrong(node, path, reading)
+        return float(value)
 
     def schema(self) -> Schema:
-        limits = {"minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum}
-        schema = {"type": self.json_type, **{key: value for key, value in limits.items() if value is not None}}
-        return schema if self.finite else {"anyOf": [schema, {"enum": ["inf", "+inf", "-inf"]}]}
+        return {"type": self.json_type, **self._limits}
 
     @property
     def text(self) -> str:
-        limits = ((">=", self.minimum), (">", self.above), ("<=", self.maximum))
-        bounds = [f"{sign} {limit:g}" for sign, limit in limits if limit is not None]
+        bounds = [f"{_LIMITS[name][0]} {limit:g}" for name, limit in self._limits.items()]
         return " ".join([self.noun, " and ".join(bounds)]).strip()
+
+    @property
+    def _limits(self) -> dict[str, float]:
+        limits = {"minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum}
+        return {name: limit for name, limit in limits.items() if limit is not None}
 
 
 NUMBER = Number()
@@ -177,9 +198,8 @@ class Integer(Number):
     json_type = "integer"
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> int:
-        if isinstance(node.value, float) and not node.value.is_integer():
-            raise reading.fault(node, path, f"must be a {self.noun}", code="type")
-        super().read(node, path, reading)
+        if not super().read(node, path, reading).is_integer():
+            raise self.wrong(node, path, reading)
         return int(cast("float", node.value))
 
 
@@ -191,7 +211,7 @@ class Boolean(Kind[bool]):
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> bool:
         if not isinstance(node.value, bool):
-            raise reading.fault(node, path, "must be true or false", code="type")
+            raise self.wrong(node, path, reading)
         return node.value
 
     def schema(self) -> Schema:
@@ -202,23 +222,17 @@ class Boolean(Kind[bool]):
 class Text(Kind[str]):
     """Kind of value: non-empty text."""
 
-    noun: str = "text"
-    """Noun for the text, for messages and tables."""
+    text: str = "text"
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
-        if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
-            return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
+        if isinstance(node.value, int | float):  # for example 1 or true as the name of a joint
+            return str(node.value).lower()
         if not isinstance(node.value, str) or not node.value.strip():
-            article = "the " if self.noun.startswith("name") else ""
-            raise reading.fault(node, path, f"must be {article}{self.noun}", code="type")
+            raise self.wrong(node, path, reading)
         return node.value
 
     def schema(self) -> Schema:
         return {"type": ["string", "number", "boolean"]}
-
-    @property
-    def text(self) -> str:
-        return self.noun
 
 
 @dataclass(frozen=True)
@@ -240,10 +254,9 @@ class Choice(Kind[str]):
         return tuple(self.options() if callable(self.options) else self.options)
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
-        value = str(node.value) if isinstance(node.value, str | int) and not isinstance(node.value, bool) else None
-        words = self.words
+        value, words = str(node.value), self.words
         if value not in words:
-            hint = did_you_mean(str(node.value), words) or self.missing or None
+            hint = did_you_mean(value, words) or self.missing or None
             raise reading.fault(node, path, "is not one of the choices", choices=words, hint=hint, code="choice")
         return value
 
@@ -270,7 +283,7 @@ class File(Kind[Path]):
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-            raise reading.fault(node, path, f"must be the path of a {self.noun}", code="type")
+            raise self.wrong(node, path, reading)
         place = reading.locate(node.value, folder=self.folder)
         if not self.exists:
             return place
@@ -296,35 +309,23 @@ class File(Kind[Path]):
 
 
 @dataclass(frozen=True)
-class Optional(Kind[T | None], Generic[T]):
-    """Kind of value: a value or null. `word`, such as none, may stand for null."""
+class Null(Kind[None]):
+    """Kind of value: null, or a word that stands for null, such as none. It precedes the other kinds of an `Either`."""
 
-    kind: Kind[T]
     word: str | None = None
 
-    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T | None:
-        if node.value is None or (self.word is not None and node.value == self.word):
-            return None
-        return self.kind.read(node, path, reading)
+    def fits(self, node: Node) -> bool:
+        return node.value in (None, self.word)
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> None:
+        return None
 
     def schema(self) -> Schema:
-        return {"anyOf": [self.kind.schema(), {"enum": [None, self.word] if self.word else [None]}]}
+        return {"enum": [None, self.word] if self.word else [None]}
 
     @property
     def text(self) -> str:
-        return self.kind.text + (f" or `{self.word}`" if self.word else "")
-
-    def fits(self, node: Node) -> bool:
-        return node.value is None or self.kind.fits(node)
-
-    def part(self, name: str) -> Key | None:
-        return self.kind.part(name)
-
-    def chosen(self, node: Node) -> Kind[Any]:
-        return self.kind.chosen(node)
-
-    def merge(self, base: Node, over: Node) -> Node:
-        return self.kind.merge(base, over)
+        return f"`{self.word}`" if self.word else "null"
 
 
 def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: DocumentReading) -> tuple[T] | None:
@@ -342,18 +343,15 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
 
     of: Kind[T]
     minimum: int = 0
-    length: int | None = None
-    """Exact length; None: any length."""
     names: tuple[str, ...] = ()
-    """Names of the entries of a list with fixed length, for messages and tables."""
+    """Names of the entries of a list with fixed length; empty for a list of any length."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> tuple[T, ...]:
         if not isinstance(node.value, list):
-            raise reading.fault(node, path, f"must be a {self.text}", code="type")
-        if self.length is not None and len(node.value) != self.length:
-            raise reading.fault(node, path, f"must be a {self.text}, but has {len(node.value)} entries", code="length")
-        if len(node.value) < self.minimum:
-            raise reading.fault(node, path, f"needs at least {self.minimum} entries", code="length")
+            raise self.wrong(node, path, reading)
+        count = len(node.value)
+        if count < self.minimum or (self.names and count != len(self.names)):
+            raise self.wrong(node, path, reading, f", but has {count} entries")
         results = [attempt(self.of, item, (*path, str(index)), reading) for index, item in enumerate(node.value)]
         read = tuple(result[0] for result in results if result is not None)
         if len(read) < len(results):
@@ -361,21 +359,12 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
         return read
 
     def schema(self) -> Schema:
-        schema: Schema = {"type": "array", "items": self.of.schema()}
-        lowest = self.length if self.length is not None else self.minimum
-        if lowest:
-            schema["minItems"] = lowest
-        if self.length is not None:
-            schema["maxItems"] = self.length
-        return schema
+        schema: Schema = {"type": "array", "items": self.of.schema(), "minItems": len(self.names) or self.minimum}
+        return {**schema, "maxItems": len(self.names)} if self.names else schema
 
     @property
     def text(self) -> str:
-        if self.names:
-            return f"list [{', '.join(self.names)}]"
-        several = re.sub(r"^(whole )?\w+", r"\g<0>s", self.of.text)
-        several = re.sub(r"^names of an? (\w+)$", r"names of \1s", several)
-        return f"list of {several}" if self.length is None else f"list of {self.length} {several}"
+        return f"list [{', '.join(self.names or (self.of.text, '...'))}]"
 
     def fits(self, node: Node) -> bool:
         return isinstance(node.value, list)
@@ -400,10 +389,9 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         if node.value is None:
             return {}
         if not isinstance(node.value, dict):
-            if self.bare and self.of.chosen(node).fits(node):
+            if self.bare and self.of.fits(node):
                 return {"*": self.of.read(node, path, reading)}
-            article = "" if self.bare else "a "
-            raise reading.fault(node, path, f"must be {article}{self.text}", code="type")
+            raise self.wrong(node, path, reading)
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
             raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)
@@ -423,11 +411,8 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     def part(self, name: str) -> Key | None:
         return Key(name="", kind=self.of)
 
-    def chosen(self, node: Node) -> Kind[Any]:
-        return self.of.chosen(node) if self.bare and not isinstance(node.value, dict) else self
-
-    def merge(self, base: Node, over: Node) -> Node:
-        return merge_items(base, over, self.part)
+    def opened(self, node: Node) -> Node:
+        return Node({"*": node}) if self.bare and not isinstance(node.value, dict) else node
 
 
 @dataclass(frozen=True)
@@ -441,7 +426,7 @@ class Either(Kind[Any]):
         for kind in self.options:
             if kind.fits(node):
                 return kind.read(node, path, reading)
-        raise reading.fault(node, path, f"must be {self.text}", code="type")
+        raise self.wrong(node, path, reading)
 
     def schema(self) -> Schema:
         return {"anyOf": [kind.schema() for kind in self.options]}
@@ -450,28 +435,11 @@ class Either(Kind[Any]):
     def text(self) -> str:
         return ", or ".join(kind.text for kind in self.options)
 
+    def fits(self, node: Node) -> bool:
+        return any(kind.fits(node) for kind in self.options)
+
     def part(self, name: str) -> Key | None:
         return next((key for kind in self.options if (key := kind.part(name)) is not None), None)
 
     def chosen(self, node: Node) -> Kind[Any]:
         return next((kind.chosen(node) for kind in self.options if kind.fits(node)), self)
-
-    def merge(self, base: Node, over: Node) -> Node:
-        kind = self.chosen(over)
-        return kind.merge(base, over) if kind is not self and kind is self.chosen(base) else over
-
-
-def merge_items(base: Node, over: Node, part: Callable[[str], Key | None]) -> Node:
-    """Mapping `base` with the keys of `over`. A null value in `over` removes the key. part: declaration of each key."""
-    if not isinstance(base.value, dict) or not isinstance(over.value, dict):
-        return over
-    items = dict(base.value)
-    lines = dict(base.key_lines or {})
-    for name, value in over.value.items():
-        lines[name] = over.key_line(name)
-        if value.value is None:
-            items.pop(name, None)
-            continue
-        key = part(name)
-        items[name] = key.kind.merge(items[name], value) if key is not None and name in items else value
-    return Node(items, over.line if over.line is not None else base.line, lines, over.file or base.file)

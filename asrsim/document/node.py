@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from asrsim.errors import listed
+
 Value: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] | None"
 
 
@@ -47,8 +49,7 @@ class Node:
         if isinstance(self.value, dict):
             return "{" + ", ".join(self.value) + "}" if self.value else "{}"
         if isinstance(self.value, list):
-            items = [item.describe() for item in self.value[:6]]
-            return f"[{', '.join(map(str, items))}{', ...' if len(self.value) > 6 else ''}]"
+            return f"[{listed((item.describe() for item in self.value), 6)}]"
         return "nothing" if self.value is None else self.value
 
 
@@ -58,7 +59,7 @@ def node_from_data(data: object) -> Node:
         return Node({str(key): node_from_data(value) for key, value in data.items()})
     if isinstance(data, list | tuple):
         return Node([node_from_data(value) for value in data])
-    if data is None or isinstance(data, bool | int | float | str):
+    if data is None or isinstance(data, int | float | str):
         return Node(data)
     if hasattr(data, "item"):  # numpy scalars
         return Node(data.item())

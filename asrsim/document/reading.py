@@ -28,22 +28,23 @@ class DocumentReading:
     problems: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
     """Unique short name -> file that the document names; files in a folder have names `folder/file`."""
+    names: dict[Path, str] = field(default_factory=dict)
+    """Name of the attachment for each file or folder."""
     unread: list[KeyPath] = field(default_factory=list)
     """Paths of the invalid values, which are left out of the result."""
     renamed: dict[int, object] = field(default_factory=dict)
     """Name of the attachment for each node with a file name, by id of the node."""
 
-    def fault(self, node: Node | None, path: KeyPath, message: str, *, show: bool = True, **details: Any) -> Rejected:
+    def fault(self, node: Node, path: KeyPath, message: str, *, show: bool = True, **details: Any) -> Rejected:
         """Exception for an invalid value, whose problem is recorded. Callers raise it, or ignore it to continue.
 
         show: state the value in the message. details: further fields of the `Problem`, such as its code.
         """
-        place = node or Node(None)
-        own = {
-            "file": place.file, "line": place.line, "key": ".".join(path) or None, "code": "value",
-            "value": place.describe() if node is not None and show else None,
+        own: dict[str, Any] = {
+            "file": node.file, "line": node.line, "key": ".".join(path) or None, "code": "value",
+            "value": node.describe() if show else None,
         }  # fmt: skip
-        self.problems.append(Problem(message, **{**own, **details}))
+        self.problems.append(Problem(message, **(own | details)))
         return Rejected(message)
 
     def locate(self, text: str, *, folder: bool) -> Path:
@@ -53,23 +54,19 @@ class DocumentReading:
         inside = next((path for name, path in self.files.items() if name.startswith(f"{text}/")), None)
         if folder and inside is not None:
             return inside.parent
-        path = Path(text).expanduser()
-        return path if path.is_absolute() else self.base / path
+        return self.base / Path(text).expanduser()
 
     def attach(self, node: Node, path: Path) -> None:
         """Record that the document needs the file `path`, or the files of a folder (a bag). node: contains the name."""
-        folder = path.is_dir()
-        for name, known in self.attachments.items():
-            if known == path or (folder and known.parent == path and name.endswith(f"/{known.name}")):
-                self.renamed[id(node)] = name.rpartition("/")[0] if folder else name
-                return
-        taken = {name.partition("/")[0] for name in self.attachments}
-        name, count = path.name, 1
-        while name in taken:
-            count += 1
-            name = f"{path.stem}-{count}{path.suffix}"
-        if folder:
-            self.attachments |= {f"{name}/{file.name}": file for file in sorted(path.iterdir()) if file.is_file()}
-        else:
-            self.attachments[name] = path
-        self.renamed[id(node)] = name
+        if path not in self.names:
+            taken = {name.partition("/")[0] for name in self.attachments}
+            name, count = path.name, 1
+            while name in taken:
+                count += 1
+                name = f"{path.stem}-{count}{path.suffix}"
+            self.names[path] = name
+            if path.is_dir():
+                self.attachments |= {f"{name}/{file.name}": file for file in sorted(path.iterdir()) if file.is_file()}
+            else:
+                self.attachments[name] = path
+        self.renamed[id(node)] = self.names[path]

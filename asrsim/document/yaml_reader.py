@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.document.node import Node, Value
+from asrsim.document.node import Node
 from asrsim.errors import InputError, Problem, similar_file
 
 MAX_BYTES = 2_000_000
@@ -20,24 +21,20 @@ MAX_NODES = 200_000
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _HALF = re.compile("[\ud800-\udfff]")
-_WORDS: dict[str, bool | float | None] = {
-    spelling: value
-    for word, value in {
-        "null": None, "true": True, "false": False, ".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan,
-    }.items()
-    for spelling in (word, word.title(), word.upper())
-} | {"": None, "~": None}  # fmt: skip
-"""Values of unquoted words in the core schema of YAML 1.2."""
+_WORDS = {
+    "": None, "~": None, "null": None, "true": True, "false": False,
+    ".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan,
+}  # fmt: skip
+"""Values of unquoted words in the core schema of YAML 1.2, in lower case."""
 
-_TAG = "tag:yaml.org,2002:"
 _PLAIN = "plain"
 """Tag for scalars without quotes and tag, the only scalars that may be numbers, booleans or null."""
 
 
 def plain_scalar(text: str) -> bool | int | float | str | None:
     """Value of an unquoted scalar by the core schema of YAML 1.2: `1e-3` is a number, `on` and `yes` are text."""
-    if text in _WORDS:
-        return _WORDS[text]
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
     if _INTEGER.fullmatch(text):
         return int(text) if len(text) < 400 else float(text)
     return float(text) if _FLOAT.fullmatch(text) else text
@@ -46,8 +43,6 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
 def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[Problem] | None = None) -> tuple[Node, str]:
     """Root node and text of a YAML file. Raises `error` if the file is unreadable or invalid. faults: as in `parse_yaml`."""
     try:
-        if path.is_dir():
-            raise error("is a folder, not a file", file=path, code="no-file")
         # Pipes and devices have no size, so the number of bytes read is limited.
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -74,30 +69,18 @@ def parse_yaml(
     try:
         root = _composed(text)
         node = Node(None, 1) if root is None else converter.convert(root, 0)
-    except yaml.MarkedYAMLError as fault:
-        mark = fault.problem_mark or fault.context_mark
-        message = f"is not valid YAML: {fault.problem or fault.context}"
-        if "tab" in message or "'\\t'" in message:
-            message += " (indent with blanks, not tabs)"
-        raise error(message, file=file, line=mark.line + 1 if mark else None, code="yaml") from None
-    except yaml.YAMLError as fault:
-        raise error(f"is not valid YAML: {_reason(fault)}", file=file, code="yaml") from None
-    except (_Refused, RecursionError) as fault:
-        message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
-        raise error(message, file=file, code="yaml") from None
+    except (yaml.YAMLError, RecursionError, _Refused) as fault:
+        mark = getattr(fault, "problem_mark", None) or getattr(fault, "context_mark", None)
+        said = getattr(fault, "problem", None) or getattr(fault, "context", None) or " ".join(str(fault).split())
+        if isinstance(fault, RecursionError):
+            said = "it is nested too deeply"
+        tabs = " (indent with blanks, not tabs)" if "tab" in said or "'\\t'" in said else ""
+        raise error(f"is not valid YAML: {said}{tabs}", file=file, line=mark.line + 1 if mark else None, code="yaml") from None
     if faults is not None:
         faults += converter.problems
     elif converter.problems:
         raise error(converter.problems)
     return node
-
-
-def _reason(fault: Any) -> str:
-    """PyYAML's description of an invalid character or encoding, without the name that PyYAML gives to the text."""
-    character = getattr(fault, "character", None)
-    if isinstance(character, int):
-        return f"character {character:#06x} is not allowed"
-    return " ".join(str(fault).split())
 
 
 class _Refused(Exception):  # noqa: N818 - internal signal, not an error of the tree
@@ -115,25 +98,18 @@ class _Converter:
     def convert(self, node: Any, depth: int) -> Node:
         self.count += 1
         if self.count > MAX_NODES:
-            raise _Refused(f"has more than {MAX_NODES} values after expanding its aliases")
+            raise _Refused(f"it has more than {MAX_NODES} values after expanding its aliases")
         if depth > MAX_DEPTH:
-            raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
+            raise _Refused(f"it is nested more than {MAX_DEPTH} levels deep")
         line = node.start_mark.line + 1
-        if node.id == "scalar":
-            return Node(self._scalar(node, line), line, file=self.file)
-        if node.tag not in (_TAG + "seq", _TAG + "map"):
+        if node.tag not in ("", _PLAIN):
             self._complain(f"YAML tag {node.tag} is not supported", line)
+        if node.id == "scalar":
+            self._whole(node.value, line)
+            return Node(plain_scalar(node.value) if node.tag == _PLAIN else str(node.value), line, file=self.file)
         if node.id == "sequence":
             return Node([self.convert(item, depth + 1) for item in node.value], line, file=self.file)
         return self._mapping(node, line, depth)
-
-    def _scalar(self, node: Any, line: int) -> Value:
-        self._whole(str(node.value), line)
-        if node.tag == _PLAIN:
-            return plain_scalar(node.value)
-        if node.tag != _TAG + "str":
-            self._complain(f"YAML tag {node.tag} is not supported", line)
-        return str(node.value)
 
     def _mapping(self, node: Any, line: int, depth: int) -> Node:
         items: dict[str, Node] = {}
@@ -173,10 +149,8 @@ def _composed(text: str) -> Any:
     import yaml
 
     if yaml.__with_libyaml__:
-        try:
+        with suppress(yaml.YAMLError, UnicodeEncodeError):
             return _loader(yaml.CSafeLoader)(text).get_single_node()
-        except (yaml.YAMLError, UnicodeEncodeError):
-            pass
     return _loader(yaml.SafeLoader)(text).get_single_node()
 
 
@@ -190,14 +164,12 @@ def _loader(base: Any) -> Any:
         def descend_resolver(self, parent: Any, index: Any) -> None:
             self.depth += 1
             if self.depth > MAX_DEPTH:
-                raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
+                raise _Refused(f"it is nested more than {MAX_DEPTH} levels deep")
 
         def ascend_resolver(self) -> None:
             self.depth -= 1
 
         def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
-            if kind is yaml.ScalarNode:
-                return _PLAIN if implicit[0] else _TAG + "str"
-            return _TAG + ("seq" if kind is yaml.SequenceNode else "map")
+            return _PLAIN if kind is yaml.ScalarNode and implicit[0] else ""
 
     return Loader

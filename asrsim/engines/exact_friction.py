@@ -28,12 +28,13 @@ SLACK = 1e-12
 def settle(room: Any) -> None:
     """Compute `room.change`, the change of velocity in a step under the applied impulses, friction and stops.
 
-    `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
-    all forces except friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction;
-    `slowest` (v,) <= 0 and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the
-    states of the degrees of freedom, on entry those of the last step. Work space: `square` (v, v) and `push` (v,).
+    `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `diagonal` (v,), its
+    diagonal with implicit damping; `parent` (v,), see `asrsim.engines.rigid.Room`; `impulse` (v,) N m s of all forces except
+    friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction; `slowest` (v,) <= 0
+    and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the states of the degrees of
+    freedom, on entry those of the last step. Work space: `square` (v, v) and `push` (v,).
     """
-    size = len(room.bound)
+    size = room.freedoms
     for i in range(size):
         if room.bound[i] == 0.0 and abs(room.regime[i]) != AT_UPPER:
             room.regime[i] = POSITIVE
@@ -49,10 +50,13 @@ def solve_states(room: Any) -> None:
     A degree of freedom that does not slide has a prescribed velocity after the step: 0, or the velocity that reaches its stop.
     `room.push` becomes the impulse (N m s) of friction and stop that causes this velocity.
     """
-    matrix, change, regime, square, push = room.matrix, room.change, room.regime, room.square, room.push
-    size, prescribed = len(change), 0
+    matrix, diagonal, change, regime, push = room.matrix, room.diagonal, room.change, room.regime, room.push
+    size, prescribed = room.freedoms, 0
     for i in range(size):
         change[i] = 0.0
+        push[i] = room.impulse[i]
+        if room.bound[i] > 0.0:
+            push[i] += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
         if abs(regime[i]) != POSITIVE:
             prescribed += 1
             goal = 0.0
@@ -61,61 +65,61 @@ def solve_states(room: Any) -> None:
             elif regime[i] == AT_UPPER:
                 goal = room.fastest[i]
             change[i] = goal - room.velocity[i]
-    # The known changes replace the equations of the degrees of freedom with prescribed velocity.
-    for i in range(size):
-        for k in range(i + 1):
-            square[i, k] = matrix[i, k]
-        push[i] = room.impulse[i]
-        if room.bound[i] > 0.0:
-            push[i] += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
-        if prescribed > 0:
-            _isolate(room, i)
-    _solve(square, push)
+    # The known changes move to the right-hand side of the other equations.
+    for k in range(size):
+        if change[k] != 0.0:
+            for i in range(size):
+                push[i] -= matrix[i, k] * change[k]
+    _fill(room)
+    _solve(room.square, push, room.parent, size)
     for i in range(size):
         change[i] = push[i]
     for i in range(size if prescribed > 0 else 0):
         if abs(regime[i]) != POSITIVE:
             push[i] = -room.impulse[i]
             for k in range(size):
-                push[i] += matrix[i, k] * change[k]
+                push[i] += (diagonal[i] if k == i else matrix[i, k]) * change[k]
 
 
-def _isolate(room: Any, i: int) -> None:
-    """Replace the equation of degree of freedom `i` by its known change, if its velocity is prescribed. If the degree of
-    freedom slides, move the known changes to the right-hand side of its equation."""
-    change, regime, square = room.change, room.regime, room.square
-    slides = abs(regime[i]) == POSITIVE
-    for k in range(i):
-        if not slides or abs(regime[k]) != POSITIVE:
-            square[i, k] = 0.0
-    if not slides:
-        square[i, i] = 1.0
-        room.push[i] = change[i]
-        return
-    for k in range(len(change)):
-        room.push[i] -= room.matrix[i, k] * change[k]
+def _fill(room: Any) -> None:
+    """Set `room.square` and `room.push` to the equations of the degrees of freedom that slide, and to the known changes of the
+    others."""
+    matrix, square, regime, parent = room.matrix, room.square, room.regime, room.parent
+    for i in range(room.freedoms):
+        slides = abs(regime[i]) == POSITIVE
+        square[i, i] = room.diagonal[i] if slides else 1.0
+        if not slides:
+            room.push[i] = room.change[i]
+        k = parent[i]
+        while k >= 0:
+            square[i, k] = matrix[i, k] if slides and abs(regime[k]) == POSITIVE else 0.0
+            k = parent[k]
 
 
-def _solve(square: Any, values: Any) -> None:
-    """Solve a positive definite system in place, M = L^T D L. `square` holds the lower triangle of M.
+def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
+    """Solve a positive definite system in place, M = L^T D L. `square` holds the lower triangle of M, with zeros except for
+    pairs of degrees of freedom of which one carries the other.
 
-    The elimination begins at the last joint (Featherstone 2008, ch. 8.5): zeros between independent branches of a robot remain
-    zeros, and are skipped.
+    The elimination begins at the last joint, so that these zeros remain zeros (Featherstone 2008, ch. 8.5).
     """
-    size = len(values)
     for a in range(size - 1, -1, -1):
         inverse = 1.0 / square[a, a]
-        for b in range(a - 1, -1, -1):
-            if square[a, b] != 0.0:
-                factor = square[a, b] * inverse
-                for c in range(b + 1):
-                    square[b, c] -= factor * square[a, c]
-                square[a, b] = factor
-                values[b] -= factor * values[a]
+        b = parent[a]
+        while b >= 0:
+            factor = square[a, b] * inverse
+            c = b
+            while c >= 0:
+                square[b, c] -= factor * square[a, c]
+                c = parent[c]
+            square[a, b] = factor
+            values[b] -= factor * values[a]
+            b = parent[b]
         values[a] *= inverse
-    for a in range(1, size):
-        for b in range(a):
+    for a in range(size):
+        b = parent[a]
+        while b >= 0:
             values[a] -= square[a, b] * values[b]
+            b = parent[b]
 
 
 def _swap(room: Any, single: bool) -> bool:
@@ -123,7 +127,7 @@ def _swap(room: Any, single: bool) -> bool:
     only the first of these states. Returns whether any state changed."""
     changed = False
     regime = room.regime
-    for i in range(len(regime)):
+    for i in range(room.freedoms):
         before = regime[i]
         if abs(before) == POSITIVE:
             regime[i] = _state_by_velocity(room, i, room.velocity[i] + room.change[i])

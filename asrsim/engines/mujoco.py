@@ -127,7 +127,7 @@ class MujocoEngine(RigidEngine):
         model = self.model
         room = make_room(
             self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=model.at_q, joint_v=model.at_v,
-            free=self._free,
+            free=self._free, parent=self._m.dof_parentid,
         )  # fmt: skip
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, model.places)
 

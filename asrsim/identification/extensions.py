@@ -172,8 +172,8 @@ def extended(
 
 def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
-    commands = [one for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold]
-    for key in dict.fromkeys(one.key for one in commands):
+    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
+    for key in smooth:
         if key not in problem.playing.staircases:
             yield Extension(staircase=key, begins=((),), share=STAIRS, clear=0.0)
 
@@ -191,8 +191,12 @@ def presliding(problem: Problem, _: Array) -> Iterator[Extension]:
                 level = key.replace("stiffness", "torque")
                 groups.setdefault(tied.get(level, level), []).append(key)
     for first, *others in groups.values():
-        ties = tuple(Tie(key=key, to=first) for key in others)
         yield Extension(
-            parameters=(known[first],), ties=ties, begins=tuple(np.log(FACTORS)), restepped=True, share=1.0, clear=0.0,
-            excess=MUCH,
+            parameters=(known[first],), ties=tied_to(first, others), begins=tuple(np.log(FACTORS)), restepped=True, share=1.0,
+            clear=0.0, excess=MUCH,
         )  # fmt: skip
+
+
+def tied_to(first: str, others: Iterable[str]) -> tuple[Tie, ...]:
+    """Ties of other parameters to the parameter with the key `first`."""
+    return tuple(Tie(key=key, to=first) for key in others)

@@ -118,8 +118,7 @@ def fits_noise(problem: Problem, x: Array) -> bool:
 
 def is_explained(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
-    left = differences(problem, x)
-    return all(np.isfinite(values).all() and is_nothing(size_of(values), part.channel.noise) for part, values in left)
+    return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
 
 
 def channel_fits(problem: Problem, before: Differences, x: Array) -> list[ChannelFit]:
@@ -147,7 +146,7 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
                 correlation=lag_correlation(beyond) if fitted and judged else np.nan,
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
                 fault=fault,
-                shaken=rms(change[count:]), steps=channel.quantum / float(np.sqrt(3.0)),
+                shaken=rms(change[count:]), steps=channel.quantum / 3.0**0.5,
                 suspicion=_suspicion(channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
                 track=part.track, lines=lines,
@@ -176,12 +175,11 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
         mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
         reasons += [f"{key}: {one.fault}" for _, one in mine if one.fault][:1]
         train = _mean([one.after for _, one in mine])
-        held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
-        error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
+        error, steps = _mean([one.held_after for _, one in mine]), max(one.steps for _, one in mine)
         if error > max(HELD_OUT * train, steps, 1e-300):
             # Noise of the commands and uncertainty of the estimates cause errors even with a correct model.
             known = unsure()
-            change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in held])
+            change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
                 ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
@@ -190,8 +188,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
 
 def _mean(sizes: Sequence[float]) -> float:
     """Root mean square of the RMS values that are not nan; nan if all values are nan."""
-    known = np.array(sizes)[~np.isnan(sizes)]
-    return rms(known)
+    return rms(np.array([size for size in sizes if not np.isnan(size)]))
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:

@@ -146,22 +146,17 @@ def settle(best: Best) -> None:
 
 
 def _resolve(best: Best) -> None:
+    """Adapt substeps and weights to the estimates."""
     for _ in range(3):
         resolved = with_own_substeps(best.problem, best.x)
         if resolved is best.problem:
             break
         best.problem, best.x = resolved, refined(resolved, best.x, 20)
-    best.problem, best.x = _reweighted(best.problem, best.x)
-
-
-def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Problem weighted by the noise in the residuals, and its solution. A recording whose simulation diverges keeps its
-    weights.
-    """
+    # Weight the channels by the noise in their residuals. A recording whose simulation diverges keeps its weights.
     found: dict[int, list[float]] = {}
-    for part, left in differences(problem, x):
+    for part, left in differences(best.problem, best.x):
         size = max(size_of(left), 1e-12) if np.isfinite(left).all() else part.noise
         found.setdefault(part.track, []).append(size)
-    weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights))
-    weighted = replace(problem, weights=weights)
-    return weighted, refined(weighted, x, 15)
+    weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(best.problem.weights))
+    best.problem = replace(best.problem, weights=weights)
+    best.x = refined(best.problem, best.x, 15)

@@ -70,7 +70,7 @@ class Task:
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
     )
-    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="variant of the scenario")
+    variant: str | None = declare(Text(text="name of a variant"), default=None, doc="variant of the scenario")
     overrides: tuple[str, ...] = ()
     experiments: tuple[Experiment, ...] = declare(ListOf(of=_EXPERIMENT, minimum=1), doc="recordings that are fitted")
     validate: tuple[Experiment, ...] = declare(

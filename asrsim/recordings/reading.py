@@ -12,7 +12,7 @@ from typing import Unpack
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import read_file
-from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Number, Optional, Text
+from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Null, Number, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, KNOWN
@@ -59,11 +59,11 @@ class TimeKeys:
     """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
-        Either((ListOf(of=Text(noun="name of a column"), minimum=1), Text(noun="name of a column"))),
+        Either((ListOf(of=Text(text="name of a column"), minimum=1), Text(text="name of a column"))),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
         "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip
-    unit: str | None = declare(Text(noun="unit of time"), doc="unit of the time", default=None, shown="the header's")
+    unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the header's")
     rate: float | None = declare(
         Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
         default=None,
@@ -91,7 +91,7 @@ TIME = block_of(TimeKeys, "time", main="column")
 class Reading:
     """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
 
-    file: str | None = declare(Text(noun="name of a file"), doc="the recording that this document describes", default=None)
+    file: str | None = declare(Text(text="name of a file"), doc="the recording that this document describes", default=None)
     time: TimeKeys = declare(TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
         Choice(tuple(SEPARATORS)), doc="text: the separator of cells", default=None, shown="detected"
@@ -105,10 +105,10 @@ class Reading:
         default=None, shown="detected",
     )  # fmt: skip
     sheet: str | None = declare(
-        Text(noun="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
+        Text(text="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
     joint: str | None = declare(
-        Text(noun="name of a column"), doc="text and sheets: column that names the joint of each row, if the rows of several "
+        Text(text="name of a column"), doc="text and sheets: column that names the joint of each row, if the rows of several "
         "joints take turns", default=None, shown="none",
     )  # fmt: skip
     missing: float | None = declare(
@@ -116,12 +116,12 @@ class Reading:
         shown="none",
     )  # fmt: skip
     window: tuple[float | None, ...] | None = declare(
-        ListOf(of=Optional(NUMBER), length=2, names=("start", "end")),
+        ListOf(of=Either((Null(), NUMBER)), names=("start", "end")),
         doc="start and end of the part that is kept, on the recording's clock",
         unit="s", default=None,
     )  # fmt: skip
     columns: Mapping[str, str] | None = declare(
-        MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
+        MapOf(of=Text(text="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
         doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
     )  # fmt: skip
     given: tuple[ColumnMap, ...] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -24,8 +25,8 @@ from asrsim.document.kinds import (
     Kind,
     ListOf,
     MapOf,
+    Null,
     Number,
-    Optional,
     Schema,
     Text,
 )
@@ -44,11 +45,11 @@ Vector = tuple[float, float, float]
 Keys = dict[str, Any]
 """Value of a block from which no object is built: a plain mapping of its keys."""
 
-POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
-RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))
+POSITION = ListOf(of=NUMBER, names=("x", "y", "z"))
+RPY = ListOf(of=NUMBER, names=("roll", "pitch", "yaw"))
 SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
-JOINT = Text(noun="name of a joint")
-LINK = Text(noun="name of a link")
+JOINT = Text(text="name of a joint")
+LINK = Text(text="name of a link")
 ORIGIN = (0.0, 0.0, 0.0)
 """Default of positions (m) and orientations (rad)."""
 
@@ -145,7 +146,20 @@ def released_order(stepping: str) -> bool:
 # -- joints ------------------------------------------------------------------------------------------------------------
 
 MODE = Integer(minimum=0, maximum=max(MODES))
-PARAMETERS = MapOf(of=Number(finite=False), noun="parameter", star=False)
+_INFINITE = ("inf", "+inf", "-inf", math.inf, -math.inf)
+
+
+class ParameterValue(Number):
+    """Kind of value: a number, also an infinite one, such as a torque without limit."""
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
+        return float(str(node.value)) if node.value in _INFINITE else super().read(node, path, reading)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [super().schema(), {"enum": list(_INFINITE[:3])}]}
+
+
+PARAMETERS = MapOf(of=ParameterValue(), noun="parameter", star=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +263,7 @@ INITIAL = StartTables((_AT_REST, MapOf(of=START)))
 
 # -- surroundings ------------------------------------------------------------------------------------------------------
 
-_AXES = ListOf(of=Optional(SIGNAL), length=3, names=("x", "y", "z"))
+_AXES = ListOf(of=Either((Null(), SIGNAL)), names=("x", "y", "z"))
 Axes = tuple[Signal | None, Signal | None, Signal | None]
 
 
@@ -284,7 +298,7 @@ class WorldObject:
     mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
-        ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
+        ListOf(of=POSITIVE, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
         doc="principal moments; default: those of the solid shape; a mesh that moves needs them; the centre of mass is the "
         "shape's middle, of a mesh its origin",
     )  # fmt: skip
@@ -294,7 +308,7 @@ class WorldObject:
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
     colour: tuple[float, float, float, float] = declare(
-        ListOf(of=SHARE, length=4, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
+        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
         doc="for pictures",
     )  # fmt: skip
 
@@ -440,7 +454,7 @@ class Learning:
     )  # fmt: skip
     gain: float = declare(POSITIVE, default=0.5, unit="1", doc="K of K exp(-n / gain_decay), the weight of the last error")
     gain_decay: float | None = declare(
-        Optional(POSITIVE, word="none"), default=10.0, unit="iterations", doc="decay of the gain; `none`: it is constant"
+        Either((Null("none"), POSITIVE)), default=10.0, unit="iterations", doc="decay of the gain; `none`: it is constant"
     )
     joint_gains: Mapping[str, float] = declare(
         MapOf(of=POSITIVE, star=False), default={}, unit="1", doc="gains that replace `gain`"
@@ -481,13 +495,13 @@ class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
     joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
-    body: str | None = declare(Text(noun="name of an object"), default=None, doc="an object of the world")
-    quantity: str = declare(Text(noun="name of a quantity"), doc="the quantity, such as link_position")
-    measure: str = declare(Text(noun="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
+    body: str | None = declare(Text(text="name of an object"), default=None, doc="an object of the world")
+    quantity: str = declare(Text(text="name of a quantity"), doc="the quantity, such as link_position")
+    measure: str = declare(Text(text="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
     comparison: str = declare(Choice(COMPARISONS), default="==", doc="the comparison; `==` within the tolerance")
     value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
-    variant: str | None = declare(Text(noun="name of a variant"), default=None, doc="the variant of the claim", shown="all")
+    variant: str | None = declare(Text(text="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
         Choice(engines),
         default=None,
@@ -495,7 +509,7 @@ class Expectation:
         shown="all",
     )
     reference: str | None = declare(
-        Text(noun="name of a quantity"), default=None, shown="the joint's own",
+        Text(text="name of a quantity"), default=None, shown="the joint's own",
         doc="another quantity of the same joint to compare with, for measures of two series",
     )  # fmt: skip
     against: Path | None = declare(

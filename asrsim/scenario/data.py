@@ -15,12 +15,13 @@ from asrsim.document.kinds import (
     REQUIRED,
     Boolean,
     Choice,
+    Either,
     File,
     Integer,
     Key,
     ListOf,
     MapOf,
-    Optional,
+    Null,
     Schema,
     Text,
 )
@@ -77,7 +78,7 @@ __all__ = [
 ]
 
 T = TypeVar("T")
-_COUNT = Optional(Integer(minimum=1), word="auto")
+_COUNT = Either((Null("auto"), Integer(minimum=1)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +164,7 @@ class Scenario:
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
-        Optional(Choice(engines), word="auto"),
+        Either((Null("auto"), Choice(engines))),
         default=None,
         shown="auto",
         field_default=default_engine,
@@ -177,9 +178,9 @@ class Scenario:
     substeps: int | None = declare(_COUNT, default=None, doc="world steps in each step", shown="auto")
     motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps in each world step", shown="auto")
     substep_cap: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
-    compiled: bool | None = declare(Optional(Boolean(), word="auto"), default=None, doc="the compiled loop", shown="auto")
+    compiled: bool | None = declare(Either((Null("auto"), Boolean())), default=None, doc="the compiled loop", shown="auto")
     velocity_cutoff: bool | None = declare(
-        Optional(Boolean(), word="auto"),
+        Either((Null("auto"), Boolean())),
         key="velocity_limit_cutoff",
         default=None,
         shown="auto",
@@ -218,7 +219,7 @@ class Scenario:
         doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
     )
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
-        MapOf(of=MapOf(of=Range(of=NUMBER, length=2, names=("least", "largest")), noun="reference", star=False)),
+        MapOf(of=MapOf(of=Range(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
         "library): beyond, they are clamped; substeps are chosen for them",
@@ -324,7 +325,7 @@ KEYS: tuple[Key, ...] = declared_keys(
 )
 """All keys of a variant, in the order of the documentation."""
 
-SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False, read_before=("variants",))
+SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", read_before=("variants",))
 """Block of one variant."""
 
 

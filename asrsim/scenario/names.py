@@ -49,9 +49,9 @@ def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
     for path, kind, node in walk(SCENARIO, node_from_data(scenario.resolved)):
         if isinstance(kind, MapOf) and kind.noun == "joint" and kind.fits(node):
             yield from (((*path, name), name, "joint") for name, _ in node.items())
-        elif isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and node.value is not None:
+        elif isinstance(kind, Text) and kind.text in ("name of a joint", "name of a link") and node.value is not None:
             # Only keys of mappings have lines; entries of lists are reported at their list.
-            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), kind.noun.rpartition(" ")[2]
+            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), kind.text.rpartition(" ")[2]
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:

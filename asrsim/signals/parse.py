@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from asrsim.document.block import Block, declared_keys
-from asrsim.document.kinds import Key, Kind, Schema, attempt, merge_items
+from asrsim.document.kinds import Key, Kind, Schema, attempt
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
@@ -67,7 +67,7 @@ class SignalKind(Kind[Signal]):
     def merge(self, base: Node, over: Node) -> Node:
         """Signal of `base` with the keys of `over`, if both have the same kind; otherwise `over`."""
         kinds = [name for name, _ in base.items()]
-        return merge_items(base, over, self.part) if len(kinds) == 1 and kinds == [name for name, _ in over.items()] else over
+        return super().merge(base, over) if len(kinds) == 1 and kinds == [name for name, _ in over.items()] else over
 
     def fits(self, node: Node) -> bool:
         return not isinstance(node.value, list)

@@ -92,7 +92,7 @@ class Waypoints(Signal):
     main_field: ClassVar[str] = "points"
 
     points: tuple[Point, ...] = declare(
-        ListOf(of=ListOf(of=NUMBER, length=2, names=("time", "value")), minimum=1),
+        ListOf(of=ListOf(of=NUMBER, names=("time", "value")), minimum=1),
         doc="the points, in ascending time",
         unit="[s, value]",
     )

@@ -37,12 +37,12 @@ class Playback(Signal):
 
     file: Path = declare(_RECORDING, doc="a recording of any format; a reading document beside it applies")
     column: str = declare(
-        Text(noun="name of a column"),
+        Text(text="name of a column"),
         doc="header of the column, with or without unit, or its number from 1; for bags and MCAP files topic and field, "
         "such as `/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
     )
     time: str | None = declare(
-        Text(noun="name of a column, or `header`"),
+        Text(text="name of a column, or `header`"),
         doc="tables: the time column (default: the column with the name of a time); bags: `header` for the stamps in messages",
         default=None,
     )

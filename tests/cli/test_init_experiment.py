@@ -142,14 +142,6 @@ def test_stair_commands_are_played_at_their_recorded_steps(tmp_path, zero, decim
     np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
 
 
-def test_column_mapping_applies_to_claims_and_commands(tmp_path):
-    path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
-    mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
-    _, scenario = make(tmp_path, path, mapping=mapping)
-    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
-    assert all(claim.options["map"] == mapping for claim in scenario.expect)
-
-
 @pytest.mark.parametrize(("mode", "unit", "taken"), [(2, "rad", 3), (5, "rad", 6), (4, "rad", 6), (6, "N m", 0), (0, "rad", 1)])
 def test_modes_that_cannot_take_the_command_are_replaced(tmp_path, mode, unit, taken):
     mapping = [f"q1_ref=joint_1.reference_1 [{unit}]"]

@@ -13,13 +13,13 @@ from asrsim.identification.noise import (
     autocovariances,
     autoregression,
     fine_noise,
-    first_samples,
     lag_correlation,
     quantum_of,
     size_of,
     swing,
 )
 from asrsim.identification.problem import huber
+from asrsim.identification.track import first_samples
 
 
 def test_noise_and_steps_are_found_in_a_smooth_record():
@@ -76,4 +76,4 @@ def test_a_link_starts_where_a_parabola_through_15_samples_does():
     channel = Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
-    assert first_samples(channel, 0.05) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
+    assert first_samples(channel) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)

@@ -101,7 +101,7 @@ def test_an_empty_override_takes_the_key_away(path):
         ("elbow.spring_k_1=1", "A joint's parameter is parameters.elbow.spring_k_1"),
         ("robt.file=x", "Did you mean 'robot'?"),
         ("duration=[1", "not valid YAML"),
-        ("duration=x", "must be a number (got 'x')"),
+        ("duration=x", "must be a number > 0 (got 'x')"),
         ("duration.x=1", "cannot be set inside the value 2"),
         ("expect.9.value=1", "not an index of a list of 2"),
         ("expect.first.value=1", "not an index of a list"),
