@@ -297,7 +297,8 @@ class Calculation:
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
-        self._call, self._arguments = function, tuple[Any, ...]()
+        self._arguments: tuple[Any, ...] = ()
+        self._call = function
 
     def compile(self) -> Callback:
         """The compiled function, which later calls use."""
