@@ -137,12 +137,13 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
     from asrsim.identification.result import ACCEPTABLE
     from asrsim.identification.show import design_line
-    from asrsim.identification.write import write_fit, write_robot
+    from asrsim.identification.write import FIT, as_dict, write_robot
+    from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
 
     with owned(folder):
-        files = [write_fit(result, folder)]
-        said: list[str] = []
+        write_json(folder / FIT, as_dict(result))
+        files, said = [folder / FIT], list[str]()
         if result.status == "complete" and (result.fits or result.accepted or everything):
             written, said = write_robot(result, folder, everything=everything)
             files += written
@@ -161,13 +162,13 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.identification.show import advice, columns, errors, judgement, remarks
+    from asrsim.identification.show import advice, columns, errors, judgement
 
     say_table(columns(result))
     say()
     say_table(errors(result))
     say()
-    for text, style in (*remarks(result), *judgement(result)):
+    for text, style in judgement(result):
         say(text, style)
     advices = list(advice(result))
     if advices:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended
-from asrsim.identification.noise import independent_samples
+from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended, tied_to
+from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals, solve
-from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
@@ -30,6 +29,10 @@ LIMIT_FACTORS = (0.75, 0.3, 2.0)
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
+"""
+RINGING, DRIVEN = 0.1, 0.3
+"""Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
+frequency of a command above which the command does not cause the oscillation.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -54,6 +57,9 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     if found.chosen and rest <= base - PARTLY * excess:
         more = "" if rest <= target else "; more is missing"
         yield _suspected(found, percent((rest / base) ** 0.5)) + more
+        yield from _oscillations(found.problem, found.x)
+    else:
+        yield from _oscillations(problem, x)
     yield from _varying_springs(problem, x)
 
 
@@ -81,11 +87,7 @@ def _delays(problem: Problem, _: Array) -> Iterator[Extension]:
     if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = commands
         parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
-        yield Extension(text="a delay of the commands", parameters=(parameter,), ties=_ties(first, others), begins=(2.0,))
-
-
-def _ties(first: str, others: Sequence[str]) -> tuple[Tie, ...]:
-    return tuple(Tie(key=key, to=first) for key in others)
+        yield Extension(text="a delay of the commands", parameters=(parameter,), ties=tied_to(first, others), begins=(2.0,))
 
 
 def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
@@ -94,7 +96,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
     for part, off in differences(problem, x):
         channel = part.channel
-        if part.track != problem.fitted[0]:
+        if part.track != problem.fitted[0] or not np.isfinite(off).all():
             continue
         # If a torque is compared, it is the recorded command of the joint.
         key, zeroed = channel.guide.command if channel.guide else channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
@@ -103,7 +105,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
-            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist() if np.isfinite(off).all() else (0.0, 0.0)
+            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist()
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))
                 yield Extension(text=f"another scale and zero of {key}", parameters=(offset, gain), begins=(begin,))
@@ -120,7 +122,8 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
-        joint, spring, motor = drive.name, bool(drive.mode and drive.mode.spring), bool(drive.mode and drive.mode.motor)
+        joint, mode = drive.name, drive.mode
+        spring, motor = mode is not None and mode.spring, mode is not None and mode.motor
         for name, text, possible in (
             ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
             ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),
@@ -129,14 +132,17 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                begins = (1.0,) if parameter.start == 0.0 else ()
-                yield Extension(text=f"{text} of {joint}", parameters=(parameter,), begins=begins)
+                # The deflection over which hysteresis builds up is as unknown as its torque.
+                beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
+                more = tuple(known[key] for key in beside if key not in free)
+                begins = ((*(0.0 for _ in more), 1.0),) if parameter.start == 0.0 else ()
+                yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         for name in ("torque", "velocity") if drive.dynamic_motors else ():
             key, series = f"{joint}.motor_1_max_{name}", track.series(values, problem.playing, [(j, f"motor_1_{name}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
             if key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
-                ties = _ties(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1))
+                ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1))
                 limit = replace(known[key], start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
                 text, begins = f"a limit motor_1_max_{name} of {joint}", tuple(np.log(LIMIT_FACTORS))
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=begins)
@@ -145,11 +151,10 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
 def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free a tied parameter."""
     entries = {entry.key: entry for entry in problem.layout.entries if entry.track is None}
-    values = problem.layout.table(x, 0)
     for tie in problem.layout.ties:
         if tie.to in entries and not tie.key.endswith(".delay"):
             other = f"{'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}"
-            parameter = replace(entries[tie.to], key=tie.key, start=values[tie.key])
+            parameter = replace(entries[tie.to], key=tie.key, start=problem.layout.table(x, 0)[tie.key])
             yield Extension(text=f"{tie.key} other than {other}, to which it is tied", parameters=(parameter,), untied=tie)
 
 
@@ -178,7 +183,7 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
         if known.sum() < 6:
             continue
         reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
-        trend = _correlation(*(np.argsort(np.argsort(one)).astype(float) for one in (reach, moves)))
+        trend = float(np.corrcoef([np.argsort(np.argsort(one)) for one in (reach, moves)])[0, 1])
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
         # Noise alone rarely sorts the parts by stiffness.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
@@ -186,6 +191,18 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
             way, law = "falls" if trend < 0.0 else "grows", "backlash is missing" if backlash else "the spring's law is wrong"
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
+
+
+def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on large oscillations of the residuals with frequencies that no command has."""
+    for part, left in differences(problem, x):
+        hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
+        driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
+        if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):
+            yield (
+                f"{part.channel.key} oscillates at {hertz:.2g} Hz, but its prediction does not: a mode is missing, such as an "
+                "elastic link or transmission, or no start found this frequency"
+            )
 
 
 def _correlation(a: Array, b: Array) -> float:

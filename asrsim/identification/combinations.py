@@ -5,7 +5,7 @@ parameters.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,13 +90,13 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
             # Forms whose value overflows are left out.
             with np.errstate(over="ignore", invalid="ignore"):
                 order = np.argsort(chosen)
-                form = _simplest(list(_forms(known, np.array(chosen)[order].tolist(), exponents[order])))
+                form = _simplest(_forms(known, np.array(chosen)[order].tolist(), exponents[order]))
             if form is not None and _is_new(form, result):
                 result.append(form)
     return result
 
 
-def _simplest(forms: Sequence[Combination]) -> Combination | None:
+def _simplest(forms: Iterable[Combination]) -> Combination | None:
     """First form whose interval is hardly wider than the narrowest interval; None if all intervals are wide."""
     finite = [form for form in forms if np.isfinite(form.value)]
     best = min((form.margin / form.size for form in finite), default=0.0)

@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 
@@ -43,16 +42,28 @@ class Guide:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Channel:
-    """A measured quantity of a joint."""
+class Recorded:
+    """A recorded series of a joint."""
 
     joint: str
     quantity: str
+    """Measured quantity; of a command: reference_1, reference_2 or external_torque."""
     unit: str
     time: Array
     """Times (n,) on the simulation's clock, s."""
     values: Array
     """Finite values (n,) in SI units."""
+
+    @property
+    def key(self) -> str:
+        """Key of the series: `joint.quantity`."""
+        return f"{self.joint}.{self.quantity}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel(Recorded):
+    """A measured quantity of a joint."""
+
     noise: float
     """Standard deviation of the channel's noise, given or estimated from third differences."""
     quantum: float
@@ -61,11 +72,6 @@ class Channel:
     """Recorded column; None for a compared torque of a controller."""
     guide: Guide | None = None
     """Controller whose torque is compared, if a recorded torque drives the joint."""
-
-    @property
-    def key(self) -> str:
-        """Key of the channel: `joint.quantity`."""
-        return f"{self.joint}.{self.quantity}"
 
     def until(self, end: float) -> int:
         """Number of samples up to a time, s."""
@@ -78,29 +84,18 @@ class Channel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlayedCommand:
+class PlayedCommand(Recorded):
     """A recorded input, which the simulation plays."""
 
-    joint: str
-    quantity: str
-    """Kind of the command: reference_1, reference_2 or external_torque."""
     name: str
     """Name of the reference in the joint's mode, or `external_torque`."""
-    time: Array
-    values: Array
     hold: bool
     source: str
     """Column of the recording that contains the command."""
-    unit: str
     scale: float = 1.0
     """Factor between the recorded quantity and the reference."""
     guide: Curve | None = None
     """Curve that is added to the reference."""
-
-    @property
-    def key(self) -> str:
-        """Key of the command, such as `joint.reference_1`."""
-        return f"{self.joint}.{self.quantity}"
 
     @cached_property
     def curve(self) -> Curve:
@@ -119,7 +114,6 @@ class Data:
     """A recording that is prepared for a fit."""
 
     name: str
-    path: Path
     duration: float
     """Length of the recording, s."""
     channels: tuple[Channel, ...]
@@ -131,7 +125,7 @@ class Data:
     guides: tuple[Channel, ...] = ()
     """Recorded positions that joints follow exactly and that are therefore not compared."""
     remarks: tuple[str, ...] = ()
-    predicted_only: bool
+    predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
 
@@ -139,18 +133,18 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     """Read all recordings; the fitted recordings come first. Raises InputError with the problems of all recordings."""
     found: list[Data] = []
     problems: list[Problem] = []
-    for predicted_only, experiments in ((False, task.experiments), (True, task.validate)):
-        for experiment in experiments:
-            try:
-                found.append(_read(task, experiment, scenario, robot, predicted_only=predicted_only))
-            except InputError as error:
-                problems += error.problems
+    for number, experiment in enumerate((*task.experiments, *task.validate)):
+        try:
+            data = _read(task, experiment, scenario, robot)
+            found.append(replace(data, predicted_only=number >= len(task.experiments)))
+        except InputError as error:
+            problems += error.problems
     if problems:
         raise InputError(problems)
     return found
 
 
-def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, predicted_only: bool) -> Data:
+def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) -> Data:
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
     # `init` writes recorded motor positions as references of mode 2.
@@ -177,9 +171,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
-        name=experiment.file.name, path=experiment.file, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
+        name=experiment.file.name, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
-        predicted_only=predicted_only,
     )  # fmt: skip
 
 
@@ -241,8 +234,10 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
-        if early.source not in mapped and np.array_equal(early.values, late.values):
-            continue  # a column that copies another measurement, such as another topic of a log
+        # A position may be converted from counts of its encoder, and a column may copy another topic of a log.
+        converted = str(late.quantity).endswith("position") or np.array_equal(early.values, late.values)
+        if early.source not in mapped and converted:
+            continue
         if 1.0 - np.corrcoef(early.values, late.values)[0, 1] ** 2 < COMPUTED**2:
             found[late.source] = early.source
     return found
@@ -263,13 +258,15 @@ POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
 """Integrals over the frequency, in units of the bandwidth: of the squared response of the compared torque to noise of the
 position, of its squared response to noise of the torque, and over the band in which the noise of the position is measured.
 """
+FEWEST = 50
+"""Smallest number of compared torques; with fewer, a recording is too short for the controller."""
 PID = 1
 """Operation mode in which a PID controller acts on the link."""
 
 
 def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
     """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their recorded positions,
-    unless a coarse encoder would shake these joints.
+    unless the recording is too short, or a coarse encoder would shake these joints.
     """
     commands, channels = {one.key: one for one in data.commands}, {one.key: one for one in data.channels}
     for block in robot.actuators:
@@ -300,6 +297,8 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
     # The samples are so far apart that the controller does not correlate their errors.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
+    if len(rows) < FEWEST:
+        return data
     # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
     # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
     # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps

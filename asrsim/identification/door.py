@@ -68,9 +68,10 @@ class Door:
     def _worlds(self, substeps: Substeps) -> Worlds:
         found = self._made.pop(substeps, None)
         if found is None:
-            own = substeps == self.substeps
-            scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
-            prepared = self._prepared if own else prepare(scenario, self.given)
+            prepared = self._prepared
+            if substeps != self.substeps:
+                scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
+                prepared = prepare(scenario, self.given)
             found = Worlds(
                 prepared, AT_ONCE, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False,
                 expected_substeps=OFTEN, threads=AT_ONCE,

@@ -1,15 +1,10 @@
-"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and initial values."""
+"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and low-pass filters."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.samples import Array
-
-if TYPE_CHECKING:
-    from asrsim.identification.data import Channel
 
 ORDER = 12
 """Largest order of the autoregressive models."""
@@ -29,12 +24,8 @@ STILL, FINE = 0.15, 0.5
 """Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""
 LEVELS = 20_000
 """Largest number of different values of a recording that counts as quantised."""
-BENT = 0.4
-"""Error of an initial slope, relative to the change of the slope over the first samples."""
 LOUD = 30.0
 """Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth."""
-FIRST, LONG = 15, 10
-"""Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
 
 
 def fine_noise(values: Array, quantum: float = 0.0) -> float:
@@ -43,8 +34,8 @@ def fine_noise(values: Array, quantum: float = 0.0) -> float:
     The result is at least the rounding error of `quantum`, and at least a millionth of the range.
     """
     third = np.diff(values, 3)
-    sigma = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
-    least = max(quantum / np.sqrt(12.0), 1e-6 * float(np.ptp(values)) if len(values) else 0.0)
+    sigma = float(np.median(np.abs(third))) / 0.6745 / 20.0**0.5 if len(third) else 0.0
+    least = max(quantum / 12.0**0.5, 1e-6 * float(np.ptp(values)) if len(values) else 0.0)
     return float(max(sigma, least))
 
 
@@ -66,8 +57,8 @@ def quantum_of(values: Array) -> float:
 
 def lag_correlation(residuals: Array) -> float:
     """Autocorrelation of residuals (n,) about 0 at lag 1; a constant offset counts as correlation."""
-    size = float(np.dot(residuals, residuals))
-    return float(np.dot(residuals[1:], residuals[:-1]) / size) if size > 0.0 and len(residuals) > 3 else 0.0
+    size = float(residuals @ residuals)
+    return float(residuals[1:] @ residuals[:-1]) / size if size > 0.0 and len(residuals) > 3 else 0.0
 
 
 def independent_samples(residuals: Array) -> float:
@@ -85,8 +76,8 @@ def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, flo
     beyond = left - np.clip(float(np.mean(left)), -0.5 * quantum, 0.5 * quantum)
     predicted = (beyond + values - values[0]) / quantum
     steps = quantum * (predicted - np.round(predicted))
-    size = float(np.dot(beyond, beyond))
-    share = min(float(np.dot(steps, steps)) / size, 1.0) if size > 0.0 else 0.0
+    size = float(beyond @ beyond)
+    share = min(float(steps @ steps) / size, 1.0) if size > 0.0 else 0.0
     return beyond, max(share * lag_correlation(steps), 0.0)
 
 
@@ -110,7 +101,7 @@ def swing(residuals: Array) -> float:
     from scipy.special import gammaincc
 
     n = len(residuals)
-    if n < 4 * AROUND or not np.any(residuals):
+    if n < 4 * AROUND or not np.ptp(residuals):
         return 0.0
     centred = residuals - residuals.mean()
     # An autoregression of order 1 whitens the noise; the first sample has no past and becomes 0.
@@ -124,6 +115,12 @@ def swing(residuals: Array) -> float:
     fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)
     stands_out = float(gammaincc(WIDTH, band[most])) * len(power) < SELDOM and fraction > SWING
     return (most + 1) / n if stands_out else 0.0
+
+
+def frequency(time: Array, values: Array) -> float:
+    """Frequency of a significant line in the spectrum of values (n,), Hz; 0 if there is no such line."""
+    cycles = swing(values)
+    return cycles * (len(values) - 1) / float(time[len(values) - 1] - time[0]) if cycles else 0.0
 
 
 def autocovariances(residuals: Array) -> Array:
@@ -142,46 +139,14 @@ def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
     coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
     chosen, best = (coefficients, power), samples * np.log(power)
     for order in range(1, len(covariances)):
-        reflection = float(covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]) / power
-        reflection = min(max(reflection, -0.9999), 0.9999)
+        unexplained = covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]
+        reflection = float(np.clip(unexplained / power, -0.9999, 0.9999))
         coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
         power *= 1.0 - reflection**2
         criterion = samples * np.log(power) + np.log(samples) * order
         if criterion < best:
             best, chosen = criterion, (coefficients, power)
     return chosen
-
-
-def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:
-    """Value and slope at time 0 by a parabola through a channel's first samples, and their standard errors; None if the
-    channel begins later than `soon` s.
-    """
-    if len(channel.time) < 6 or channel.time[0] > soon:
-        return None
-    count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
-    time, values = channel.time[:count], channel.values[:count]
-    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
-    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-    place, slope, bend = (inverse @ values).tolist()
-    # A force at the start bends the curve and biases the parabola, so the errors are enlarged.
-    off, extent = BENT * abs(bend), float(time[-1])
-    return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
-
-
-def onset(channel: Channel, deviations: float) -> int:
-    """Number of samples before a channel moves by this many standard deviations of its noise."""
-    away = np.abs(channel.values - np.median(channel.values[:5])) > deviations * max(channel.noise, channel.quantum)
-    return int(np.argmax(away)) if away.any() else len(away)
-
-
-def at_rest(channel: Channel) -> tuple[float, float]:
-    """Value of a channel at time 0 and its error, from the mean of the samples before the channel moves, or from the first
-    sample.
-    """
-    moved = onset(channel, 4.0)
-    still = moved // 2 if moved < len(channel.time) else moved
-    count = still if still >= LONG else 1
-    return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))
 
 
 def bandwidth(step: float, positions: Array, noise: float) -> float:

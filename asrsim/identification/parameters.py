@@ -106,7 +106,7 @@ class Layout:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the vector, (n,) each."""
-        low, high = np.array([(one.place(one.low), one.place(one.high)) for one in self.entries]).reshape(-1, 2).T
+        low, high = np.array([(one.place(one.low), one.place(one.high)) for one in self.entries]).T
         return low, high
 
     def at_bound(self, x: Array) -> NDArray[np.bool_]:
@@ -146,10 +146,9 @@ def make_layout(
     """
     entries: list[Parameter] = []
     for parameter in free:
-        for i, own in enumerate(starts if parameter.own else ()):
-            start = own.get(parameter.key, parameter.start)
-            entries.append(replace(parameter, start=start).of_recording(i, names))
-        entries += () if parameter.own else (parameter,)
+        own = [known.get(parameter.key, parameter.start) for known in starts] if parameter.own else []
+        separate = [replace(parameter, start=start).of_recording(i, names) for i, start in enumerate(own)]
+        entries += separate or [parameter]
     return Layout(tuple(entries), tuple(ties))
 
 
@@ -191,16 +190,15 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
 def _of_joints(robot: Robot) -> Iterator[Parameter]:
     for joint in robot.moving_joints:
         force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
-        for name, unit, start in (
-            ("damping", f"{force} s/{place}", joint.damping), ("friction", force, joint.friction),
-            ("stribeck_friction", force, joint.stribeck_friction), ("load_friction", "1", joint.load_friction),
-            ("stribeck_velocity", f"{place}/s", joint.stribeck_velocity),
-            ("passive_stiffness", f"{force}/{place}", joint.spring_stiffness),
+        for name, unit, *numbers in (
+            ("damping", f"{force} s/{place}", joint.damping, 0.0), ("friction", force, joint.friction, 0.0),
+            ("stribeck_friction", force, joint.stribeck_friction, 0.0), ("load_friction", "1", joint.load_friction, 0.0),
+            ("stribeck_velocity", f"{place}/s", joint.stribeck_velocity, 0.0),
+            ("passive_stiffness", f"{force}/{place}", joint.spring_stiffness, 0.0),
+            ("passive_reference", place, joint.spring_reference),
+            ("initial_position", place, math.nan), ("initial_velocity", f"{place}/s", math.nan),
         ):  # fmt: skip
-            yield _parameter(f"{joint.name}.{name}", unit, start, 0.0)
-        yield _parameter(f"{joint.name}.passive_reference", place, joint.spring_reference)
-        for name, unit in (("position", place), ("velocity", f"{place}/s")):
-            yield _parameter(f"{joint.name}.initial_{name}", unit, math.nan)
+            yield _parameter(f"{joint.name}.{name}", unit, *numbers)
 
 
 def _of_links(robot: Robot) -> Iterator[Parameter]:
@@ -234,13 +232,13 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
             if key == pattern or (fnmatchcase(key, pattern) and (given or math.isfinite(one.start)))
         ]  # fmt: skip
         free |= {key: _wished(known[key], wish) for key in keys}
-        problems += [fault for key in keys for fault in _faults(free[key])] if keys else [_unknown(pattern, known, "free")]
+        problems += [fault for key in keys for fault in _faults(free[key])] if keys else [_unknown(pattern, known)]
     ties: list[Tie] = []
     for tie in task.ties:
         pairs = list(_tied(tie, known))
         found = [Tie(key=key, to=to, factor=tie.factor) for key, to in pairs if "*" not in tie.key or to in free]
         if not pairs:
-            problems.append(_unknown(tie.key, known, "tie"))
+            problems.append(_unknown(tie.key, known))
         elif not found:
             problems.append(Problem(f"is tied to {tie.to}, which matches no free parameter", key=tie.key, code="tie"))
         ties += found
@@ -299,11 +297,11 @@ def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[
             yield Problem(f"is tied to {tie.to}, which is not free", key=tie.key, meant=tie.to, choices=tuple(free), code="tie")
 
 
-def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:
+def _unknown(pattern: str, known: Mapping[str, Parameter]) -> Problem:
     owner = pattern.partition(".")[0]
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
-    message, hint = f"no parameter has this key ({where})", did_you_mean(pattern, tuple(known))
-    return Problem(message, key=pattern, hint=hint, choices=choices, code="unknown-key")
+    hint = did_you_mean(pattern, tuple(known))
+    return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 
 def _roots(known: Mapping[str, Parameter]) -> tuple[str, ...]:

@@ -178,7 +178,7 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     freed, tracks = {parameter.key for parameter in free}, list[Track]()
     for one in data:
         tracks.append(Track(scenario, given, guided(one, robot, freed), freed))
-        stack.callback(tracks[-1].close)
+        stack.callback(tracks[-1].door.close)
     # Recordings that are not fitted keep the start values of their separate parameters.
     fitted = [track for track in tracks if not track.data.predicted_only]
     # Initial states are free for links that start in motion, or at other positions than in the scenario.
@@ -192,7 +192,7 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     count = problem.parts[-1].rows.stop
     if count <= len(layout):
         message = f"{count} samples are too few for {len(layout)} parameters"
-        raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
+        raise InputError(message, file=task.experiments[0].file, key="experiments", code="few-samples")
     return Setup(task, scenario, robot, problem)
 
 
@@ -204,8 +204,8 @@ def differences(problem: Problem, x: Array) -> Differences:
     """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
-        table = problem.layout.table(x, track)
-        predicted += problem.tracks[track].predict(table, problem.playing, problem.until(track))
+        values = problem.layout.table(x, track)
+        predicted += problem.tracks[track].predict(values, problem.playing, problem.until(track))
         problem.meter.count()
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 

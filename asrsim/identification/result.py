@@ -99,7 +99,8 @@ def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Esti
             verdict, reason = RATIO, "identified is " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
-            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
+            verdict = RATIO
+            reason = "its interval exceeds 100 %: other parameters have a similar effect, or parts of the recordings disagree"
         elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
         elif margin >= CLOSE:
@@ -130,9 +131,8 @@ def _reason(entry: Parameter, norm: float, track: Track) -> str:
     """Reason why a parameter has no effect on the compared channels."""
     if norm > 1e-9:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
-    owner = entry.key.partition(".")[0]
-    modes = [f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.name == owner and one.mode]
-    return f"no compared channel depends on it{''.join(modes)}"
+    modes = {one.name: f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.mode}
+    return f"no compared channel depends on it{modes.get(entry.key.partition('.')[0], '')}"
 
 
 ACCEPTABLE = 0.9

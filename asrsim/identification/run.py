@@ -8,7 +8,7 @@ import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -52,20 +52,23 @@ UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
 """Status of a fit that reached its time limit, or that the user stopped."""
 
 
+@dataclass
 class Watch(Meter):
     """Counter that reports the progress to the user after evaluations, and ends the search when its time is over."""
 
-    def __init__(self, progress: Callable[[Progress], None] | None, seconds: float | None) -> None:
-        """seconds: time limit of the search."""
-        super().__init__()
-        self._progress, self._seconds = progress, math.inf if seconds is None else seconds
-        self.stop: Callable[[], bool] | None = None
-        """Function by which the user stops the fit; None: the fit cannot be stopped."""
-        self.limited = False
-        """Whether the present computation ends when the time is over."""
-        self.began = self._reported = clock.perf_counter()
-        self._stage, self._before = "start", 0
-        self.best: Best | None = None
+    progress: Callable[[Progress], None] | None = None
+    seconds: float = math.inf
+    """Time limit of the search."""
+    stop: Callable[[], bool] | None = None
+    """Function by which the user stops the fit; None: the fit cannot be stopped."""
+    limited: bool = False
+    """Whether the present computation ends when the time is over."""
+    best: Best | None = None
+    began: float = field(default_factory=clock.perf_counter)
+    _reported: float = 0.0
+    _stage: str = ""
+    _before: int = 0
+    """Number of evaluations before the present stage."""
 
     def stage(self, name: str) -> None:
         """Begin a stage, or a start of the search."""
@@ -75,7 +78,7 @@ class Watch(Meter):
     def count(self) -> None:
         """Count an evaluation and report the progress. Raises Stopped if the user stops the fit or its time is over."""
         super().count()
-        if self.limited and clock.perf_counter() - self.began > self._seconds:
+        if self.limited and clock.perf_counter() - self.began > self.seconds:
             raise OutOfTime
         if self.stop is not None and self.stop():
             raise Stopped
@@ -93,14 +96,14 @@ class Watch(Meter):
 
     def _report(self) -> None:
         self._reported = clock.perf_counter()
-        if self._progress is None:
+        if self.progress is None:
             return
         elapsed, left, cost = self._reported - self.began, math.nan, math.nan
         if self.best is not None:
             cost, wanted = min(self.best.cost, self.cost), (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
             missing = max(self._before + wanted - self.evaluations, 0)
-            left = min(missing * elapsed / max(self.evaluations, 1), max(self._seconds - elapsed, 0.0))
-        self._progress(Progress(self._stage, cost, self.evaluations, elapsed, left))
+            left = min(missing * elapsed / max(self.evaluations, 1), max(self.seconds - elapsed, 0.0))
+        self.progress(Progress(self._stage, cost, self.evaluations, elapsed, left))
 
 
 def identify(
@@ -134,7 +137,7 @@ def identify(
         SimulationError: The simulation diverges at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
-    watch = Watch(progress, seconds)
+    watch = Watch(progress=progress, seconds=math.inf if seconds is None else seconds)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
         setup = set_up(task, stack, watch)
@@ -143,27 +146,22 @@ def identify(
         if any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        watch.best, watch.stop = Best(problem, start), stop
-        status = "checked" if check else _searched(watch.best, task.starts, watch)
+        watch.best, watch.stop, status = Best(problem, start), stop, "checked" if check else "complete"
+        try:
+            with watch.in_time():
+                if not check:
+                    search(watch.best, task.starts, watch.stage)
+                    watch.stage("substeps and weights")
+                    settle(watch.best)
+        except OutOfTime:
+            status = UNFINISHED
+        except Stopped:
+            status = INTERRUPTED
         try:
             return _judged(setup, watch.best, before, status, watch, accept=accept)
         except Stopped:
             # The user interrupts the judgement after the search is complete.
             return _judged(setup, watch.best, before, INTERRUPTED, watch, accept=accept)
-
-
-def _searched(best: Best, starts: int, watch: Watch) -> str:
-    """Search for the parameters, store the best fit in `best`, and return the status of the search."""
-    try:
-        with watch.in_time():
-            search(best, starts, watch.stage)
-            watch.stage("substeps and weights")
-            settle(best)
-    except OutOfTime:
-        return UNFINISHED
-    except Stopped:
-        return INTERRUPTED
-    return "complete"
 
 
 def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool) -> Result:
@@ -207,9 +205,8 @@ def _causes(problem: Problem, x: Array) -> Iterator[str]:
     """
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
-        plain = plain.whole
-        x = refined(plain, x, 20)
-    yield from missing_causes(plain, x)
+        plain, x = plain.whole, refined(plain.whole, x, 20)
+    return missing_causes(plain, x)
 
 
 def _unsure(problem: Problem, x: Array) -> list[float]:

@@ -93,6 +93,8 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
     yield "the start, horizon growing", start, GROWING
     layout = best.problem.layout
     start = np.append(start, np.zeros(len(layout) - len(start)))
+    if any("friction" in entry.name for entry in layout.entries):
+        yield "the start, friction last", _frictionless(best.problem, start), SHORT[-1:]
     number = 1
     while best.successes < AGREED:
         moved = best.x.copy() if number % 2 else start.copy()
@@ -106,6 +108,18 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
                 moved[i] += generator.uniform(-reach, reach)
         yield f"scattered start {number}", np.clip(moved, *layout.bounds), SHORT if number % 2 else GROWING
         number += 1
+
+
+def _frictionless(problem: Problem, start: Array) -> Array:
+    """Start vector (n,) from a search in which friction is not free: with friction, a search may end where a joint sticks, and
+    no parameter changes the residuals there.
+    """
+    layout, x = problem.layout, start.copy()
+    kept = [i for i, entry in enumerate(layout.entries) if "friction" not in entry.name]
+    smooth = replace(problem, layout=replace(layout, entries=tuple(layout.entries[i] for i in kept)))
+    for share in GROWING if kept else ():
+        x[kept] = solve(replace(smooth, share=share), x[kept], tolerance=1e-2, rounds=12)
+    return x
 
 
 def has_outliers(values: Array) -> bool:
@@ -132,22 +146,17 @@ def settle(best: Best) -> None:
 
 
 def _resolve(best: Best) -> None:
+    """Adapt substeps and weights to the estimates."""
     for _ in range(3):
         resolved = with_own_substeps(best.problem, best.x)
         if resolved is best.problem:
             break
         best.problem, best.x = resolved, refined(resolved, best.x, 20)
-    best.problem, best.x = _reweighted(best.problem, best.x)
-
-
-def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Problem weighted by the noise in the residuals, and its solution. A recording whose simulation diverges keeps its
-    weights.
-    """
+    # Weight the channels by the noise in their residuals. A recording whose simulation diverges keeps its weights.
     found: dict[int, list[float]] = {}
-    for part, left in differences(problem, x):
+    for part, left in differences(best.problem, best.x):
         size = max(size_of(left), 1e-12) if np.isfinite(left).all() else part.noise
         found.setdefault(part.track, []).append(size)
-    weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights))
-    weighted = replace(problem, weights=weights)
-    return weighted, refined(weighted, x, 15)
+    weights = tuple(tuple(found.get(track, known)) for track, known in enumerate(best.problem.weights))
+    best.problem = replace(best.problem, weights=weights)
+    best.x = refined(best.problem, best.x, 15)

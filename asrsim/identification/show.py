@@ -18,7 +18,7 @@ from asrsim.actuators.user import plugin_options
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.noise import bandwidth
-from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, NO_EFFECT, RATIO, WEAK, Estimate, Result
+from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, RATIO, WEAK, Estimate, Result
 from asrsim.outfile import write_text
 from asrsim.plain import mapped
 from asrsim.robot.model import INERTIAS
@@ -60,17 +60,13 @@ def errors(result: Result) -> Columns:
     )
 
 
-def remarks(result: Result) -> Iterator[tuple[str, str]]:
-    """Reasons and remarks as pairs (text, style)."""
+def judgement(result: Result) -> Iterator[tuple[str, str]]:
+    """Reasons of the verdicts, remarks, and the statement whether the model fits, as pairs (text, style)."""
     for one in result.estimates:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
     for text in result.remarks:
         yield text, "dim"
-
-
-def judgement(result: Result) -> Iterator[tuple[str, str]]:
-    """Statement whether the model fits, as pairs (text, style)."""
     if result.status == "checked":
         yield "check only: these intervals are possible with the recordings if the start values are close", "bold"
         return
@@ -80,16 +76,13 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.whole:
         yield "errors are from a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield praise(result.channels), "green"
+        yield from ((text, "green") for text in praise(result.channels))
         return
     yield "model does not fit: the intervals are valid only if the model is right", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
-    known = [one for one in result.channels if math.isfinite(one.explained)]
-    if known:
-        worst = min(known, key=lambda one: one.explained)
-        others = ", and more of the other channels" if len(known) > 1 else ""
-        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}{others}", "red"
+    share = min(100.0 * result.explained, 99.99)
+    yield f"  it explains at least {share:.4g} % of the variance of each channel", "red"
     if result.accepted:
         yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:
@@ -115,7 +108,6 @@ def _number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
-LIMITS = "limits.yaml"
 LOAD_CELL = 0.05
 """Assumed noise of a torque sensor that the robot could get, N m."""
 REPEATED = 10.0
@@ -192,7 +184,7 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     import yaml
 
     verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
-    if not verdicts & {WEAK, RATIO, NO_EFFECT} or not moved or result.causes:
+    if verdicts <= {IDENTIFIED, AT_BOUND} or not moved or result.causes:
         return [], ""
     noise, choose = {one.key: one.noise for one in result.channels}, dict[str, Any]()
     for block in result.robot.actuators:
@@ -205,7 +197,7 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
     step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
     data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
     data = mapped(data, lambda value: float(f"{value:.4g}") if isinstance(value, float) else value)
-    path, task = folder / LIMITS, result.task
+    path, task = folder / "limits.yaml", result.task
     head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
     write_text(path, head + yaml.safe_dump(data, sort_keys=False), "limits")
     duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())

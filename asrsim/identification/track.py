@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import repeat
 from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Data, PlayedCommand
+from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Start, Substeps
-from asrsim.identification.noise import at_rest, first_samples, onset
 from asrsim.identification.parameters import CLOCK, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -65,10 +63,16 @@ class Played(Signal):
 
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
-STILL = 4.5
-"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state."""
+STILL, DOUBTFUL = 4.5, 2.0
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
+initial velocity counts as 0 if the scenario's initial position was copied from the recording.
+"""
 SOON = 0.05
 """A channel gives the initial state only if its first sample is not later than this time, s."""
+BENT = 0.4
+"""Error of an initial slope, relative to the change of the slope over the first samples."""
+FIRST, LONG = 15, 10
+"""Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
 KEPT = 6
 """Number of predictions, and of played commands, that a track caches."""
 
@@ -123,15 +127,14 @@ class Track:
             keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
             channel = sensors.get(f"{joint}.link_position")
-            found = None if channel is None else first_samples(channel, SOON)
-            if channel is None or found is None:
+            if not channel or not (found := first_samples(channel)):
                 continue
             place, speed, place_error, speed_error = found
-            moving = abs(speed) > STILL * speed_error
-            if not moving:
-                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             # An initial position that is not a round number was probably copied from a noisy recording.
             measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
+            if not moving:
+                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
                 shown = {} if f"{channel.key}.offset" in freed else {keys[0]: place}
                 shown |= {keys[1]: speed} if moving else {}
@@ -142,8 +145,9 @@ class Track:
                 [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
                 f"{drive.name}.initial_position",
             )
-            channels = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
-            if not names or len(channels) < len(names) or any(channel.time[0] > SOON for channel in channels):
+            known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
+            channels = [channel for channel in known if channel.time[0] <= SOON]
+            if not names or len(channels) < len(names):
                 continue
             rest = (drive.motor_positions or (self.initial[link],) * len(names))[: len(names)]
             places, errors = zip(*map(at_rest, channels), strict=True)
@@ -154,11 +158,6 @@ class Track:
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 
     # -- prediction ----------------------------------------------------------------------------------------------------
-
-    @property
-    def playing(self) -> Playing:
-        """Playing with unchanged recorded commands and the default number of substeps."""
-        return Playing(self.door.substeps)
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float) -> list[Array]:
         """Prediction of each channel at its recorded times up to `until` s; NaN if the simulation diverges."""
@@ -180,14 +179,14 @@ class Track:
         return next(self.door.rollout(names, [self._world(values, playing)], substeps=playing.substeps))
 
     def _sensed(self, values: Mapping[str, float], series: Array | None, until: float) -> list[Array]:
-        """Channels as the sensors measure them, from simulated series at whole steps."""
+        """Channels as the sensors measure them, from simulated series at whole steps; NaN if the simulation diverges."""
+        if series is None or not np.isfinite(series).all():
+            return [np.full(channel.until(until), np.nan) for channel in self.channels]
         clock, predicted = values.get(CLOCK, 0.0), []
-        for channel, exact in zip(self.channels, repeat(None) if series is None else series, strict=False):
+        for channel, exact in zip(self.channels, series, strict=True):
             count, key, guide = channel.until(until), channel.key, channel.guide
             shift = 0.0 if guide else clock + values.get(f"{key}.delay", 0.0)
-            times = channel.time[:count]
-            known = exact is not None and np.isfinite(exact).all()
-            sensed = interpolate(exact, (times - shift) / self.scenario.step) if known else np.full(count, np.nan)
+            sensed = interpolate(exact, (channel.time[:count] - shift) / self.scenario.step)
             if guide is not None:
                 torque = guide.stiffness * (guide.positions[:count] - sensed) / values.get(f"{guide.command}.gain", 1.0)
                 predicted.append(channel.values[:count] + torque)
@@ -202,7 +201,7 @@ class Track:
         )
         for drive in self.door.drives:
             # A noisy recording may begin slightly beyond a joint's stop.
-            positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+            positions[drive.name] = float(np.clip(positions[drive.name], *drive.joint.stops))
         commands = {command.key for command in self.data.commands}
         own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in commands)
         return Start(
@@ -224,10 +223,6 @@ class Track:
             table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)
         return table
 
-    def close(self) -> None:
-        """Release the engines."""
-        self.door.close()
-
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:
     """Scenario with the recording's duration, operation modes and commands."""
@@ -235,13 +230,11 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}
     for command in data.commands:
         if command.name != EXTERNAL:
-            played = {command.name: Played(command=command, step=scenario.step)}
-            references[command.joint] = {**references.get(command.joint, {}), **played}
-    joints = {**scenario.parameters, **data.parameters}
-    parameters = {joint: {**scenario.parameters.get(joint, {}), **data.parameters.get(joint, {})} for joint in joints}
+            references.setdefault(command.joint, {})[command.name] = Played(command=command, step=scenario.step)
+    parameters = {joint: {**scenario.parameters.get(joint, {}), **own} for joint, own in data.parameters.items()}
     return replace(
         scenario, duration=data.duration, modes={**scenario.modes, **data.modes}, references=references,
-        parameters=parameters, expect=(), desired={}, log_every=1,
+        parameters={**scenario.parameters, **parameters}, expect=(), desired={}, log_every=1,
     )  # fmt: skip
 
 
@@ -254,3 +247,35 @@ def interpolate(series: Array, place: Array) -> Array:
     if np.abs(place - nearest).max(initial=0.0) < 1e-6:
         return np.asarray(series[nearest.astype(np.intp)])
     return np.asarray(CubicSpline(np.arange(len(series)), series)(place))
+
+
+def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:
+    """Value and slope at time 0 by a parabola through a channel's first samples, and their standard errors; None if the
+    channel begins too late.
+    """
+    if len(channel.time) < 6 or channel.time[0] > SOON:
+        return None
+    count = max(6, min(FIRST, channel.until(channel.time[0] + 0.03)))
+    time, values = channel.time[:count], channel.values[:count]
+    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
+    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
+    place, slope, bend = (inverse @ values).tolist()
+    # A force at the start bends the curve and biases the parabola, so the errors are enlarged.
+    off, extent = BENT * abs(bend), float(time[-1])
+    return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
+
+
+def onset(channel: Channel, deviations: float) -> int:
+    """Number of samples before a channel moves by this many standard deviations of its noise."""
+    away = np.abs(channel.values - np.median(channel.values[:5])) > deviations * max(channel.noise, channel.quantum)
+    return int(np.argmax(away)) if away.any() else len(away)
+
+
+def at_rest(channel: Channel) -> tuple[float, float]:
+    """Value of a channel at time 0 and its error, from the mean of the samples before the channel moves, or from the first
+    sample.
+    """
+    moved = onset(channel, 4.0)
+    still = moved // 2 if moved < len(channel.time) else moved
+    count = still if still >= LONG else 1
+    return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))

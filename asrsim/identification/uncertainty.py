@@ -72,8 +72,8 @@ class Uncertainty:
     @property
     def covariance(self) -> Array:
         """Covariance (n, n) of the vector: the inverse of J'J, scaled so that its diagonal agrees with `deviation`."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.nan_to_num(self.deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
+        sizes = np.sqrt(np.diag(self.inverse))
+        ratio = np.nan_to_num(self.deviation / np.where(sizes > 0.0, sizes, np.inf))
         return np.asarray(self.inverse * np.outer(ratio, ratio))
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
@@ -93,19 +93,17 @@ class Uncertainty:
             if count < 3:
                 continue
             spread = np.sum((scores @ directions.T) ** 2, axis=0) * count / (count - 1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                beyond = spread / ordinary > chdtri(count - 1, 1.0 - CHANCE) / (count - 1)
-            wide = np.sqrt(spread)
-            beyond &= wide * stdtrit(count - 1, 0.975) > deviation * quantile
-            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, stdtrit(count - 1, 0.975), quantile)
+            wide, larger = np.sqrt(spread), stdtrit(count - 1, 0.975)
+            beyond = spread > ordinary * chdtri(count - 1, 1.0 - CHANCE) / (count - 1)
+            beyond &= wide * larger > deviation * quantile
+            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, larger, quantile)
         return deviation, quantile
 
     @property
     def of_a_block(self) -> Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
-        count = max(len(self.scores), 1)
-        spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
-        return replace(self, deviation=np.fmax(self.deviation, spread))
+        spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * len(self.scores))
+        return replace(self, deviation=np.maximum(self.deviation, spread))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,14 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import numbers_of
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
-from asrsim.outfile import write_json, write_text, written
+from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.output import save_pairs
 from asrsim.robot.edit import edited_urdf
@@ -23,9 +23,6 @@ from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -59,7 +56,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "ties": [vars(tie) for tie in result.layout.ties],
         "keys": [rows[i].key for i in drawn],
         "mean": means,
-        "covariance": (np.nan_to_num(result.covariance)[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
+        "covariance": (result.covariance[np.ix_(drawn, drawn)] * np.outer(spread, spread)).tolist(),
         "logarithmic": logarithmic,
         "bounds": [[entries[i].low, entries[i].high] for i in drawn],
     }
@@ -68,23 +65,20 @@ def as_dict(result: Result) -> dict[str, Any]:
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
-    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
+    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them.
+
+    Of an accepted model all parameters are written, since only together they explain the recordings.
+    """
     values = {
         one.key: one.value for one in result.estimates
         # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
-            everything or one.verdict == IDENTIFIED
-            or (one.verdict == WEAK and (result.accepted or one.key.endswith("friction_stiffness")))
+            everything or result.accepted or one.verdict == IDENTIFIED
+            or (one.verdict == WEAK and one.key.endswith("friction_stiffness"))
         )
     }  # fmt: skip
     return result.layout.tied(values)
-
-
-def write_fit(result: Result, folder: Path) -> Path:
-    """Write fit.json, and return its path. Raises OutputError."""
-    write_json(folder / FIT, as_dict(result))
-    return folder / FIT
 
 
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
@@ -94,6 +88,8 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     if not changes:
         return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path
+    if left := [one.key for one in result.estimates if one.track is None and one.key not in chosen]:
+        said.append(f"not written, since not identified: {', '.join(left)} (--all writes all estimates)")
     data, name = source.read_bytes(), source.name
     if source.suffix != ".urdf" or b"xacro" in data[:4000]:
         data, name = result.robot.text.encode(), f"{source.name.partition('.')[0]}.urdf"
@@ -109,23 +105,20 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
         stream.write(edited.removesuffix(MARK) + MARK)
     delays: dict[str, float] = {}
     for block in result.robot.actuators:
-        names = [f"{block.joint}.reference_{i}" for i in range(1, len(reference_names(block)) + 1)]
-        late = {chosen.get(f"{name}.delay", 0.0) for name in names}
+        late = {chosen.get(f"{block.joint}.reference_{i + 1}.delay", 0.0) for i in range(len(reference_names(block)))}
         if len(late) > 1:
-            said.append(f"{names[0]}.delay is not written: delays of the references of a joint differ")
+            said.append(f"delays of {block.joint} are not written, since the delays of its references differ")
         elif any(late):
             delays[block.joint] = late.pop()
-    write_text(scenario, _scenario_text(result, changes, delays, scenario, path), "fitted scenario")
+    write_text(scenario, _scenario_text(result, changes, delays, path), "fitted scenario")
     return [path, scenario], said
 
 
-def _scenario_text(
-    result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], path: Path, robot: Path
-) -> str:
+def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path) -> str:
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 
-    folder = path.parent.absolute()
+    folder = robot.parent.absolute()
     data = _as_played(relocated(result.scenario, folder), result.played)
     data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)
     data["parameters"] = data.get("parameters") or {}
@@ -156,11 +149,8 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LINES: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("recorded", {"color": "0.6", "linewidth": 2.2}),
-    ("before", {"color": "C1", "linewidth": 0.9, "linestyle": "--"}),
-    ("after", {"color": "C0", "linewidth": 1.0}),
-)
+LINES = (("recorded", "0.6", 2.2), ("before", "C1", 0.9), ("after", "C0", 1.0))
+"""Names, colours and widths of the lines in a picture."""
 
 
 def draw(result: Result, folder: Path) -> list[Path]:
@@ -174,13 +164,13 @@ def draw(result: Result, folder: Path) -> list[Path]:
     return paths
 
 
-def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Axes, right: Axes) -> None:
+def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Any, right: Any) -> None:
     """Draw a channel and its residuals. end: end of the training part, s."""
     one = channels[row]
     time, recorded = one.lines["time"], one.lines["recorded"]
-    for label, style in LINES:
+    for label, colour, width in LINES:
         if label in one.lines:
-            left.plot(time, one.lines[label], label=label, **style)
+            left.plot(time, one.lines[label], label=label, color=colour, linewidth=width)
     low, high = float(np.min(recorded)), float(np.max(recorded))
     left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
     if "after" in one.lines:

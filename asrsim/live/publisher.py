@@ -36,7 +36,8 @@ class Publisher:
         self._joints = tuple(simulation.joints)
         self.prefix = prefix_of(namespace)
         topics = [
-            replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints, ranges_of(simulation.prepared))
+            replace(topic, name=self.prefix + topic.name)
+            for topic in _topics(info.joints, ranges_of(simulation.scenario, simulation.prepared.drives))
         ]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None

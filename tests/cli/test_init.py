@@ -1,7 +1,6 @@
 """`asrsim init`: starter scenarios load, fit their robot and run."""
 
 import json
-import math
 import re
 
 import pytest
@@ -81,16 +80,6 @@ def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     with pytest.raises(RobotError, match="no moving joint"):
         write_starter(robot, tmp_path / "start.yaml", actuators={"*": "qbmove"})
     assert not (tmp_path / "start.yaml").exists()
-
-
-@pytest.mark.parametrize("upper", [-0.61, 0.0, 0.25, math.pi])
-def test_starter_keeps_joints_away_from_their_stops(tmp_path, upper):
-    robot = write_robot(tmp_path, {"name": "calf", "lower": -2.7, "upper": upper})
-    out = tmp_path / "start.yaml"
-    write_starter(robot, out)
-    for scenario in load_scenario(out):
-        assert scenario.initial_positions.get("calf", 0.0) == pytest.approx(min(0.0, upper - 0.3), abs=1e-3)
-        assert check_against_robot(scenario, load_robot(robot))[0] == []
 
 
 @pytest.mark.parametrize("mode", [5, 6])

@@ -263,10 +263,13 @@ def test_certify_reports_the_numerical_error(tiny, asrsim_command):
 
 
 def test_engines_agree_by_the_cross_check_if_nothing_touches(tiny, asrsim_command):
-    command = "run", tiny.scenario, "--no-plot", "--cross-check", "--set", "duration=0.1"
+    command = "run", tiny.scenario, "--no-plot", "--cross-check", "--certify", "--set", "duration=0.1"
     for ground, agree in (("false", True), ("true", False)):
         outcome = asrsim_command(*command, "--set", f"world.ground={ground}")
         assert (outcome.code, "the engines agree" in outcome.out, "legitimate" in outcome.out) == (0, agree, not agree)
+        summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+        for kind in ("cross_check", "certificate"):
+            assert f"{summary[kind]['joints']['elbow']['position_max']:.2g}" in outcome.out
 
 
 def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command):

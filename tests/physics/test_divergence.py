@@ -13,7 +13,6 @@ from asrsim.engines import ENGINES
 from asrsim.engines.base import DAMPING, TORQUE, EngineEntry
 from asrsim.engines.mujoco import MujocoEngine
 from asrsim.errors import DivergenceError, UnresolvedSpringError
-from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
 from asrsim.simulation.run import Run
 from validation.contacts import push, slide
@@ -148,7 +147,6 @@ FINE: dict[str, dict[str, Any]] = {
         "bodies": [ARM], "mode": 3, "parameters": {"max_deflection": 0.05},
         "references": {"equilibrium_position": Step(at=0.1, after=3.0), "stiffness_preset": 0.2},
     },
-    "effort limit": {"bodies": [replace(ARM, limits=LIMITS.format(effort="0.1"))], "mode": 6, "references": WAVE},
     "references that jump often": {
         "bodies": [ARM] * 2, "mode": 3,
         "references": {
@@ -160,23 +158,6 @@ FINE: dict[str, dict[str, Any]] = {
         "references": {
             "equilibrium_position": 0.5, "stiffness_preset": Sinusoid(amplitude=0.01, frequency=5.0, offset=0.02),
         },
-    },
-    "a free fall of three links": {"bodies": [replace(ARM, actuator=None)] * 3, "initial": [1.5, 1.0, -2.0]},
-    "a wrench": {
-        "bodies": [ARM], "mode": 6, "references": WAVE,
-        "wrenches": (Wrench(link="link_1", force=(Sinusoid(amplitude=20.0, frequency=3.0), None, None)),),
-    },
-    "a slow trajectory, repeated": {
-        "bodies": [replace(ARM, damping=0.065, friction=0.025)] * 2, "mode": 6,
-        "references": {"equilibrium_position": Ramp(final=1.4, duration=1.5), "stiffness_preset": 0.2},
-    },
-    "motor torques": {
-        "bodies": [ARM], "mode": 4,
-        "references": {"motor_1_torque": Sinusoid(amplitude=3.0, frequency=4.0), "motor_2_torque": -0.5},
-    },
-    "a PID on the link": {"bodies": [ARM] * 2, "mode": 1, "references": {"link_position": Step(at=0.1, after=1.0)}},
-    "a torque on the link": {
-        "bodies": [ARM] * 2, "mode": 0, "references": {"link_torque": Sinusoid(amplitude=0.6, frequency=1.0)},
     },
 }  # fmt: skip
 

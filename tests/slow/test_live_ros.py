@@ -58,7 +58,7 @@ def test_missing_ros_middleware_is_refused(tmp_path, monkeypatch):
     """Without this check, ROS would end the process without a helpful message."""
     (tmp_path / "librcl.so").write_text("")
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.setenv("LD_LIBRARY_PATH", f"/nowhere{os.pathsep}{tmp_path}")
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
     with pytest.raises(InputError, match=r"names 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
         load_rclpy()

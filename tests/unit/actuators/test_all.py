@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -106,9 +107,9 @@ def test_every_mode_runs_in_every_stepping(law, mode, stepping):
         how["parameters"] = constants
     if mode > 6 and stepping == "toolbox":
         with pytest.raises(ScenarioError, match="which the toolbox does not have"):
-            run(chain(replace_actuator(law)), mode=mode, **how)
+            run(chain(replace(BODY, actuator=law.name)), mode=mode, **how)
         return
-    result = run(chain(replace_actuator(law)), mode=mode, **how)
+    result = run(chain(replace(BODY, actuator=law.name)), mode=mode, **how)
     assert result.samples is not None
     joint = result.samples.joint("joint_1")
     assert set(result.info.joints[0].quantities) >= set(joint)
@@ -127,7 +128,7 @@ def test_every_mode_runs_in_every_stepping(law, mode, stepping):
 def test_without_load_the_link_rests_at_the_equilibrium(law, mode):
     """Gravity off: the reference map's equilibrium is where the link goes, in every mode that holds motors."""
     result = run(
-        chain(replace_actuator(law)), mode=mode, gravity=0.0, references=references(law, mode), duration=5.0,
+        chain(replace(BODY, actuator=law.name)), mode=mode, gravity=0.0, references=references(law, mode), duration=5.0,
         parameters={f"motor_{i}_friction_torque": 0.0 for i in range(1, law.motors + 1)},
     )  # fmt: skip
     assert column(result, "link_position")[-1] == pytest.approx(0.2, abs=2e-4)
@@ -136,7 +137,7 @@ def test_without_load_the_link_rests_at_the_equilibrium(law, mode):
 
 def test_what_is_logged_is_the_law(law):
     """Torques and stiffness of a log follow from its positions."""
-    result = run(chain(replace_actuator(law)), mode=6, references=references(law, 6), duration=0.2)
+    result = run(chain(replace(BODY, actuator=law.name)), mode=6, references=references(law, 6), duration=0.2)
     elastic = tuple(result.robot.actuators[0].values()[parameter.name] for parameter in law.parameters)
     second: Any = column(result, "motor_2_position") if law.motors == 2 or law.adjuster else np.zeros(201)
     for k in (0, 57, 200):
@@ -145,11 +146,6 @@ def test_what_is_logged_is_the_law(law):
         assert column(result, "elastic_torque_1")[k] == pytest.approx(torques[0], rel=1e-12, abs=1e-15)
         assert column(result, "link_torque")[k] == pytest.approx(sum(torques), rel=1e-12, abs=1e-15)
         assert column(result, "stiffness")[k] == pytest.approx(law.stiffness(*point, elastic), rel=1e-12)
-
-
-def replace_actuator(law, **changes):
-    values = {name: getattr(BODY, name) for name in ("mass", "reach", "inertia", "damping")}
-    return Body(actuator=law.name, **{**values, **changes})
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 0.1, 0.2499, 0.25, 1.0, 8.0, 700.0])

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 
+import numpy as np
 import pytest
 
 from asrsim import compiling
@@ -9,10 +10,19 @@ from asrsim import compiling
 pytest.importorskip("numba")
 
 
-def test_functions_that_differ_in_a_constant_deep_inside_are_compiled_apart(monkeypatch, tmp_path):
-    """Each is compiled as in a process of its own, with the files of the earlier ones."""
+@pytest.fixture
+def compiled(monkeypatch, tmp_path):
+    """Function that compiles as in a process of its own, with the files of earlier calls."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
+    def fresh(*given, **names):
+        monkeypatch.setattr(compiling, "_loaded", OrderedDict())
+        return compiling.compile_function(*given, names=names)
+
+    return fresh
+
+
+def test_functions_that_differ_in_a_constant_deep_inside_are_compiled_apart(compiled):
     def make(constant):
         def inner(x):
             return x * constant
@@ -22,8 +32,15 @@ def test_functions_that_differ_in_a_constant_deep_inside_are_compiled_apart(monk
     def outer(x):
         return bound(x)  # type: ignore[name-defined]  # noqa: F821
 
-    found = []
-    for constant in (2.0, 3.0, 2.0):
-        monkeypatch.setattr(compiling, "_loaded", OrderedDict())
-        found.append(compiling.compile_function(outer, (1.0,), names={"bound": make(constant)})(1.0))
-    assert found == [2.0, 3.0, 2.0]
+    assert [compiled(outer, (1.0,), bound=make(constant))(1.0) for constant in (2.0, 3.0, 2.0)] == [2.0, 3.0, 2.0]
+
+
+def test_readers_of_integers_and_of_floats_are_compiled_apart(compiled):
+    def first(address):
+        return bound(address)[0]  # type: ignore[name-defined]  # noqa: F821
+
+    number = np.array([1.0])
+    floats, integers = (
+        compiled(first, (number.ctypes.data,), bound=compiling.row_at(kind))(number.ctypes.data) for kind in (False, True)
+    )
+    assert (floats, integers) == (1.0, number.view(np.int64)[0])

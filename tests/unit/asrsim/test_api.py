@@ -80,16 +80,6 @@ def test_a_loaded_robot_may_be_given(tiny):
     assert sags[1] == sags[2]
 
 
-def test_divergence_raises_and_keeps_what_was(tiny):
-    # Without stops, which would hold the link.
-    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="continuous"'))
-    with pytest.raises(asrsim.DivergenceError) as error:
-        asrsim.run(tiny.scenario, overrides=["external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"])
-    assert error.value.joint == "elbow"
-    assert error.value.time == pytest.approx(0.5, abs=0.01)
-    assert error.value.run.samples.time[-1] == pytest.approx(0.5, abs=0.01)
-
-
 def test_importing_asrsim_imports_nothing_else():
     code = "import sys; before = set(sys.modules); import asrsim; print(*sorted(set(sys.modules) - before))"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout

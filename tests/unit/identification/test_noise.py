@@ -13,13 +13,13 @@ from asrsim.identification.noise import (
     autocovariances,
     autoregression,
     fine_noise,
-    first_samples,
     lag_correlation,
     quantum_of,
     size_of,
     swing,
 )
 from asrsim.identification.problem import huber
+from asrsim.identification.track import first_samples
 
 
 def test_noise_and_steps_are_found_in_a_smooth_record():
@@ -55,6 +55,7 @@ def test_a_swing_stands_out_of_white_and_of_correlated_noise():
         assert sum(swing(one) > 0.0 for one in noise) <= 1
     ringing = 0.4 * np.sin(2.0 * np.pi * 108.0 * time)
     assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
+    assert swing(np.ones(200)) == 0.0
 
 
 def test_a_deviating_segment_is_noisy_and_outliers_are_not():
@@ -75,4 +76,4 @@ def test_a_link_starts_where_a_parabola_through_15_samples_does():
     channel = Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
-    assert first_samples(channel, 0.05) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
+    assert first_samples(channel) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)

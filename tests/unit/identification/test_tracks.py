@@ -47,8 +47,8 @@ def test_predictions_include_the_effects_of_the_sensor(tmp_path):
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
     with ExitStack() as stack:
-        (track,) = setup_of(stack, tmp_path, columns, ["joint_1.damping"]).tracks
-        predict = partial(track.predict, playing=track.playing, until=1.0)
+        problem = setup_of(stack, tmp_path, columns, ["joint_1.damping"])
+        predict = partial(problem.tracks[0].predict, playing=problem.playing, until=1.0)
         (base,) = predict({}) or ()
         assert np.ptp(base) > 0.3
         place = "joint_1.link_position"

@@ -103,6 +103,12 @@ def test_frequency_of_a_hardening_ringing(length, decay):
     assert 1.2 < measure("frequency", time, q) < 5.2
 
 
+def test_fewer_than_two_crossings_in_a_direction_are_no_oscillation():
+    wave = np.sin(2.0 * np.pi * TIME)
+    assert measure("frequency", TIME, np.where(TIME < 2.5, wave, 0.0)) == pytest.approx(1.0, rel=1e-3)
+    assert math.isnan(measure("frequency", TIME, np.where(TIME < 2.0, wave, 0.0)))
+
+
 def test_rounding_has_no_frequency():
     """A joint that rests has rounding left, which swings."""
     shaken = 0.3 + 2e-13 * np.sin(2.0 * math.pi * 5.0 * TIME)

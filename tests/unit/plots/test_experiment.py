@@ -12,7 +12,7 @@ from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from asrsim.metrics import read_metrics
 from asrsim.plots.job import PlotJob, plot
-from asrsim.plots.overlay import overlay_figure
+from asrsim.plots.overlay import comparison_pages, overlay_figure
 from asrsim.plots.pairing import assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
@@ -59,6 +59,18 @@ def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_pat
     np.testing.assert_allclose(curve["time"], drawn["joint_1.link_position.experiment.0"].get_xdata(), atol=1e-6)
     np.testing.assert_allclose(curve["values"], experiment, rtol=1e-5, atol=1e-9)
     assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
+
+
+def test_every_compared_quantity_is_on_one_page(tmp_path):
+    quantities = ("link_position", "link_torque", "stiffness", "motor_1_position")
+    names = [f"joint_{j}.{quantity}" for j in (1, 2, 3, 4) for quantity in quantities]
+    log = made_up_log(tmp_path / "log.mcap", joints=4, count=101, step=0.01)
+    table = np.column_stack([0.01 * np.arange(101), *[np.sin(0.1 * np.arange(101))] * len(names)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=f"time,{','.join(names)}", comments="")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(tmp_path / "lab.csv"),), lag="off"))
+    pages = comparison_pages(result.runs, result.compared, references=False)
+    drawn = [line.get_gid() for page in pages for axes in page.figure.axes for line in axes.get_lines() if line.get_gid()]
+    assert sorted(gid.removesuffix(".experiment.0") for gid in drawn if gid.endswith("experiment.0")) == sorted(names)
 
 
 def test_several_recordings_are_a_band(tmp_path):

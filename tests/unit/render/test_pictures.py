@@ -198,6 +198,13 @@ def test_solids_have_their_volume_and_normals_that_point_outwards():
         assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
 
 
+def test_merged_triangles_keep_the_shape():
+    sphere = trimesh.creation.icosphere(subdivisions=5)
+    mesh = solids.merged(solids.flat(sphere.vertices, sphere.faces), most=3000)
+    assert len(mesh.triangles) <= 3000
+    assert volume(mesh.points, mesh.triangles) == pytest.approx(4.0 / 3.0 * math.pi, rel=0.05)
+
+
 def test_frames_are_denser_where_more_moves(log):
     """The step comes at 0.1 s: before it nothing moves."""
     film = Film(log, size=60)

@@ -33,11 +33,13 @@ def test_expected_stiffness_allows_for_twice_the_static_load():
     assert stiffness > 1.5 * 2.0 * at(weight) * 0.9
 
 
-def test_bristles_of_motor_friction_need_motor_substeps():
+@pytest.mark.parametrize("kind", ["friction_torque", "stribeck_friction", "load_friction"])
+def test_bristles_of_motor_friction_need_motor_substeps(kind):
     """1000 N m/rad on 1e-3 kg m^2: 1000 rad/s."""
     found = {}
     for friction in (0.0, 0.1):
-        parameters = {"motor_1_friction_torque": friction, "motor_1_inertia": 1e-3, "spring_stiffness": 1.0}
+        parameters = {"motor_1_friction_torque": 0.0, "motor_1_inertia": 1e-3, "spring_stiffness": 1.0}
+        parameters |= {f"motor_1_{kind}": friction}
         found[friction] = run(chain(BODY), mode=4, duration=0.01, parameters=parameters).resolution
     assert found[0.1].motor_frequency ** 2 - found[0.0].motor_frequency ** 2 == pytest.approx(FRICTION_STIFFNESS / 1e-3)
     assert found[0.1].motor_substeps > found[0.0].motor_substeps == 1
