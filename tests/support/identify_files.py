@@ -6,7 +6,8 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.parameters import Parameter, make_layout
-from asrsim.identification.problem import Meter, Problem
+from asrsim.identification.problem import Meter, Problem, set_up
+from asrsim.identification.task import task_of
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -70,6 +71,14 @@ def save(path, header, *columns):
     """Write columns as a table of text, and return its path."""
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.12g")
     return path
+
+
+def prepared(stack, folder, columns, free, *, keys="", **numbers):
+    """Prepared fit to a table of columns by heading. numbers: those of the robot; keys: further keys of the scenario."""
+    table = save(folder / "a.csv", ",".join(columns), *columns.values())
+    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(columns["time [s]"][-1]))
+    scenario.write_text(f"{scenario.read_text()}compiled: false\n{keys}")
+    return set_up(task_of(scenario, [table], free=free), stack).problem
 
 
 def bench(folder, stiffness):

@@ -10,19 +10,9 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.problem import set_up, solve
+from asrsim.identification.problem import solve
 from asrsim.identification.uncertainty import Uncertainty
-from support.identify_files import CHIRP, SEA, record, write
-
-
-def setup_of(stack, folder, columns, numbers, free):
-    """Prepared fit to a table."""
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
-    scenario.write_text(scenario.read_text() + "compiled: false\n")
-    return set_up(task_of(scenario, [folder / "a.csv"], free=free), stack)
-
+from support.identify_files import CHIRP, SEA, prepared, record, write
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
 """s."""
@@ -61,7 +51,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
         columns["joint_1.external_torque [N m]"] = pushed
     free = [f"joint_1.{name}" + (f"={0.5 * value}" if value > 0.0 else "") for name, value in LAWS[law].items()]
     with ExitStack() as stack:
-        problem = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, free).problem
+        problem = prepared(stack, tmp_path, columns, free, mode=0, damping=0.0)
         (channel,) = problem.tracks[0].channels
         assert channel.quantity == "link_torque"
         found = problem.layout.values(solve(problem, np.zeros(len(free))))

@@ -12,7 +12,7 @@ from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.noise import beyond_steps, lag_correlation
 from asrsim.runs.from_recording import write_from_recording
-from support.identify_files import CHIRP, SEA, record, write
+from support.identify_files import BENCH, CHIRP, SEA, bench, record, save, write
 
 ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
 <inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -23,8 +23,7 @@ ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin
 def table(folder, header, *columns):
     """Write a recording and the robot into a folder; return the path of the recording."""
     (folder / "rig.urdf").write_text(ARM)
-    np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
-    return folder / "a.csv"
+    return save(folder / "a.csv", header, *columns)
 
 
 @pytest.mark.slow
@@ -134,12 +133,9 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
     for number in range(5):
         place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)
         torque = 4.0 * place + generator.normal(scale=0.1) + 2e-3 * generator.normal(size=len(time))
-        trials.append(tmp_path / f"{number}.csv")
-        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
-        np.savetxt(trials[-1], np.column_stack([time, place, torque]), delimiter=",", header=header, comments="")
-    lab = write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>3</spring_k>"}, duration=4.0)
-    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench"))
-    shared = identify(lab, trials, free=["joint_1.spring_stiffness"])
+        trials.append(save(tmp_path / f"{number}.csv", BENCH, time, place, torque))
+    lab = bench(tmp_path, 3)
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"], starts=1)
     assert not shared.fits
     zeros = [text for text in shared.causes if text.startswith("a zero of joint_1.elastic_torque_1 in each recording")]
     assert any("--own joint_1.elastic_torque_1.offset" in text for text in zeros), shared.causes
@@ -154,9 +150,8 @@ def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
         write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv",
         ("link_position", "motor_1_position"),
     )  # fmt: skip
-    header, rows = recording.read_text().partition("\n")[0], np.loadtxt(recording, delimiter=",", skiprows=1)
-    rows[:, -1] *= 20.0
-    np.savetxt(recording, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    header, *columns, motor = recording.read_text().partition("\n")[0], *np.loadtxt(recording, delimiter=",", skiprows=1).T
+    save(recording, header, *columns, 20.0 * motor)
     result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"], starts=1)
     (cause,) = result.causes
     (gain,) = re.findall(r"another scale and zero of joint_1.motor_1_position \((.*?)\)", cause)
