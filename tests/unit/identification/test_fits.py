@@ -57,17 +57,6 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
 
 
-def test_ratios_are_named_where_single_parameters_are_unidentifiable(lab):
-    # Without torques, stiffness, inertia and damping are known up to a common factor.
-    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
-    assert [one.verdict for one in result.estimates] == ["only as ratio"] * 3
-    assert all(np.isnan(one.low) for one in result.estimates)
-    ratios = {one.text: one.value for one in result.combinations}
-    known = {4.0 / 0.009, 0.02 / 4.0, 0.02 / 0.009, 0.009 / 4.0, 4.0 / 0.02, 0.009 / 0.02}
-    assert ratios
-    assert all(min(abs(value / truth - 1.0) for truth in known) < 0.02 for value in ratios.values()), ratios
-
-
 def test_a_parameter_without_effect_has_a_reason(lab):
     free = ["joint_1.spring_stiffness", "joint_1.motor_1_inertia"]
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
@@ -280,24 +269,9 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, idle=()).modes == modes
 
 
-def test_stopping_keeps_the_best_fit_so_far(lab):
-    calls = 0
-
-    def stop():
-        nonlocal calls
-        calls += 1
-        return calls > 12
-
-    told = []
-    result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop, progress=told.append)
-    assert told[0].stage == "reading and preparing"
-    assert result.status == "interrupted"
-    assert len(result.estimates) == 3
-
-
-@pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
-def test_stopping_ends_the_judgement(lab, stage):
-    """The result has the values of the search, and the judgement takes little more than one simulation for each parameter."""
+@pytest.mark.parametrize("stage", ["the start", "judgement", "what may be missing"])
+def test_stopping_keeps_the_best_fit_so_far(lab, stage):
+    """After the stop, the fit takes little more than one simulation for each parameter."""
     told, asked = [], []
 
     def stop():
@@ -401,15 +375,15 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
 def test_a_played_command_jumps_where_the_recording_does(hold, delay):
     """Large jumps are reported at their samples; near the jumps the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
-    values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
+    values = np.where(time > 0.305, 1.0, 0.0) + (0.0 if hold else 0.05 * time)
     command = PlayedCommand(
         joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad"
     )
     played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
-    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay, 0.61 + delay])
+    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay])
     assert played.jumps(0.4, 0.5).size == 0
-    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.595, 0.615, 0.905]) + delay
-    at = values[np.searchsorted(time, asked - delay, side="right") - 1] if hold else np.interp(asked - delay, time, values)
-    assert played.values(asked) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
+    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.905])
+    at = values[(100 * asked).astype(int)] if hold else np.interp(asked, time, values)
+    assert played.values(asked + delay) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
     beside = played.values(np.array([0.31 + delay - 1e-5, 0.31 + delay + 1e-5]))
     assert np.diff(beside) == pytest.approx([2.0], abs=0.05)

@@ -260,18 +260,6 @@ AXIS = """<robot name="axis"><link name="world"/>
 """
 
 
-def axis(folder, header, *columns):
-    """Write a recording, and the scenario of a mass that a force moves; return the path of the scenario."""
-    (folder / "axis.urdf").write_text(AXIS)
-    duration = columns[0][-1]
-    (folder / "lab.yaml").write_text(f"robot: axis.urdf\nduration: {duration}\nactuators: {{motor: {{type: sea, mode: 0}}}}\n")
-    save(folder / "a.csv", header, *columns)
-    return folder / "lab.yaml"
-
-
-MAPS = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
-
-
 @pytest.mark.slow
 def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path):
     """A mass of 360 kg on a spring, moved by a chirp of force; the integration is independent of asrsim."""
@@ -283,40 +271,20 @@ def test_a_locked_joint_needs_its_spring_for_the_published_values(tmp_path):
     joint = EventDriven(Mass(360.0, 2200.0), lambda v: 30.0 + 0.0 * v)
     place = joint.move(np.zeros(1), np.zeros(1), lambda at, x: force(at) - 3.5e5 * x, time)[0][:, 0]
     shown = 2e-6 * np.round((place + 1e-6 * generator.normal(size=len(time))) / 2e-6)
-    scenario = axis(tmp_path, "t [s],F [N],x [m]", time, force(time) + generator.normal(size=len(time)), shown)
-    free = ["motor.damping", "motor.friction", "carriage.mass"]
-    without = identify(scenario, [tmp_path / "a.csv"], free=free, mapping=MAPS)
+    header = "t [s],motor.reference_1 [N],motor.link_position [m]"
+    recording = save(tmp_path / "a.csv", header, time, force(time) + generator.normal(size=len(time)), shown)
+    (tmp_path / "axis.urdf").write_text(AXIS)
+    scenario, free = tmp_path / "lab.yaml", ["motor.damping", "motor.friction", "carriage.mass"]
+    scenario.write_text("robot: axis.urdf\nduration: 20\nactuators: {motor: {type: sea, mode: 0}}\n")
+    without = identify(scenario, [recording], free=free)
     (suspected,) = re.findall(r"a passive spring of motor \((.*) N/m\) is suspected", "\n".join(without.causes))
     assert float(suspected) == pytest.approx(3.5e5, rel=0.02)
-    found = identify(scenario, [tmp_path / "a.csv"], free=[*free, "motor.passive_stiffness=1e5"], mapping=MAPS)
+    found = identify(scenario, [recording], free=[*free, "motor.passive_stiffness=1e5"])
     assert (without.fits, found.fits) == (False, True)
     assert {one.verdict for one in found.estimates} == {"identified"}
     # The time-step error at 1 ms would be larger than the error of the sensor.
     for key, true in (("carriage.mass", 360.0), ("motor.damping", 2200.0), ("motor.passive_stiffness", 3.5e5)):
         assert found.find(key).value == pytest.approx(true, rel=2e-3)
-
-
-@pytest.mark.parametrize(("noise", "late", "offset"), [(3e-6, 0.0, 0.0), (1e-7, 0.0051, -40.0)])
-def test_a_mass_moved_by_a_recorded_force_is_identified(tmp_path, noise, late, offset):
-    """A motion in closed form, and its force: with noise of the positions, or with a delay and an offset of the force."""
-    mass, damping, friction, generator = 360.0, 2200.0, 30.0, np.random.default_rng(0)
-    time = np.arange(0.0, 4.0, 0.002)
-    waves = np.array([[0.03, 2.0 * math.pi * 0.6], [0.01, 2.0 * math.pi * 1.9]])
-    phases = np.outer(time + late, waves[:, 1])
-    speed, rate = np.cos(phases) @ waves.prod(axis=1), -np.sin(phases) @ (waves[:, 0] * waves[:, 1] ** 2)
-    force = mass * rate + damping * speed + friction * np.sign(speed) + offset + generator.normal(size=len(time))
-    place = np.sin(np.outer(time, waves[:, 1])) @ waves[:, 0] + noise * generator.normal(size=len(time))
-    scenario = axis(tmp_path, "t [s],F [N],x [m]", time, force, place)
-    true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
-    true |= {"motor.reference_1.delay": (late, 1e-4), "motor.reference_1.offset": (offset, 0.3)} if late else {}
-    found = identify(scenario, [tmp_path / "a.csv"], free=list(true), mapping=MAPS)
-    assert any("driven by the recorded torque" in remark for remark in found.remarks)
-    assert found.fits
-    for key, (value, near) in true.items():
-        one = found.find(key)
-        assert one.value == pytest.approx(value, abs=near)
-        assert one.verdict == "identified"
-        assert abs(one.value - value) < one.high - one.low
 
 
 @pytest.mark.parametrize("tied", range(4))

@@ -10,8 +10,10 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
+from asrsim.identification.data import computed_columns
 from asrsim.identification.problem import solve
 from asrsim.identification.uncertainty import Uncertainty
+from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, prepared, record, write
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
@@ -88,3 +90,15 @@ def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
     with pytest.raises(InputError) as caught:
         task_of(guess, [recording], free=wrong)
     assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction.start"]
+
+
+def test_a_torque_computed_from_a_deflection_is_no_measurement():
+    """A position that was converted from counts is measured."""
+    time, generator = np.arange(0.0, 1.0, 0.01), np.random.default_rng(0)
+    angle, deflection = generator.normal(size=(2, 100))
+    names = {"counts": (651.9 * angle, None), "q": (angle, "link_position"), "phi": (deflection, None)}
+    columns = [
+        Column(time=time, values=values, unit="", joint="j", quantity=quantity, source=name, conversion="")
+        for name, (values, quantity) in {**names, "tau": (-80.0 * deflection, "elastic_torque_1")}.items()
+    ]
+    assert computed_columns(columns, {"q", "tau"}) == {"tau": "phi"}
