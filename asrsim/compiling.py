@@ -77,7 +77,7 @@ def compile_function(
 def compile_packed(
     function: Any,
     record: Any,
-    sizes: Callable[[Any], tuple[int, int, int, int]],
+    sizes: Callable[[Any], tuple[int, int, int]],
     *,
     names: Mapping[str, Any] | None = None,
     version: str = "",
@@ -87,14 +87,20 @@ def compile_packed(
     `function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
     `asrsim.packed` and `asrsim.engines.base.Native`.
 
-    sizes: function that maps a record to the number of values of a state, the number of rows of an exchange for each piece, and
-    the numbers of rows and columns of the wrenches for each piece.
-    Other arguments as in `compile_function`.
+    sizes: function that maps a record to the number of rows of an exchange for each piece, and the numbers of rows and columns
+    of the wrenches for each piece. Other arguments as in `compile_function`.
     """
     from asrsim.packed import reader, table_reader
 
     kind = type_of(record)
-    given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
+    given = {
+        **(names or {}),
+        "_unpacked": reader(kind),
+        "_function": function,
+        "_sizes": sizes,
+        "_table": table_reader(),
+        "_row": row_at(),
+    }
     return compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
 
 
@@ -102,14 +108,14 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("compile_packed replaces this function")
 
 
-_unpacked = _function = _sizes = _table = _unbound
+_unpacked = _function = _sizes = _table = _row = _unbound
 
 
 def _at_address(address: int, state: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
     record = _unpacked(address)
-    size, joints, rows, columns = _sizes(record)
+    joints, rows, columns = _sizes(record)
     _function(
-        record, _table(state, 1, 1, size)[0, 0], _table(exchange, pieces, joints, 5), _table(wrenches, pieces, rows, columns),
+        record, _row(state), _table(exchange, pieces, joints, 5), _table(wrenches, pieces, rows, columns),
         _table(lengths, 1, 1, pieces)[0, 0],
     )  # fmt: skip
 

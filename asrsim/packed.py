@@ -25,26 +25,40 @@ def _words(value: Any) -> list[int]:
 
 
 def reader(kind: Any) -> Any:
-    """A function for compiled code that returns the record of the Numba type `kind` at an address. The arrays of the record
-    have no reference counts."""
+    """A function for compiled code that returns the record of the Numba type `kind` at an address. Arrays with one axis become
+    pointers, which take fewer registers; the other arrays have no reference counts."""
     from numba import types
     from numba.extending import intrinsic
 
+    kinds: Any = types
+
+    def in_code(member: Any) -> Any:
+        """Type of a member of the record in compiled code."""
+        if isinstance(member, types.BaseTuple):
+            whole: Any = member
+            return kinds.NamedTuple([in_code(part) for part in whole.types], whole.instance_class)
+        return kinds.CPointer(member.dtype) if isinstance(member, types.Array) and member.ndim == 1 else member
+
     def read_packed(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            # The loops over degrees of freedom are short, so that versions of them for many rounds would cost time.
+            builder.function.attributes.add("optsize")
             take = _words_at(builder, arguments[0])
 
             def read(member: Any) -> Any:
                 if isinstance(member, types.BaseTuple):
                     whole: Any = member
-                    return context.make_tuple(builder, member, [read(part) for part in tuple(whole)])
+                    return context.make_tuple(builder, in_code(member), [read(part) for part in tuple(whole)])
                 if not isinstance(member, types.Array):
                     return take()
-                return array_at(context, builder, member, take(), [take() for _ in range(member.ndim)])
+                address, shape = take(), [take() for _ in range(member.ndim)]
+                if member.ndim == 1:
+                    return builder.inttoptr(address, context.get_value_type(in_code(member)))
+                return array_at(context, builder, member, address, shape)
 
             return read(kind)
 
-        return kind(address), generate
+        return in_code(kind)(address), generate
 
     return intrinsic(read_packed)
 

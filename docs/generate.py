@@ -169,14 +169,15 @@ def live_topics() -> str:
     from asrsim.live.commands import CommandInput
     from asrsim.live.publisher import Publisher
     from asrsim.scenario import load_scenario
-    from asrsim.simulation.ranges import ranges_of, with_ranges
+    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.ranges import ranges_of
     from asrsim.simulation.simulation import Simulation
 
     (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")
-    prepared = with_ranges(scenario)
+    prepared = prepare(scenario, settable=True)
     with Simulation(prepared, compiled=False) as simulation:
         outlets = [(one, "out, latched" if one.latched else "out") for one in Publisher(simulation, prepared.info).outlets]
-    inlets = [(one, "in") for one in CommandInput(prepared.info.joints, ranges_of(prepared)).inlets]
+    inlets = [(one, "in") for one in CommandInput(prepared.info.joints, ranges_of(prepared.scenario, prepared.drives)).inlets]
     rows = [(f"`{one.name}`", one.message, way) for one, way in (*inlets, *outlets) if "joint_2" not in one.name]
     return markdown_table(("topic", "message", "way"), rows)
 

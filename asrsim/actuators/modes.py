@@ -13,8 +13,9 @@ class Mode:
     name: str
     references: tuple[str, ...]
     """Names of the one or two references in scenarios and logs."""
-    units: tuple[str, ...]
     doc: str
+    units: tuple[str, ...] = ("rad", "rad")
+    """Units of the references."""
     spring: bool = False
     """Whether springs drive the link; if not, the reference or the PID controller of the link drives the link directly."""
     motor: bool = False
@@ -45,15 +46,15 @@ MODES: dict[int, Mode] = {
              doc="the reference is the torque on the link"),
         Mode(number=1, name="LinkPID", references=("link_position",), units=("rad",),
              controller=True, doc="a PID controller acts on the rigid link"),
-        Mode(number=2, name="SpringRefs", references=("reference_1", "reference_2"), units=("rad", "rad"),
+        Mode(number=2, name="SpringRefs", references=("reference_1", "reference_2"),
              spring=True, doc="ideal motors stand at the references"),
-        Mode(number=3, name="SpringEqPres", references=("equilibrium_position", "stiffness_preset"), units=("rad", "rad"),
+        Mode(number=3, name="SpringEqPres", references=("equilibrium_position", "stiffness_preset"),
              spring=True, mapped=True, doc="ideal motors, through the reference map"),
         Mode(number=4, name="MotorTorques", references=("motor_1_torque", "motor_2_torque"), units=("N m", "N m"),
              spring=True, motor=True, doc="the references are the motors' torques"),
-        Mode(number=5, name="PIDRefs", references=("reference_1", "reference_2"), units=("rad", "rad"),
+        Mode(number=5, name="PIDRefs", references=("reference_1", "reference_2"),
              spring=True, motor=True, controller=True, doc="PID controllers bring the motors to the references"),
-        Mode(number=6, name="PIDEqPres", references=("equilibrium_position", "stiffness_preset"), units=("rad", "rad"),
+        Mode(number=6, name="PIDEqPres", references=("equilibrium_position", "stiffness_preset"),
              spring=True, motor=True, controller=True, mapped=True, doc="as 5, through the reference map"),
         Mode(number=7, name="MotorVoltages", references=("motor_1_voltage", "motor_2_voltage"), units=("V", "V"),
              spring=True, motor=True, command="voltage",

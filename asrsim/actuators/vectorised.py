@@ -73,11 +73,12 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 return np.asarray(values) if np.shape(values) == shape else np.array(np.broadcast_to(values, shape))
             except (ValueError, TypeError):
                 pass
-        arrays = [first, *(values for values in rest if not isinstance(values, tuple))]
-        parameters = [value for values in rest if isinstance(values, tuple) for value in values]
-        points = zip(*(np.broadcast_to(value, shape).ravel().tolist() for value in (*arrays, *parameters)), strict=True)
-        split, own = len(arrays), len(rest) >= len(arrays)
-        rows = np.array([law(*point[:split], *([point[split:]] if own else [])) for point in points], dtype=float)
+        springs = isinstance(rest[-1], tuple)
+        *positions, parameters = (first, *rest) if springs else (first, *rest, ())
+        points = zip(*(np.broadcast_to(values, shape).ravel().tolist() for values in (*positions, *parameters)), strict=True)
+        count = len(positions)
+        results = [law(*point[:count], point[count:]) if springs else law(*point) for point in points]
+        rows = np.array(results, dtype=float)
         return rows.T.reshape(*rows.shape[1:], *shape)
 
     return evaluate

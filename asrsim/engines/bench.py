@@ -41,8 +41,8 @@ def move(motion: Any, state: Any, exchange: Any, wrenches: Any, lengths: Any) ->
         exchange[last, j, VELOCITY] = (motion.places[row, j] - motion.places[row - 1, j]) / motion.step[0]
 
 
-def _sizes(motion: Any) -> tuple[int, int, int, int]:
-    return 1, motion.places.shape[1], 0, 6
+def _sizes(motion: Any) -> tuple[int, int, int]:
+    return motion.places.shape[1], 0, 6
 
 
 def link_motion(scenario: Scenario, joint: str) -> Signal:

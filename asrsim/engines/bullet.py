@@ -73,11 +73,11 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
     This function runs as Python or compiled.
     """
-    for i in range(len(room.regime)):
+    for i in range(room.freedoms):
         room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
     find_change(room, exchange, 0, lengths[0])
-    for j in range(len(room.joint_v)):
+    for j in range(room.joints):
         i = room.joint_v[j]
         mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
         push[i] += exchange[0, j, TORQUE] - exchange[0, j, DAMPING] * mean
@@ -248,7 +248,7 @@ class BulletContacts(BulletEngine):
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
         p, room, model = self._p, self._room, self.model
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
-        now, push, positions = room.velocity.copy(), np.zeros(len(room.velocity)), room.qpos[self._start :]
+        now, push, positions = room.velocity.copy(), np.zeros(room.freedoms), room.qpos[self._start :]
         rotation = self._rotation if room.free else None
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
         self.look(forces, self._forces)

@@ -34,7 +34,7 @@ def settle(room: Any) -> None:
     and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the states of the degrees of
     freedom, on entry those of the last step. Work space: `square` (v, v) and `push` (v,).
     """
-    size = len(room.bound)
+    size = room.freedoms
     for i in range(size):
         if room.bound[i] == 0.0 and abs(room.regime[i]) != AT_UPPER:
             room.regime[i] = POSITIVE
@@ -51,7 +51,7 @@ def solve_states(room: Any) -> None:
     `room.push` becomes the impulse (N m s) of friction and stop that causes this velocity.
     """
     matrix, diagonal, change, regime, push = room.matrix, room.diagonal, room.change, room.regime, room.push
-    size, prescribed = len(change), 0
+    size, prescribed = room.freedoms, 0
     for i in range(size):
         change[i] = 0.0
         push[i] = room.impulse[i]
@@ -71,7 +71,7 @@ def solve_states(room: Any) -> None:
             for i in range(size):
                 push[i] -= matrix[i, k] * change[k]
     _fill(room)
-    _solve(room.square, push, room.parent)
+    _solve(room.square, push, room.parent, size)
     for i in range(size):
         change[i] = push[i]
     for i in range(size if prescribed > 0 else 0):
@@ -85,7 +85,7 @@ def _fill(room: Any) -> None:
     """Set `room.square` and `room.push` to the equations of the degrees of freedom that slide, and to the known changes of the
     others."""
     matrix, square, regime, parent = room.matrix, room.square, room.regime, room.parent
-    for i in range(len(regime)):
+    for i in range(room.freedoms):
         slides = abs(regime[i]) == POSITIVE
         square[i, i] = room.diagonal[i] if slides else 1.0
         if not slides:
@@ -96,13 +96,12 @@ def _fill(room: Any) -> None:
             k = parent[k]
 
 
-def _solve(square: Any, values: Any, parent: Any) -> None:
+def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
     """Solve a positive definite system in place, M = L^T D L. `square` holds the lower triangle of M, with zeros except for
     pairs of degrees of freedom of which one carries the other.
 
     The elimination begins at the last joint, so that these zeros remain zeros (Featherstone 2008, ch. 8.5).
     """
-    size = len(values)
     for a in range(size - 1, -1, -1):
         inverse = 1.0 / square[a, a]
         b = parent[a]
@@ -128,7 +127,7 @@ def _swap(room: Any, single: bool) -> bool:
     only the first of these states. Returns whether any state changed."""
     changed = False
     regime = room.regime
-    for i in range(len(regime)):
+    for i in range(room.freedoms):
         before = regime[i]
         if abs(before) == POSITIVE:
             regime[i] = _state_by_velocity(room, i, room.velocity[i] + room.change[i])

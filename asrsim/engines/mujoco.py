@@ -192,15 +192,14 @@ class MujocoContacts(MujocoEngine):
         m, room, step = self._m, self._room, float(self._room.scheme[STEP])
         self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
-        joints = room.joint_v
-        m.dof_solimp[joints] = HARD
-        m.dof_solref[joints] = (-1.0, -HARD[0] / step)
-        places = [int(np.flatnonzero(m.jnt_dofadr == dof)[0]) for dof in joints]
+        joints = m.dof_jntid[room.joint_v]
+        m.dof_solimp[room.joint_v] = HARD
+        m.dof_solref[room.joint_v] = (-1.0, -HARD[0] / step)
         limited = np.isfinite(room.lower) | np.isfinite(room.upper)
-        m.jnt_limited[places] = limited
-        m.jnt_range[places] = np.column_stack([np.maximum(room.lower, -1e9), np.minimum(room.upper, 1e9)])
-        m.jnt_solimp[places] = HARD
-        self._limited = [place for place, limit in zip(places, limited, strict=True) if limit]
+        m.jnt_limited[joints] = limited
+        m.jnt_range[joints] = np.column_stack([np.maximum(room.lower, -1e9), np.minimum(room.upper, 1e9)])
+        m.jnt_solimp[joints] = HARD
+        self._limited = joints[limited]
         m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
@@ -209,8 +208,8 @@ class MujocoContacts(MujocoEngine):
         pieces of the kick. The state has the accelerations from which the solver starts, instead of `regime`."""
         mj, m, d, room, state = self._mujoco, self._m, self._d, self._room, self._state
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
-        step = float(room.scheme[STEP])
-        kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
+        step, first, size = float(room.scheme[STEP]), len(d.qpos), len(d.qvel)
+        kick = fraction * step
         lagging = state[first : first + size].copy()
         damping = loads[:, DAMPING]
         m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping

@@ -44,6 +44,8 @@ class Record(NamedTuple):
     """Work space (3, 3); the rows are a force, a torque and a point."""
     xpos: Numbers
     xmat: Numbers
+    wrenches: int
+    """Number of wrenches."""
     wrench_body: Numbers
     wrench_point: Numbers
     """Point (m) at which each wrench acts, in the frame of the wrench's body; shape (w, 3)."""
@@ -64,16 +66,17 @@ def make_record(
     return Record(
         room=room, model=model._address, data=data._address, at_matrix=room.matrix.ctypes.data,
         at_bias=room.bias.ctypes.data, at_force=room.force.ctypes.data, at_vectors=vectors.ctypes.data, vectors=vectors,
-        xpos=data.xpos, xmat=data.xmat, wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
+        xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
+        wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
         wrench_point=np.array(points).reshape(len(wrenches), 3),
         wrench_turn=np.array([turn for _, _, turn in pushed]).reshape(len(wrenches), 3, 3),
         wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
     )  # fmt: skip
 
 
-def sizes(record: Record) -> tuple[int, int, int, int]:
+def sizes(record: Record) -> tuple[int, int, int]:
     """Sizes of the other arguments of `step`; see `asrsim.compiling.compile_packed`."""
-    return len(record.room.qpos) + 3 * len(record.room.qvel), len(record.room.joint_v), len(record.wrench_body), 6
+    return record.room.joints, record.wrenches, 6
 
 
 def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
@@ -87,7 +90,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)
     for piece in range(len(lengths)):
-        if len(record.wrench_body):
+        if record.wrenches:
             push(record, wrenches, piece)
         kick(room, exchange, piece, lengths[piece])
     finish(room, state, exchange, lengths)
@@ -97,9 +100,9 @@ def push(record: Record, wrenches: Any, piece: int) -> None:
     """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, at the positions in MuJoCo's
     data."""
     force, vectors, xmat = record.room.force, record.vectors, record.xmat
-    for i in range(len(force)):
+    for i in range(record.room.freedoms):
         force[i] = 0.0
-    for index in range(len(record.wrench_body)):
+    for index in range(record.wrenches):
         body = record.wrench_body[index]
         for row in range(3):
             point = record.xpos[body, row]

@@ -39,8 +39,15 @@ INLINE = (
 
 
 class Room(NamedTuple):
-    """Work space of a step, with n joints, v degrees of freedom and q values of a configuration."""
+    """Work space of a step. In compiled code, arrays with one axis are pointers: their indices must not be negative, and their
+    lengths are the numbers of the first three fields."""
 
+    joints: int
+    """Number n of joints."""
+    freedoms: int
+    """Number v of degrees of freedom."""
+    coordinates: int
+    """Number q of values in a configuration."""
     scheme: Numbers
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
@@ -94,19 +101,17 @@ def make_room(
     """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`; parents precede the degrees of freedom
     that they carry. None: the mass matrix may have no zeros."""
     size = len(qvel)
-    arrays: dict[str, Any] = {
-        name: np.zeros(size) for name in ("diagonal", "bias", "force", "velocity", "impulse", "bound", "change", "push")
-    }
-    arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays["regime"] = np.zeros(size, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
-    return Room(
-        scheme=np.zeros(4), free=int(free), qpos=qpos, qvel=qvel,
-        parent=np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
-        slowest=np.full(size, -inf), fastest=np.full(size, inf),
-        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
-        **arrays,
-    )  # fmt: skip
+    fields: dict[str, Any] = {name: np.zeros(size) for name in Room._fields}
+    fields |= {
+        "joints": len(lower), "freedoms": size, "coordinates": len(qpos),
+        "scheme": np.zeros(4), "free": int(free), "qpos": qpos, "qvel": qvel, "regime": np.zeros(size, dtype=np.int64),
+        "parent": np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
+        "matrix": np.zeros((size, size)), "square": np.zeros((size, size)), "slowest": np.full(size, -inf),
+        "fastest": np.full(size, inf), "joint_q": np.array(joint_q, dtype=np.int64),
+        "joint_v": np.array(joint_v, dtype=np.int64), "lower": lower, "upper": upper,
+    }  # fmt: skip
+    return Room(**fields)
 
 
 def plain(record: Any) -> Any:
@@ -119,7 +124,7 @@ def aim(room: Any, state: Any) -> None:
     """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias, and the
     velocity and the states of friction before the kick."""
     qpos, qvel, scheme, velocity = room.qpos, room.qvel, room.scheme, room.velocity
-    first, size = len(qpos), len(qvel)
+    first, size = room.coordinates, room.freedoms
     for i in range(first):
         qpos[i] = state[i]
     for i in range(size):
@@ -134,7 +139,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
     sticks or slides in the other direction.
     """
-    count = len(room.joint_v)
+    count = room.joints
     for splits in range(count + 1):
         find_change(room, exchange, piece, length)
         resting = first_standstill(room) if splits < count else -1
@@ -142,7 +147,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         if resting != -1:
             part *= -room.velocity[resting] / room.change[resting]
             find_change(room, exchange, piece, part)
-        for i in range(len(room.velocity)):
+        for i in range(room.freedoms):
             room.velocity[i] += room.change[i]
         if resting == -1:
             break
@@ -159,10 +164,10 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
     """
     step = room.scheme[STEP]
     time = length * step
-    for i in range(len(room.velocity)):
+    for i in range(room.freedoms):
         room.impulse[i] = time * (room.force[i] - room.bias[i])
         room.diagonal[i] = room.matrix[i, i]
-    for j in range(len(room.joint_v)):
+    for j in range(room.joints):
         i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[piece, j, DAMPING]
         room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
         room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
@@ -184,17 +189,17 @@ def first_standstill(room: Any) -> int:
     """
     velocity, change = room.velocity, room.change
     count = 0
-    for i in range(len(velocity)):
+    for i in range(room.freedoms):
         if abs(room.regime[i]) == AT_UPPER and change[i] != 0.0:
             return -1
-    for i in range(len(velocity)):
+    for i in range(room.freedoms):
         if _reaches_zero(room, i):
             room.regime[i] = POSITIVE if velocity[i] > 0.0 else NEGATIVE
             count += 1
     first = -1
     if count > 0:
         solve_states(room)
-        for i in range(len(velocity)):
+        for i in range(room.freedoms):
             if not _reaches_zero(room, i):
                 continue
             if first == -1 or abs(velocity[i] * change[first]) < abs(velocity[first] * change[i]):
@@ -215,7 +220,7 @@ def _reaches_zero(room: Any, i: int) -> bool:
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
-    first, size = len(room.qpos), len(room.qvel)
+    first, size = room.coordinates, room.freedoms
     total = 0.0
     for piece in range(len(lengths)):
         total += lengths[piece]
@@ -230,7 +235,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     if room.free:
         _turn(state, first, step)
     last = len(lengths) - 1
-    for j in range(len(room.joint_v)):
+    for j in range(room.joints):
         speed = state[first + room.joint_v[j]]
         place = room.joint_q[j]
         state[place] += step * speed
@@ -242,7 +247,7 @@ def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> 
     """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
     m."""
     for piece in range(len(lengths)):
-        for i in range(len(room.force)):
+        for i in range(room.freedoms):
             room.force[i] = forces[piece, i, 0]
         kick(room, exchange, piece, lengths[piece])
     finish(room, state, exchange, lengths)
@@ -267,9 +272,9 @@ def _turn(state: Any, first: int, step: float) -> None:
     state[6] = h / size
 
 
-def _sizes(room: Any) -> tuple[int, int, int, int]:
+def _sizes(room: Any) -> tuple[int, int, int]:
     """Sizes of the other arguments; see `asrsim.compiling.compile_packed`."""
-    return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), len(room.qvel), 1
+    return room.joints, room.freedoms, 1
 
 
 @cache
@@ -292,7 +297,8 @@ class Calculation:
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
-        self._call, self._arguments = function, tuple[Any, ...]()
+        self._arguments: tuple[Any, ...] = ()
+        self._call = function
 
     def compile(self) -> Callback:
         """The compiled function, which later calls use."""
@@ -331,9 +337,9 @@ class RigidEngine(Engine):
         """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
         may be compiled; None: kick and drift."""
         self._room, self._home = room, home
-        self._state = np.zeros(_sizes(room)[0])
+        self._state = np.zeros(room.coordinates + 3 * room.freedoms)
         self._plain_room, self._numbers = plain(room), self._state.data
-        self._forces = np.zeros((1, len(room.force), 1))
+        self._forces = np.zeros((1, room.freedoms, 1))
         self._calculation = calculation or Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
@@ -346,7 +352,7 @@ class RigidEngine(Engine):
     ) -> tuple[Sequence[float], Sequence[float]]:
         """Begin a run; see `asrsim.engines.base.Engine`."""
         room, state = self._room, self._state
-        first, size = len(room.qpos), len(room.qvel)
+        first, size = room.coordinates, room.freedoms
         room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
         state[:first] = self._home
         state[first:] = 0.0
@@ -362,7 +368,7 @@ class RigidEngine(Engine):
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
-            self._forces = np.zeros((len(lengths), len(self._room.force), 1))
+            self._forces = np.zeros((len(lengths), self._room.freedoms, 1))
         aim(self._plain_room, self._numbers)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)

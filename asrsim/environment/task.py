@@ -19,9 +19,9 @@ from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import one_scenario
+from asrsim.simulation.prepare import one_scenario, prepare
 from asrsim.simulation.prepared import Prepared, Start
-from asrsim.simulation.ranges import ranges_of, with_ranges
+from asrsim.simulation.ranges import ranges_of
 from asrsim.simulation.worlds import Worlds
 
 LARGEST = float(np.finfo(np.float32).max)
@@ -57,7 +57,7 @@ class ControlTask:
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any]) -> None:
         """options: values of all options, as `asrsim.environment.options.checked` returns them."""
         scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
-        self.prepared = prepared = with_ranges(scenario)
+        self.prepared = prepared = prepare(scenario, settable=True)
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
@@ -163,7 +163,7 @@ def _steps(control_rate: float, step: float) -> int:
 
 def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Array, Array]:
     """Joint and reference of each entry of an action, and the smallest and largest values of these references."""
-    ranges = ranges_of(prepared)
+    ranges = ranges_of(prepared.scenario, prepared.drives)
     firsts = [(joint, name) for joint, given in ranges.items() for name in list(given)[:1] if name != "external_torque"]
     known = {f"{joint}.{name}": (joint, name) for joint, given in ranges.items() for name in given}
     found: list[tuple[str, str]] = [] if act else firsts

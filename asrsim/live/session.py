@@ -24,7 +24,8 @@ from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.ranges import ranges_of, with_ranges
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.ranges import ranges_of
 from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary
@@ -63,7 +64,7 @@ class Session:
         self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False, tell: Tell = lambda text: None
     ) -> None:
         self.settings, self._tell = settings, tell
-        prepared = with_ranges(scenario)
+        prepared = prepare(scenario, settable=True)
         self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite, self._step = folder, overwrite, scenario.step
         self._duration = settings.duration or FOREVER
@@ -75,7 +76,9 @@ class Session:
             chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
         self.publisher = Publisher(self.simulation, prepared.info, namespace=settings.namespace)
-        self.commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=self.publisher.prefix, tell=tell)
+        self.commands = CommandInput(
+            prepared.info.joints, ranges_of(prepared.scenario, prepared.drives), prefix=self.publisher.prefix, tell=tell
+        )
         self.pace = Pace(settings.speed)
         self.transports: list[Transport] = []
         self._writer: LogWriter | None = None

@@ -88,6 +88,8 @@ class Core:
         """States of the engine, (worlds, values), if the engine has a compiled step."""
         self._own: dict[int, BoundEngine] = {}
         """Separate engines, by number of the world that has used one."""
+        self._spare: BoundEngine | None = None
+        """Engine that no world uses."""
         self._shared = self._bound(engine, prepared)
         self._engines = [self._shared] * worlds
         """Engine of each world."""
@@ -115,9 +117,9 @@ class Core:
 
     def close(self) -> None:
         """Close the engines."""
-        for bound in (self._shared, *self._own.values()):
-            bound.engine.close()
-        self._own = {}
+        for bound in (self._shared, self._spare, *self._own.values()):
+            if bound is not None:
+                bound.engine.close()
 
     # -- engines ----------------------------------------------------------------------------------------------------
 
@@ -137,22 +139,31 @@ class Core:
             staggered=prepared.stepping.staggered, implicitness=float(self._z[LINK_IMPLICITNESS]),
         )  # fmt: skip
 
-    def model_for(self, world: int, prepared: Prepared) -> Model | None:
-        """Model of a robot with other parameters; the world's own engine then has this robot's inertias."""
+    def _fitted(self, bound: BoundEngine | None, prepared: Prepared) -> BoundEngine:
+        """The engine with the inertias of these parameters, or a new engine if the engine cannot change its inertias."""
+        if bound is not None and bound.engine.vary(prepared.robot):
+            return bound
+        fitted = self._bound(prepared.make_engine(), prepared)
+        if bound is not None:
+            bound.engine.close()
+        return fitted
+
+    def model_of(self, prepared: Prepared) -> Model | None:
+        """Model of the robot with other parameters, valid until the next call."""
         if prepared.robot.links == self.prepared.robot.links:
             return self.model
-        bound = self._own.get(world)
-        if bound is None or not bound.engine.vary(prepared.robot):
-            if bound is not None:
-                bound.engine.close()
-            bound = self._own[world] = self._bound(prepared.make_engine(), prepared)
-        return bound.engine.model
+        self._spare = self._fitted(self._spare, prepared)
+        return self._spare.engine.model
 
     def take_over(self, world: int, prepared: Prepared) -> None:
-        """Give a world other parameters, after `model_for`. The world must then be started again."""
+        """Give a world other parameters. The world must then be started again."""
         _, self.P[world] = tables(prepared, self.shape)
-        shared = prepared.robot.links == self.prepared.robot.links
-        self._engines[world] = self._shared if shared else self._own[world]
+        self._engines[world] = self._shared
+        if prepared.robot.links != self.prepared.robot.links:
+            # The spare engine often has these inertias already, from the last call of `model_of`.
+            own = self._fitted(self._spare, prepared)
+            self._spare = self._own.pop(world, None)
+            self._own[world] = self._engines[world] = own
 
     # -- state ------------------------------------------------------------------------------------------------------
 

@@ -95,6 +95,16 @@ class SteppedJoint:
         return self.drive.dynamic_motors if self.drive else 0
 
     @property
+    def references(self) -> tuple[str, ...]:
+        """Names of the joint's references, in the order of the columns of an input row."""
+        return self.drive.mode.references_of(self.drive.actuator.motors) if self.drive else ()
+
+    @property
+    def acting_references(self) -> tuple[str, ...]:
+        """References that have an effect: an actuator with one motor and no adjuster ignores the second reference."""
+        return self.references if self.actuator and self.actuator.motors + self.actuator.adjuster > 1 else self.references[:1]
+
+    @property
     def motors(self) -> int:
         """Number of motors of the joint's actuator."""
         return self.actuator.motors if self.actuator else 0
@@ -117,14 +127,6 @@ class SteppedJoint:
     def goals(self, references: Array) -> Array:
         """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""
         return self.drive.goals(references) if self.drive else references
-
-
-def references_of(drive: SteppedJoint) -> tuple[str, ...]:
-    """Names of the joint's references, in the order of the columns of an input row."""
-    mode, actuator = drive.mode, drive.actuator
-    if mode is None or actuator is None:
-        return ()
-    return mode.references_of(actuator.motors)
 
 
 def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:

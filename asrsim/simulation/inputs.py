@@ -17,7 +17,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import LONGEST, chunk_at
-from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import through
 from asrsim.simulation.layout import GOALS
 from asrsim.simulation.sensors import Sensor
@@ -77,7 +77,7 @@ class Inputs:
             self._signals.append([for_joint(scenario.external_torques, drive.name, REST), *references])
 
     def _reference(self, scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
-        names = references_of(drive)
+        names = drive.references
         if slot >= len(names):
             return REST
         signal = scenario.references_of(drive.name).get(names[slot], self._rest(drive, slot))

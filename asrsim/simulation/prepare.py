@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.ranges import ranges_of
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import resolution_of
@@ -43,11 +45,13 @@ def prepare(
     *,
     variant: str | None = None,
     overrides: Overrides = (),
+    settable: bool = False,
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
     variant, overrides: of a scenario's file, as `asrsim.run` takes them. The number of substeps is chosen for the scenario's
-    references, and for all values in its `reference_ranges`.
+    references, and for all values in its `reference_ranges`. settable: whether callers may set all references within the limits
+    of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
     from asrsim.scenario.doubts import undersampled
@@ -57,6 +61,13 @@ def prepare(
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
     drives = make_drives(robot, stepping, scenario)
+    if settable:
+        # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
+        ranges = {
+            joint: {name: pair for name, pair in own.items() if all(map(math.isfinite, pair))}
+            for joint, own in ranges_of(scenario, drives).items()
+        }
+        scenario = replace(scenario, reference_ranges=ranges)
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references

@@ -18,7 +18,7 @@ from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
@@ -164,8 +164,8 @@ class Prepared:
         """Number of each joint, and the columns of its references in an input row, by name."""
         found = {}
         for j, drive in enumerate(self.drives):
-            names = references_of(drive) or (drive.mode.references if drive.mode else ())
-            found[drive.name] = j, {**{name: GOALS + i for i, name in enumerate(names)}, EXTERNAL_TORQUE: EXTERNAL}
+            columns = {name: GOALS + i for i, name in enumerate(drive.references)}
+            found[drive.name] = j, {**columns, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
     def started(self, start: Start) -> Prepared:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from asrsim.actuators.base import MOST_MOTORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
@@ -41,9 +41,7 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
         names.append("damping_torque")
     if mode is None or actuator is None:
         return tuple(names)
-    # A series elastic actuator has one reference in every mode.
-    references = len(references_of(drive)) if actuator.motors + actuator.adjuster > 1 else 1
-    names += [f"reference_{i}" for i in range(1, references + 1)]
+    names += [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
     if mode.spring:
         names += [f"elastic_torque_{i}" for i in range(1, actuator.motors + 1)] + ["stiffness"]
         names += [f"motor_{i}_position" for i in range(1, actuator.motors + actuator.adjuster + 1)]

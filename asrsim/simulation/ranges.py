@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Sequence
 
 from asrsim.actuators.electric import largest_command
-from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import SteppedJoint, references_of
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 
 TURN = math.pi
@@ -22,31 +18,23 @@ LEVER_SHARE = 0.5
 Range = tuple[float, float]
 
 
-def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
+def ranges_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> dict[str, dict[str, Range]]:
     """Smallest and largest value of each reference, by joint and reference: from the scenario, else from the robot's limits.
     External torques are included if the robot's file subscribes to them or the scenario declares their range.
     """
-    return {drive.name: _of(drive, prepared.scenario) for drive in prepared.drives}
-
-
-def _of(drive: SteppedJoint, scenario: Scenario) -> dict[str, Range]:
-    declared = scenario.ranges_of(drive.name)
-    found: dict[str, Range] = {}
-    names = references_of(drive) or (drive.mode.references if drive.mode else ())
-    if drive.actuator is not None and drive.actuator.motors == 1 and not drive.actuator.adjuster:
-        names = names[:1]
-    for slot, name in enumerate(names):
-        found[name] = declared.get(name) or _default(drive, slot)
-    if EXTERNAL_TORQUE in declared or (drive.block is not None and drive.block.subscribe_external_torque):
-        found[EXTERNAL_TORQUE] = declared.get(EXTERNAL_TORQUE) or _torque(drive)
+    found: dict[str, dict[str, Range]] = {}
+    for drive in drives:
+        declared = scenario.ranges_of(drive.name)
+        own = {name: declared.get(name) or _default(drive, slot) for slot, name in enumerate(drive.acting_references)}
+        if EXTERNAL_TORQUE in declared or (drive.block is not None and drive.block.subscribe_external_torque):
+            own[EXTERNAL_TORQUE] = declared.get(EXTERNAL_TORQUE) or _torque(drive)
+        found[drive.name] = own
     return found
 
 
 def _default(drive: SteppedJoint, slot: int) -> Range:
     mode, actuator, values = drive.mode, drive.actuator, drive.values
-    if mode is None or actuator is None:
-        return _torque(drive)
-    if mode.number == 0:
+    if mode is None or actuator is None or mode.number == 0:
         return _torque(drive)
     if slot == 1 and actuator.adjuster:
         return 0.0, LEVER_SHARE * values.get("lever_length", math.inf)
@@ -70,23 +58,3 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
 
 def _torque(drive: SteppedJoint) -> Range:
     return -drive.joint.most_effort, drive.joint.most_effort
-
-
-def with_ranges(scenario: Scenario) -> Prepared:
-    """A scenario prepared for all references that callers may set. Raises the errors of `asrsim.simulation.prepare.prepare`."""
-    first = prepare(scenario)
-    first.make_engine().close()
-    ranges = finite(ranges_of(first))
-    try:
-        return prepare(replace(scenario, reference_ranges=ranges))
-    except UnresolvedSpringError as error:
-        error.add_note("The references may be set anywhere within the robot's limits: narrow them by reference_ranges")
-        raise
-
-
-def finite(ranges: Mapping[str, Mapping[str, Range]]) -> dict[str, dict[str, Range]]:
-    """The finite ranges. Only torques of joints without limits have infinite ranges; the number of substeps does not depend on
-    these torques."""
-    return {
-        joint: {name: pair for name, pair in given.items() if all(map(math.isfinite, pair))} for joint, given in ranges.items()
-    }

@@ -20,7 +20,7 @@ from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.prepared import Numbers, Prepared, Start
 from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Worlds, whole_steps
 
@@ -86,6 +86,8 @@ class Simulation:
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
         self._output = sinks, record
+        self._numbers: Numbers = {}
+        """Parameters of all resets so far."""
         self.recording = self._new_recording(scenario)
 
     def _new_recording(self, started: Prepared) -> RunRecording:
@@ -226,7 +228,7 @@ class Simulation:
         *,
         velocities: Mapping[str, float] | None = None,
         motors: Mapping[str, Sequence[float]] | None = None,
-        parameters: Mapping[str, Mapping[str, float]] | None = None,
+        parameters: Numbers | None = None,
     ) -> None:
         """Reset to the start. The simulation gives bitwise the same results as a new simulation, and follows the scenario's
         references again.
@@ -240,14 +242,15 @@ class Simulation:
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
         """
-        self._world.check_open()
-        start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
-        self.prepared.started(start)
+        numbers = dict(self._numbers)
+        for owner, table in (parameters or {}).items():
+            numbers[owner] = {**numbers.get(owner, {}), **table}
+        start = Start(parameters=numbers, positions=initial or {}, velocities=velocities or {}, motors=motors or {})
+        self._world.reset(start)
         if parameters is not None:
-            self.prepared = self._world.vary(parameters)
-        started = self.prepared.started(start)
-        self._world.place(0, started)
-        self.recording = self._new_recording(started)
+            self._numbers, self.prepared = numbers, self._world.prepared_of(0)
+            self._world.record_as(self.prepared)
+        self.recording = self._new_recording(self.prepared.started(start))
 
     def close(self) -> None:
         """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""

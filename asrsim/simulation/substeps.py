@@ -20,7 +20,7 @@ from asrsim.engines.base import Model
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
@@ -78,7 +78,7 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mod
     sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
-        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
+        for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
             if name in ranges:
                 # The largest changes: the reference jumps between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
@@ -208,8 +208,8 @@ def _resolve(
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
                 f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is "
-                f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring or limit its deflection "
-                "(max_deflection)"
+                f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit its deflection "
+                "(max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
             )
         fading = max((_fading(drive, masses, j) for j, drive in enumerate(drives)), default=0.0)
         substeps = max(needed, min(scenario.substep_cap, math.ceil(fading * step / FADING - 1e-9)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import index
 from pathlib import Path
@@ -28,7 +28,7 @@ from asrsim.simulation.inputs import Given, Inputs, joined
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
-from asrsim.simulation.prepared import Numbers, Prepared, Start
+from asrsim.simulation.prepared import Prepared, Start
 from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
@@ -38,6 +38,7 @@ VARIANTS_KEPT = 256
 class World(NamedTuple):
     """Parameters, start and input signals of a world."""
 
+    start: Start
     prepared: Prepared
     """The scenario with the world's parameters."""
     inputs: Inputs
@@ -122,7 +123,7 @@ class Worlds:
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
-            self._worlds = [World(scenario, self._home_inputs, scenario)] * count
+            self._worlds = [World(Start(), scenario, self._home_inputs, scenario)] * count
             self._everyone = np.arange(count)
             self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
@@ -311,8 +312,7 @@ class Worlds:
             message = "is a snapshot of another simulation, or of this one with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
         for number, (world, state) in snapshot.states.items():
-            self._take_over(number, world.prepared)
-            self._worlds[number] = world
+            self._take_over(number, world)
             self.core.put(number, state)
         self._block = None
 
@@ -330,8 +330,14 @@ class Worlds:
         if len(starts) != len(numbers):
             message = f"needs one start for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
-        for world, one in zip(numbers, starts, strict=True):
-            self._begin_world(world, one)
+        for one in starts:
+            # Wrong positions and velocities are found before a world changes.
+            self.prepared.started(one)
+        for number, one in zip(numbers, starts, strict=True):
+            world = self._world_of(one)
+            self._take_over(number, world)
+            self.core.start(number, world.started)
+        self._block = None
 
     def set_state(
         self, positions: Mapping[str, Any], velocities: Mapping[str, Any] | None = None,
@@ -353,72 +359,51 @@ class Worlds:
             count = motors_of.get(name, 1)
             shape = each if count == 1 and np.ndim(values) < 2 else (*each, count)
             turned[name] = _spread(values, shape, name).reshape(*each, -1)
-        placed = []
-        for place, world in enumerate(numbers.tolist()):
-            start = Start(
+        starts = [
+            replace(
+                self._worlds[world].start,
                 positions={name: float(values[place]) for name, values in links.items()},
                 velocities={name: float(values[place]) for name, values in speeds.items()},
                 motors={name: values[place].tolist() for name, values in turned.items()},
             )
-            placed.append((world, self._worlds[world].prepared.started(start)))
-        for world, started in placed:
-            self.place(world, started)
+            for place, world in enumerate(numbers.tolist())
+        ]
+        self.reset(starts, worlds=numbers)
 
-    def _begin_world(self, world: int, start: Start) -> None:
+    def _world_of(self, start: Start) -> World:
+        """Parameters, inputs and state of a start. Raises InputError, RobotError, and ScenarioError for an arm without
+        equilibrium."""
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
-        varied = self._variants.get(key) if key else self.prepared
-        if varied is None:
-            varied = self._at_rest(world, self.prepared.with_numbers(start.parameters))
+        prepared = self._variants.get(key) if key else self.prepared
+        if prepared is None:
+            varied = self.prepared.with_numbers(start.parameters)
+            model = self.core.model_of(varied)
+            if model is not None and model is not self.core.model:
+                check_inertia(varied.drives, model.mass_matrix(varied.initial_positions))
             if len(self._variants) >= VARIANTS_KEPT:
                 self._variants.clear()
-            self._variants[key] = varied
-        started, inputs = varied.started(start), self._home_inputs
+            prepared = self._variants[key] = varied.settled(model)
+        inputs = self._home_inputs
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
             if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
                 self._signals = signals, self._inputs_of(self.prepared.with_references(start.references))
             inputs = self._signals[1]
-        self._take_over(world, varied)
-        self._worlds[world] = self._worlds[world]._replace(inputs=inputs)
-        self.place(world, started)
+        return World(start, prepared, inputs, prepared.started(start))
 
-    def _at_rest(self, world: int, varied: Prepared) -> Prepared:
-        """Other parameters of a world, with the start at equilibrium that the scenario may require. Raises RobotError for a
-        motion without inertia, ScenarioError for an arm without equilibrium."""
-        model = self.core.model_for(world, varied)
-        if model is not None and model is not self.core.model:
-            check_inertia(varied.drives, model.mass_matrix(varied.initial_positions))
-        return varied.settled(model)
-
-    def _take_over(self, world: int, varied: Prepared) -> None:
-        """Change the parameters of a world, which must then be placed at its start. A world whose links have other inertias
-        gets its own engine."""
-        if varied is not self._worlds[world].prepared:
-            self.core.model_for(world, varied)
-            self.core.take_over(world, varied)
-            self._absent[world] = self.columns.absent(varied.drives)
-            self._worlds[world] = self._worlds[world]._replace(prepared=varied)
-
-    def vary(self, parameters: Numbers) -> Prepared:
-        """Change parameters of the only world, and record the quantities of the varied joints. Returns the varied scenario. The
-        world must then be placed at its start."""
-        varied = self._at_rest(0, self._worlds[0].prepared.with_numbers(parameters))
-        self._take_over(0, varied)
-        self.record_as(varied)
-        return varied
+    def _take_over(self, number: int, world: World) -> None:
+        """Change parameters, inputs and start of a world. A world whose links have other inertias gets its own engine."""
+        if world.prepared is not self._worlds[number].prepared:
+            self.core.take_over(number, world.prepared)
+            self._absent[number] = self.columns.absent(world.prepared.drives)
+        self._worlds[number] = world
 
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""
         self.check_open()
         self._numbers(world)
         return self.core.look(world)
-
-    def place(self, world: int, started: Prepared) -> None:
-        """Put a world at its start."""
-        self.core.start(world, started)
-        self._worlds[world] = self._worlds[world]._replace(started=started)
-        self._block = None
 
     # -- whole runs -------------------------------------------------------------------------------------------------
 

@@ -21,7 +21,6 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.drives import references_of
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
@@ -159,7 +158,7 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
     for drive in ready.drives:
         # A series elastic actuator (SEA) has one reference in every mode.
         count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
-        for slot, reference in enumerate(references_of(drive)[:count]):
+        for slot, reference in enumerate(drive.references[:count]):
             if (one := played.get((drive.name, slot))) is None:
                 notes.append(f"{drive.name}: no command {reference} is recorded, so it follows the scenario")
                 continue

@@ -19,8 +19,9 @@ from asrsim.live.publisher import APPLIED
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.ranges import ranges_of, with_ranges
+from asrsim.simulation.ranges import ranges_of
 from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
@@ -47,8 +48,8 @@ class LiveTwin:
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
         stops.
         """
-        prepared = with_ranges(scenario)
-        prefix, ranges = prefix_of(namespace), ranges_of(prepared)
+        prepared = prepare(scenario, settable=True)
+        prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
         self._commands = CommandInput(prepared.info.joints, ranges, prefix=prefix, tell=tell)
         sources = [LiveTopic(prefix + name, "sensor_msgs/JointState") for name in (APPLIED, "/joint_states")]

@@ -11,21 +11,6 @@ from validation.models import Body, chain, column, run
 LINK = Body(actuator="sea", mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
 
 
-def test_substeps_equal_smaller_steps():
-    """A step of 1 ms with four substeps moves as steps of 0.25 ms do, within 5 % of the difference to a step of 1 ms."""
-    arguments = {
-        "mode": 3, "references": {"equilibrium_position": 0.5}, "parameters": {"spring_stiffness": 20.0},
-        "initial": [-0.3, 0.4], "duration": 0.6,
-    }  # fmt: skip
-    runs = [
-        run(chain(LINK, LINK), step=step, substeps=substeps, **arguments)
-        for step, substeps in ((1e-3, 4), (2.5e-4, 1), (1e-3, 1))
-    ]
-    split, small, coarse = (np.asarray(result.samples.values["link_position"]) for result in runs)
-    small = small[::4]
-    assert np.abs(split - small).max() < 0.05 * np.abs(coarse - small).max()
-
-
 def test_motor_substeps_keep_the_order():
     """A stiff preset on a light link needs finer steps for the motors than for the world."""
     body = Body(actuator="qbmove", mass=0.5, reach=0.08, inertia=6e-4, damping=0.05)

@@ -68,15 +68,6 @@ def test_force_at_a_point_has_the_correct_moment(run, frame, force, point):
     assert STIFFNESS * q == pytest.approx(np.cross(turned @ np.array(point), pushed)[1], abs=1e-8)
 
 
-def test_a_torque_on_a_link_and_about_its_joint(run):
-    by_wrench = run(gravity=FREE, duration=2.5, wrenches=[{"link": "arm", "torque": [0, 4.0, 0]}])
-    assert STIFFNESS * by_wrench["j"].link_position[-1] == pytest.approx(4.0, abs=1e-8)
-    for joint in ("j", "*"):
-        result = run(gravity=FREE, duration=2.5, external_torques={joint: 4.0})["j"]
-        assert STIFFNESS * result.link_position[-1] == pytest.approx(4.0, abs=1e-8)
-        assert result.external_torque[-1] == 4.0
-
-
 @pytest.mark.parametrize(("rpy", "tilt"), [([0, 0, 0.7], 0.0), ([0, 0.3, 0], 0.3), ([np.pi, 0, 0], np.pi), ([0.5, 0, 0], None)])
 def test_gravity_on_a_turned_base(run, rpy, tilt):
     q = run(duration=2.5, base={"rpy": rpy, "position": [1, 2, 3]})["j"].link_position[-1]
@@ -110,16 +101,6 @@ def test_spring_on_a_floating_base_conserves_angular_momentum(run):
     moved, turned = result["j"].link_position, 2 * np.arcsin(result.bodies["base"][:, 4])
     assert moved[-1] > 0.1
     np.testing.assert_allclose(turned, -moved / 13, atol=1e-6)
-
-
-def test_initial_positions_are_those_of_the_scenario(run):
-    for joint in ("j", "*"):
-        result = run(initial={joint: 0.4}, gravity=FREE, modes=6, references={})["j"]
-        np.testing.assert_allclose(result.link_position, 0.4, atol=1e-12)
-        np.testing.assert_allclose(result.motor_1_position, 0.4, atol=1e-12)
-        assert run(initial={joint: 0.4}, passive=True, gravity=FREE)["j"].link_position[0] == 0.4
-        locked = run(initial={joint: 0.4}, engine="bench")["j"]
-        np.testing.assert_array_equal(locked.link_position, 0.4)
 
 
 # -- effects ----------------------------------------------------------------------------------------------------------

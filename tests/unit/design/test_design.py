@@ -108,6 +108,11 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
     ("text", "options", "said"),
     [
         ("limits: {joint_1: {link_position: [0.5, 1.0]}}\n", {}, "begins outside this limit"),
+        (
+            "limits: {joint_1: {link_position: [0.5, 1.0]}}\n",
+            {"overrides": ["references=", "initial.joint_1=0.3"]},
+            "begins outside this limit, at 0.3",
+        ),
         (WITHIN, {"seconds": 0.2}, "is too short"),
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),

@@ -48,20 +48,6 @@ def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
     assert (tmp_path / "soft.png").stat().st_size > 10_000
 
 
-def test_five_coupled_joints_move_within_a_milliradian_of_asrsim(tmp_path):
-    references = {
-        f"joint_{j}": {
-            "equilibrium_position": {"sinusoid": {"amplitude": 0.6, "frequency": 0.5 + 0.07 * j}},
-            "stiffness_preset": 0.2,
-        }
-        for j in range(1, 6)
-    }
-    given = asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="mujoco", duration=2.0, references=references)
-    found = export_mjcf(given, tmp_path / "soft.xml", plot=False).replay
-    assert np.ptp(found.ours, axis=0).min() > 0.6
-    assert found.rms.max() < 1.0
-
-
 def plain(run):
     """The run without the effects that MJCF lacks."""
     joints = []

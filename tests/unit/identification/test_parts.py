@@ -61,6 +61,15 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
     assert found == pytest.approx(list(LAWS[law].values()), rel=0.1 if law in ("stribeck", "load") else 0.02)
 
 
+def test_a_recording_too_short_for_its_torque_is_compared_by_position(tmp_path):
+    time = SWEEP[:40]
+    place = 0.5 * np.cos(9.0 * time) + 1e-3 * np.random.default_rng(0).normal(size=40)
+    columns = {"time [s]": time, "joint_1.reference_1 [N m]": np.sin(9.0 * time), "joint_1.link_position [rad]": place}
+    with ExitStack() as stack:
+        (channel,) = setup_of(stack, tmp_path, columns, {"mode": 0}, ["joint_1.damping"]).problem.tracks[0].channels
+    assert channel.quantity == "link_position"
+
+
 def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     """Gradients of three recordings of four blocks each; all blocks of a recording have one sign."""
     nothing = np.empty(0)

@@ -23,17 +23,6 @@ def lines(axes):
     return {line.get_gid(): line for line in axes.get_lines()}
 
 
-@pytest.mark.parametrize(
-    ("key", "label"),
-    [("deflection", "deflection (rad)"), ("stiffness", "stiffness (N·m/rad)"), ("torque", "link torque (N·m)")],
-)
-def test_axes_carry_their_units(tmp_path, key, label):
-    run = read_curves(made_up_log(tmp_path / "log.mcap"))
-    axes = new_figure(4, 3).subplots()
-    draw_panel(axes, PANELS[key], [run], "joint_1")
-    assert axes.get_ylabel() == label
-
-
 @pytest.mark.parametrize("heights", [(1.0, 1.0), (2.1, 0.7)])
 def test_panels_have_their_size_in_inches(heights):
     grid = PanelGrid(columns=1, heights=heights, gap_y=0.3)

@@ -293,3 +293,16 @@ def test_a_second_time_among_the_signals_is_asked_about(tmp_path):
         read_recording(path)
     second = read_recording(path, mapping=["time#2=time", "q1=ignore"])
     np.testing.assert_allclose(second.column("joint_2", "link_position").time, 0.013 * np.arange(30))
+
+
+@pytest.mark.parametrize(("scale", "asked"), [(1.0, False), (1e3, True), (1e-4, True)])
+def test_implausible_steps_of_time_are_asked_about(tmp_path, scale, asked):
+    """In a column that states its unit; without a unit they are an error."""
+    path = write(tmp_path / "lab.csv", ["time [s],q1,q2", *rows(time_scale=scale)])
+    assert ("suspected-time" in codes(read_recording(path).findings)) == asked
+    write(path, ["time,q1,q2", *rows(time_scale=scale)])
+    if asked:
+        with pytest.raises(RecordingError, match="is the time in another unit than s"):
+            read_recording(path)
+    else:
+        check(path)

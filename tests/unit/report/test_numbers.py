@@ -1,14 +1,11 @@
 """Numbers of a page and of pictures against those of the logs that they were made of: series, limits, tables."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from asrsim.plots import read_curves, style
-from asrsim.plots.world import Curve
 from asrsim.recordings.names import find_joint
-from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
+from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
 from support.plot_example import made_up_log
 
@@ -80,15 +77,3 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
 def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)
-
-
-def test_lines_of_an_object_differ_by_dash_runs_by_colour(tmp_path):
-    run, time = read_curves(made_up_log(tmp_path / "log.mcap")), np.linspace(0.0, 1.0, 11)
-    box = {key: Curve(time=time, values=time) for key in ("dx", "dy", "dz")}
-    plot, *_ = object_plots([replace(run, label=name, bodies={"box": box}) for name in ("soft", "stiff")], time)
-    dashes = [tuple(line["dash"]) for line in plot["series"]]
-    assert dashes[:3] == dashes[3:]
-    assert len(set(dashes)) == 3
-    assert [line["colour"] for line in plot["series"]] == [style.variant_colour(n) for n in (0, 0, 0, 1, 1, 1)]
-    alone, *_ = object_plots([replace(run, bodies={"box": box})], time)
-    assert [line["dash"] for line in alone["series"]] == [[]] * 3
