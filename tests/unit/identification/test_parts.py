@@ -66,7 +66,7 @@ def test_a_recording_too_short_for_its_torque_is_compared_by_position(tmp_path):
     place = 0.5 * np.cos(9.0 * time) + 1e-3 * np.random.default_rng(0).normal(size=40)
     columns = {"time [s]": time, "joint_1.reference_1 [N m]": np.sin(9.0 * time), "joint_1.link_position [rad]": place}
     with ExitStack() as stack:
-        (channel,) = setup_of(stack, tmp_path, columns, {"mode": 0}, ["joint_1.damping"]).problem.tracks[0].channels
+        (channel,) = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=0).tracks[0].channels
     assert channel.quantity == "link_position"
 
 
