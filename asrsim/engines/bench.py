@@ -102,9 +102,6 @@ class BenchEngine(Engine):
         words = pack(motion)
         return Native(compiled.address, 1, lambda: Record(words.ctypes.data, (words, motion, compiled)))
 
-    def close(self) -> None:
-        """Do nothing: a test bench owns no resources."""
-
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BenchEngine, tuple[()]]:
     """The scenario's test bench, without warnings."""

@@ -1,10 +1,7 @@
 """Toolbox stepping runs every scenario that the toolbox runs in Gazebo, with Gazebo's limits and springs of URDFs."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +56,7 @@ def test_toolbox_stepping_warns_of_unresolved_springs_but_runs():
 @pytest.mark.parametrize("torque", [0.3, -0.4])
 def test_adjuster_motor_follows_a_torque_in_mode_4(torque):
     body = Body(actuator="awas_ii", mass=0.2, reach=0.04, inertia=1e-3, damping=0.065)
-    keys: dict[str, Any] = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
+    keys = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
     result = run(chain(body), references={"motor_1_torque": 0.1, "motor_2_torque": torque}, **keys)
     # The released class has a motor with J = 0.0233 and a friction of 0.5 N m; bristles of 1000 N m/rad hold it.
     place = column(result, "motor_2_position")
