@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended, tied_to
-from asrsim.identification.noise import independent_samples
+from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals, solve
 from asrsim.samples import Array
@@ -29,6 +29,10 @@ LIMIT_FACTORS = (0.75, 0.3, 2.0)
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
+"""
+RINGING, DRIVEN = 0.1, 0.3
+"""Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
+frequency of a command above which the command does not cause the oscillation.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -53,6 +57,9 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     if found.chosen and rest <= base - PARTLY * excess:
         more = "" if rest <= target else "; more is missing"
         yield _suspected(found, percent((rest / base) ** 0.5)) + more
+        yield from _oscillations(found.problem, found.x)
+    else:
+        yield from _oscillations(problem, x)
     yield from _varying_springs(problem, x)
 
 
@@ -125,8 +132,11 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                begins = (1.0,) if parameter.start == 0.0 else ()
-                yield Extension(text=f"{text} of {joint}", parameters=(parameter,), begins=begins)
+                # The deflection over which hysteresis builds up is as unknown as its torque.
+                beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
+                more = tuple(known[key] for key in beside if key not in free)
+                begins = ((*(0.0 for _ in more), 1.0),) if parameter.start == 0.0 else ()
+                yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         for name in ("torque", "velocity") if drive.dynamic_motors else ():
             key, series = f"{joint}.motor_1_max_{name}", track.series(values, problem.playing, [(j, f"motor_1_{name}")])
             reached = 0.0 if series is None else float(np.abs(series).max())
@@ -181,6 +191,18 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
             way, law = "falls" if trend < 0.0 else "grows", "backlash is missing" if backlash else "the spring's law is wrong"
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
+
+
+def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on large oscillations of the residuals with frequencies that no command has."""
+    for part, left in differences(problem, x):
+        hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
+        driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
+        if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):
+            yield (
+                f"{part.channel.key} oscillates at {hertz:.2g} Hz, but its prediction does not: a mode is missing, such as an "
+                "elastic link or transmission, or no start found this frequency"
+            )
 
 
 def _correlation(a: Array, b: Array) -> float:

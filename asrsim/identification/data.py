@@ -258,13 +258,15 @@ POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
 """Integrals over the frequency, in units of the bandwidth: of the squared response of the compared torque to noise of the
 position, of its squared response to noise of the torque, and over the band in which the noise of the position is measured.
 """
+FEWEST = 50
+"""Smallest number of compared torques; with fewer, a recording is too short for the controller."""
 PID = 1
 """Operation mode in which a PID controller acts on the link."""
 
 
 def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
     """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their recorded positions,
-    unless a coarse encoder would shake these joints.
+    unless the recording is too short, or a coarse encoder would shake these joints.
     """
     commands, channels = {one.key: one for one in data.commands}, {one.key: one for one in data.channels}
     for block in robot.actuators:
@@ -295,6 +297,8 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
     # The samples are so far apart that the controller does not correlate their errors.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
+    if len(rows) < FEWEST:
+        return data
     # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
     # frequency s in units of the bandwidth. The shares are integrals of the squares of these responses: for noise of the
     # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps

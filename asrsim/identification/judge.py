@@ -4,13 +4,13 @@ held-out part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.noise import SWING, beyond_steps, is_nothing, lag_correlation, size_of, swing
+from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Differences, Problem, differences
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
@@ -20,10 +20,14 @@ FITS, SURE = 1.25, 2.0
 """
 WHITE = 0.3
 """Lag-1 correlation below which residuals count as noise."""
+FEWEST = 11
+"""Smallest number of samples by which a fit can be judged."""
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
 """Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
+HIDDEN = 3.0
+"""Ratio of residuals to noise above which only noise of the commands explains the residuals of a model that fits."""
 EXPLAINED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
@@ -97,9 +101,8 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
     if is_loud(beyond, float(np.hypot(channel.floor, played))):
         return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
     # Quantisation and noise of commands oscillate with the motion.
-    if channel.quantum or share >= SWING or not (cycles := swing(left)):
+    if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
-    hertz = cycles * (len(left) - 1) / float(channel.time[len(left) - 1] - channel.time[0])
     return f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
 
 
@@ -129,7 +132,10 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
         lines |= {
             label: part.recorded + error for label, error in (("before", was), ("after", left)) if np.isfinite(error).all()
         }
-        judged = "after" in lines and count > 10
+        fitted, judged, fault = end > 0.0 and "after" in lines, count >= FEWEST, ""
+        if fitted:
+            few = f"{count} samples are too few to judge the fit"
+            fault = fault_of(channel, left[:count], change[:count]) if judged else few
         spread = float(np.var(part.recorded))
         beyond, _ = beyond_steps(left[:count], part.recorded[:count], channel.quantum)
         found.append(
@@ -137,9 +143,9 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
                 recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
                 noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
                 held_before=rms(was[count:]), held_after=rms(left[count:]),
-                correlation=lag_correlation(beyond) if judged else np.nan,
+                correlation=lag_correlation(beyond) if fitted and judged else np.nan,
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
-                fault=fault_of(channel, left[:count], change[:count]) if judged else "",
+                fault=fault,
                 shaken=rms(change[count:]), steps=channel.quantum / 3.0**0.5,
                 suspicion=_suspicion(channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
@@ -193,11 +199,17 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     return list(found.values())
 
 
-def praise(fits: Sequence[ChannelFit]) -> str:
-    """Sentence on the prediction of the held-out part by a model that fits."""
+def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
+    """Sentences on a model that fits: how it predicts the held-out part, and what hides errors of the model."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
-        return "the model fits; nothing was held out"
-    if not any(one.held_moves for one in held):
-        return "the model fits; no channel moves in the held-out part, so it tests nothing"
-    return "the model fits, and predicts the held-out part as well as the training part"
+        yield "the model fits; nothing was held out"
+    elif not any(one.held_moves for one in held):
+        yield "the model fits; no channel moves in the held-out part, so it tests nothing"
+    else:
+        yield "the model fits, and predicts the held-out part as well as the training part"
+    if hidden := [one.key for one in fits if one.after > HIDDEN * max(one.noise, one.steps)]:
+        yield (
+            f"the recorded commands are so noisy that they explain residuals far above the noise of {', '.join(hidden)}: "
+            "errors of the model may be hidden"
+        )

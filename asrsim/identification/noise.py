@@ -101,7 +101,7 @@ def swing(residuals: Array) -> float:
     from scipy.special import gammaincc
 
     n = len(residuals)
-    if n < 4 * AROUND or not np.any(residuals):
+    if n < 4 * AROUND or not np.ptp(residuals):
         return 0.0
     centred = residuals - residuals.mean()
     # An autoregression of order 1 whitens the noise; the first sample has no past and becomes 0.
@@ -115,6 +115,12 @@ def swing(residuals: Array) -> float:
     fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)
     stands_out = float(gammaincc(WIDTH, band[most])) * len(power) < SELDOM and fraction > SWING
     return (most + 1) / n if stands_out else 0.0
+
+
+def frequency(time: Array, values: Array) -> float:
+    """Frequency of a significant line in the spectrum of values (n,), Hz; 0 if there is no such line."""
+    cycles = swing(values)
+    return cycles * (len(values) - 1) / float(time[len(values) - 1] - time[0]) if cycles else 0.0
 
 
 def autocovariances(residuals: Array) -> Array:

@@ -99,7 +99,8 @@ def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Esti
             verdict, reason = RATIO, "identified is " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
-            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
+            verdict = RATIO
+            reason = "its interval exceeds 100 %: other parameters have a similar effect, or parts of the recordings disagree"
         elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
         elif margin >= CLOSE:

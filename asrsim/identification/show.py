@@ -76,12 +76,13 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.whole:
         yield "errors are from a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield praise(result.channels), "green"
+        yield from ((text, "green") for text in praise(result.channels))
         return
     yield "model does not fit: the intervals are valid only if the model is right", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
-    yield f"  it explains at least {100.0 * result.explained:.4g} % of the variance of each channel", "red"
+    share = min(100.0 * result.explained, 99.99)
+    yield f"  it explains at least {share:.4g} % of the variance of each channel", "red"
     if result.accepted:
         yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:

@@ -63,8 +63,10 @@ class Played(Signal):
 
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
-STILL = 4.5
-"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state."""
+STILL, DOUBTFUL = 4.5, 2.0
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
+initial velocity counts as 0 if the scenario's initial position was copied from the recording.
+"""
 SOON = 0.05
 """A channel gives the initial state only if its first sample is not later than this time, s."""
 BENT = 0.4
@@ -128,11 +130,11 @@ class Track:
             if not channel or not (found := first_samples(channel)):
                 continue
             place, speed, place_error, speed_error = found
-            moving = abs(speed) > STILL * speed_error
-            if not moving:
-                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             # An initial position that is not a round number was probably copied from a noisy recording.
             measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
+            if not moving:
+                place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
                 shown = {} if f"{channel.key}.offset" in freed else {keys[0]: place}
                 shown |= {keys[1]: speed} if moving else {}

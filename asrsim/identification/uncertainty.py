@@ -103,7 +103,7 @@ class Uncertainty:
     def of_a_block(self) -> Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * len(self.scores))
-        return replace(self, deviation=np.fmax(self.deviation, spread))
+        return replace(self, deviation=np.maximum(self.deviation, spread))
 
 
 @dataclass(frozen=True, eq=False)

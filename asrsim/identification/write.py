@@ -65,14 +65,17 @@ def as_dict(result: Result) -> dict[str, Any]:
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
-    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them."""
+    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them.
+
+    Of an accepted model all parameters are written, since only together they explain the recordings.
+    """
     values = {
         one.key: one.value for one in result.estimates
         # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
-            everything or one.verdict == IDENTIFIED
-            or (one.verdict == WEAK and (result.accepted or one.key.endswith("friction_stiffness")))
+            everything or result.accepted or one.verdict == IDENTIFIED
+            or (one.verdict == WEAK and one.key.endswith("friction_stiffness"))
         )
     }  # fmt: skip
     return result.layout.tied(values)
@@ -85,6 +88,8 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     if not changes:
         return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path
+    if left := [one.key for one in result.estimates if one.track is None and one.key not in chosen]:
+        said.append(f"not written, since not identified: {', '.join(left)} (--all writes all estimates)")
     data, name = source.read_bytes(), source.name
     if source.suffix != ".urdf" or b"xacro" in data[:4000]:
         data, name = result.robot.text.encode(), f"{source.name.partition('.')[0]}.urdf"

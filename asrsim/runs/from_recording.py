@@ -23,7 +23,7 @@ from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.propose import propose
 from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
-from asrsim.robot import ActuatorBlock, Robot, with_actuators, with_overrides
+from asrsim.robot import ActuatorBlock, Joint, Robot, with_actuators, with_overrides
 from asrsim.scenario.recording_plan import PlayedRecording, RecordingPlan, make_plan
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import (
@@ -307,7 +307,7 @@ def fit_text(plan: RecordingPlan, files: Files) -> str:
         "scenario": files.scenario,
         "experiments": [{"file": files.recording, **files.reading}],
         **({"plugins": list(files.plugins)} if files.plugins else {}),
-        "free": Lines.fromkeys([*(key for block in plan.robot.actuators for key in _free(plan, block)), *delays[:1]]),
+        "free": Lines.fromkeys([*(key for joint in plan.robot.moving_joints for key in _free(plan, joint)), *delays[:1]]),
     }
     ties = sorted(_ties(plan))
     if ties:
@@ -319,8 +319,20 @@ def fit_text(plan: RecordingPlan, files: Files) -> str:
     return yaml_text(data, {path: text for path, text in comments.items() if path[0] in data}, heading)
 
 
-def _free(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str]:
-    mode, joint = MODES[block.mode], plan.robot.joint(block.joint)
+def _free(plan: RecordingPlan, joint: Joint) -> Iterator[str]:
+    """Keys of a joint's parameters to fit; a joint without an actuator moves freely."""
+    for block in plan.robot.actuators:
+        if block.joint == joint.name:
+            yield from _free_of_actuator(plan, block)
+    if not plan.on_bench:
+        strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
+        yield f"{joint.name}.damping"
+        yield f"{joint.name}.friction"
+        yield f"{joint.child}.{'mass' if joint.kind == 'prismatic' else INERTIA[strongest]}"
+
+
+def _free_of_actuator(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str]:
+    mode = MODES[block.mode]
     for parameter in ACTUATORS.get(block.actuator).parameters if mode.spring else ():
         if parameter.name not in NOT_FITTED and not parameter.name.endswith("_2") and not parameter.unused:
             yield f"{block.joint}.{parameter.name}"
@@ -329,11 +341,6 @@ def _free(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str]:
     # The gains of a rigid servo are seldom known; the gains of motors are known if the robot's file states them.
     if mode.controller and not (mode.motor and any(value.origin == "tag" for value in block.parameters.values())):
         yield f"{block.joint}.controller_1_proportional"
-    if not plan.on_bench:
-        strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
-        yield f"{joint.name}.damping"
-        yield f"{joint.name}.friction"
-        yield f"{joint.child}.{'mass' if joint.kind == 'prismatic' else INERTIA[strongest]}"
 
 
 def _delays(plan: RecordingPlan) -> list[str]:

@@ -17,8 +17,10 @@ from asrsim.robot.mounting import overridden, reference_names
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
-LATEST = 1.0
-"""Latest start of a recording on its own clock, s; recordings that start later, or before 0, are played from 0."""
+LATEST, SOON = 1.0, 0.05
+"""Latest start of a recording on its own clock, s, if the scenario commands a joint, and if it commands none. Recordings that
+start later, or before 0, are played from 0.
+"""
 STAIRS = 0.5
 """Fraction of changes that follow directly on a change. Commands below this fraction are piecewise constant, others smooth."""
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
@@ -88,7 +90,6 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     }
     _require_units(robot, recording, columns)
     remarks = [*filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
-    lag, end = _span(columns)
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
     for block in robot.actuators:
@@ -116,6 +117,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
         )
     commands = {one.column.source for one in played}
+    by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)
+    lag, end = _span(columns, LATEST if by_scenario else SOON)
     return RecordingPlan(
         robot=overridden(robot, modes, {})[0], modes=modes, recording=recording, played=tuple(played),
         compared=tuple(
@@ -127,11 +130,11 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     )  # fmt: skip
 
 
-def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
+def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[float, float]:
     """Recorded times of the start (time 0 of the simulation) and of the end of the used columns."""
     start = min(float(column.time[0]) for column in columns.values())
     end = max(float(column.time[-1]) for column in columns.values())
-    return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
+    return (0.0 if 0.0 <= start <= latest and end > start else start), end
 
 
 def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:

@@ -16,6 +16,7 @@ from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
 from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
+from asrsim.identification.write import chosen_values, draw
 from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
@@ -72,7 +73,17 @@ def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still):
     problem = replace(modelled(lambda _: 0.0 * values, 1, len(time), recorded=values), ends=(0.75,))
     (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
     assert found.held_moves == (not still)
-    assert ("no channel moves" in praise([found])) == still
+    (said,) = praise([found])
+    assert ("no channel moves" in said) == still
+
+
+def test_fits_that_prove_little_are_told():
+    _, hidden = praise([replace(GOOD, after=4.0)])
+    assert "errors of the model may be hidden" in hidden
+    values = np.sin(np.arange(12.0))
+    problem = replace(modelled(lambda _: 0.0 * values, 1, 12, recorded=values), ends=(0.75,))
+    (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
+    assert found.fault == "9 samples are too few to judge the fit"
 
 
 def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
@@ -84,7 +95,7 @@ def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
         problem = modelled(lambda _, factor=factor: (factor - 1.0) * values, 1, len(values), recorded=values)  # type: ignore[misc]
         (track,) = problem.tracks
         track.channels = (replace(track.channels[0], column=source),)
-        (found,) = channel_fits(problem, differences(problem, np.zeros(1)), np.zeros(1))
+        (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
         assert words in found.suspicion
         assert bool(words) == bool(found.suspicion)
 
@@ -164,3 +175,10 @@ def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
         written = {kinds.get(path.suffix, path.name) for path in (tmp_path / name).rglob("*") if path.is_file()}
         assert (name, outcome.code, written - {".lock"}) == (name, code, files)
         assert words in outcome.out + outcome.err
+    channels = (*found.channels, replace(found.channels[0], track=1))
+    paths = draw(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
+    assert [path.name for path in paths] == ["overlay_1_a.png", "overlay_2_a.png"]
+    # Only together do the parameters of an accepted model explain the recording.
+    for accepted in (False, True):
+        faint = [replace(one, verdict="no effect") for one in found.estimates]
+        assert bool(chosen_values(replace(found, estimates=faint, accepted=accepted), everything=False)) == accepted

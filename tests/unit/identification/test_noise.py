@@ -55,6 +55,7 @@ def test_a_swing_stands_out_of_white_and_of_correlated_noise():
         assert sum(swing(one) > 0.0 for one in noise) <= 1
     ringing = 0.4 * np.sin(2.0 * np.pi * 108.0 * time)
     assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
+    assert swing(np.ones(200)) == 0.0
 
 
 def test_a_deviating_segment_is_noisy_and_outliers_are_not():
