@@ -1,6 +1,5 @@
 """Toolbox stepping runs every scenario that the toolbox runs in Gazebo, with Gazebo's limits and springs of URDFs."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -104,16 +103,3 @@ def test_gazebo_spring_holds_a_passive_joint(tmp_path, engine, stepping):
     assert result.samples is not None
     q = float(result.samples.values["link_position"][-1, 0])
     assert 200.0 * (-0.26 - q) == pytest.approx(0.3 * 9.81 * 0.1 * np.sin(q), abs=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_alterego_kick_stands_swing_about_gazebos_rest_position(stepping, shared):
-    """In Gazebo they rest at -0.25 rad, since its solver damps them. Their URDF has no damping."""
-    robot = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
-    result = simulate(asrsim.make_scenario(robot, duration=1.0, stepping=stepping))
-    assert result.samples is not None
-    stands = [j for j, name in enumerate(result.samples.joints) if re.fullmatch(r"base_link_to_\w+_kick_stand", name)]
-    assert len(stands) == 2
-    places = result.samples.values["link_position"][:, stands]
-    np.testing.assert_allclose((places.min(axis=0) + places.max(axis=0)) / 2.0, -0.25, atol=0.005)

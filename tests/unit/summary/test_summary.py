@@ -182,7 +182,6 @@ def test_a_summary_does_not_depend_on_the_chunks(kept, monkeypatch):
     )
     if kept > 1001:
         assert found[0].travels == (np.ptp(noise[0]),)
-        assert found[0].measures[0].peak_deflection == np.abs(noise[1] - noise[0]).max()
 
 
 def test_arrays_in_another_order_keep_their_joints(tiny):
