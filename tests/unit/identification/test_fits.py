@@ -10,12 +10,13 @@ import pytest
 
 import asrsim
 from asrsim import identify
+from asrsim.design.advice import advice, design_line
 from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import numbers_of
-from asrsim.identification.show import advice, design_line, judgement
+from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
 from asrsim.identification.track import Played
 from asrsim.identification.write import as_dict, write_robot
