@@ -1,7 +1,5 @@
 """Users' own actuators: loading the file, finding it from a URDF, checking its laws."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import textwrap
