@@ -6,7 +6,8 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.parameters import Parameter, make_layout
-from asrsim.identification.problem import Meter, Problem
+from asrsim.identification.problem import Meter, Problem, set_up
+from asrsim.identification.task import task_of
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -63,9 +64,32 @@ def record(
             values = np.concatenate([np.full(late, values[0]), values[:-late]])
         unit = "N m" if name.startswith("elastic") else "rad"
         columns[f"joint_1.{name} [{unit}]"] = values + noise * generator.normal(size=len(samples.time))
-    table = np.column_stack(list(columns.values()))[::every]
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return save(path, ",".join(columns), *(values[::every] for values in columns.values()))
+
+
+def save(path, header, *columns):
+    """Write columns as a table of text, and return its path."""
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.12g")
     return path
+
+
+def prepared(stack, folder, columns, free, *, keys="", **numbers):
+    """Prepared fit to a table of columns by heading. numbers: those of the robot; keys: further keys of the scenario."""
+    table = save(folder / "a.csv", ",".join(columns), *columns.values())
+    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(columns["time [s]"][-1]))
+    scenario.write_text(f"{scenario.read_text()}compiled: false\n{keys}")
+    return set_up(task_of(scenario, [table], free=free), stack).problem
+
+
+def bench(folder, stiffness):
+    """Write the scenario of a spring on a bench for recordings of 4 s, and return its path."""
+    lab = write(folder, "lab", {**SEA, "mode": 2, "tags": f"<spring_k>{stiffness}</spring_k>"}, duration=4.0)
+    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench"))
+    return lab
+
+
+BENCH = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
+"""Heading of a recording of a spring on a bench."""
 
 
 class Model:
@@ -83,7 +107,7 @@ class Model:
     def predictions(self, tables, playing, until):
         for table in tables:
             left = self._left(np.array([one.place(table.get(one.key, one.start)) for one in self._layout.entries]))
-            yield [((np.nan if left is None else left) + channel.values)[: channel.until(until)] for channel in self.channels]
+            yield [(np.nan if left is None else left) + channel.values for channel in self.channels]
 
     def predict(self, values, playing, until):
         return next(self.predictions([values], playing, until))
