@@ -40,11 +40,11 @@ class DocumentReading:
 
         show: state the value in the message. details: further fields of the `Problem`, such as its code.
         """
-        own: dict[str, Any] = {
+        own = {
             "file": node.file, "line": node.line, "key": ".".join(path) or None, "code": "value",
             "value": node.describe() if show else None,
         }  # fmt: skip
-        self.problems.append(Problem(message, **(own | details)))
+        self.problems.append(Problem(message, **{**own, **details}))
         return Rejected(message)
 
     def locate(self, text: str, *, folder: bool) -> Path:

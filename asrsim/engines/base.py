@@ -123,7 +123,7 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    `scene` and `native` have defaults for robots on a fixed base without contacts, and without a compiled step.
+    `scene`, `native` and `close` have defaults for a robot on a fixed base without contacts, compiled step and resources.
     """
 
     joints: tuple[str, ...]
@@ -162,7 +162,8 @@ class Engine(Protocol):
         return None
 
     def close(self) -> None:
-        """Release the memory and the connections of the engine."""
+        """Release the memory and the connections of the engine, if it has any."""
+        return
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,19 +26,20 @@ class Motion(NamedTuple):
     """The prescribed motion, for native steps."""
 
     places: Array
-    """Positions (n, joints) at whole steps, rad or m; NaN in the last row, since the motion ends with the scenario."""
+    """Positions (n, joints) at whole steps, rad or m."""
     step: Array
     """Duration (1,) of a step, s."""
 
 
 def move(motion: Any, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
     """Move the links to the next row of the motion, with the mean velocity of the step: the bench prescribes their motion."""
+    end = len(motion.places) - 1
+    before, row = min(int(state[0]), end), min(int(state[0]) + 1, end)
     state[0] += 1.0
-    row = min(int(state[0]), len(motion.places) - 1)
     last = len(lengths) - 1
     for j in range(motion.places.shape[1]):
         exchange[last, j, POSITION] = motion.places[row, j]
-        exchange[last, j, VELOCITY] = (motion.places[row, j] - motion.places[row - 1, j]) / motion.step[0]
+        exchange[last, j, VELOCITY] = (motion.places[row, j] - motion.places[before, j]) / motion.step[0]
 
 
 def _sizes(motion: Any) -> tuple[int, int, int]:
@@ -51,7 +52,8 @@ def link_motion(scenario: Scenario, joint: str) -> Signal:
 
 
 class BenchEngine(Engine):
-    """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect."""
+    """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect. After the scenario's
+    duration the links stand still."""
 
     model = None
     version = "bench"
@@ -67,12 +69,13 @@ class BenchEngine(Engine):
     ) -> tuple[Sequence[float], Sequence[float]]:
         """Restart the prescribed motion from rest; the given positions and velocities are ignored."""
         self._step, self.state = step, 0
+        self._rows = int(self._duration / step + 4.0)
         self._first, self._places = 0, self._motion(0, CHUNK)
         return self._places[0].tolist(), [0.0] * len(self.joints)
 
     def _motion(self, first: int, count: int) -> Array:
         """Positions (count, joints) from the step `first` on."""
-        time = grid(first, count, self._step)
+        time = np.minimum(grid(first, count, self._step), grid(self._rows - 1, 1, self._step))
         return np.column_stack([signal.values(time) for signal in self._signals])
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
@@ -92,17 +95,12 @@ class BenchEngine(Engine):
     @property
     def native(self) -> Native | None:
         """A step through a table of the whole motion; None if this table would be larger than `LONGEST`."""
-        steps = self._duration / self._step + 4.0
-        if not steps * len(self.joints) < LONGEST or not compiling.available():
+        if not self._rows * len(self.joints) < LONGEST or not compiling.available():
             return None
-        motion = Motion(np.ascontiguousarray(self._motion(0, int(steps))), np.array([self._step]))
-        motion.places[-1] = np.nan
+        motion = Motion(np.ascontiguousarray(self._motion(0, self._rows)), np.array([self._step]))
         compiled = compiling.compile_packed(move, motion, _sizes)
         words = pack(motion)
         return Native(compiled.address, 1, lambda: Record(words.ctypes.data, (words, motion, compiled)))
-
-    def close(self) -> None:
-        """Do nothing: a test bench owns no resources."""
 
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BenchEngine, tuple[()]]:

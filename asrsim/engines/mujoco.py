@@ -35,7 +35,6 @@ from asrsim.engines.mujoco_library import (
     library_version,
     load,
     overlaps,
-    say_nothing,
     stop_the_clock,
 )
 from asrsim.engines.mujoco_model import MujocoModel
@@ -69,8 +68,6 @@ class MujocoEngine(RigidEngine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
-        # Otherwise MuJoCo writes its warnings to a file in the working folder.
-        mujoco.set_mju_user_warning(say_nothing)
         stop_the_clock()
         self.version = f"mujoco {library_version()}"
         self.robot, self._scenario = robot, scenario

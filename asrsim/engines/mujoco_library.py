@@ -21,12 +21,18 @@ PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
 
 
 def load() -> Any:
-    """The module `mujoco`; raises SimulationError if it cannot be imported."""
+    """The module `mujoco`, which ignores its warnings from now on; raises SimulationError if it cannot be imported."""
     try:
         import mujoco
     except ImportError as error:
         raise SimulationError("; ".join((f"MuJoCo cannot be imported: {error}", *map(str, overlaps())))) from error
+    # MuJoCo would write its warnings to a file in the working folder; asrsim checks the motion itself.
+    mujoco.set_mju_user_warning(_ignore)
     return mujoco
+
+
+def _ignore(message: str) -> None:
+    pass
 
 
 def library_version() -> str:
@@ -61,10 +67,6 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
         f"of mujoco, `pip install {alone}mujoco=={found['mujoco']}`"
     )
     return (Problem(message, hint=hint, code="mujoco-overlap"),)
-
-
-def say_nothing(message: str) -> None:
-    """Ignore a warning of MuJoCo: asrsim checks the motion itself."""
 
 
 @cache

@@ -398,9 +398,6 @@ class RigidEngine(Engine):
         """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""
         return robot.links == self.robot.links
 
-    def close(self) -> None:
-        """Do nothing: this part of an engine owns no resources."""
-
 
 class RigidModel(Model):
     """The part of `asrsim.engines.base.Model` that does not depend on the physics library."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.mujoco_library import say_nothing
+from asrsim.engines.mujoco_library import load
 from asrsim.errors import SimulationError
 from asrsim.export.mjcf import motor_name
 from asrsim.plots.output import save_pairs
@@ -64,9 +64,7 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     """Motions in asrsim and in MuJoCo. MuJoCo simulates the model at `path` with the references and the external torques of
     asrsim's run.
     """
-    import mujoco
-
-    mujoco.set_mju_user_warning(say_nothing)
+    mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

@@ -9,5 +9,7 @@ from asrsim.live.transport import TRANSPORTS, Access, Interface, LiveTopic, Rece
 __all__ = ["TRANSPORTS", "Access", "Interface", "LiveTopic", "Received", "Transport", "TransportEntry"]
 
 TRANSPORTS.add("ros", TransportEntry(make=RosTransport, doc="ROS 2 topics, by rclpy", module="rclpy", extra="ros"))
-_DOC = "a WebSocket for Foxglove and Lichtblick"
-TRANSPORTS.add("foxglove", TransportEntry(make=FoxgloveTransport, doc=_DOC, module="foxglove", extra="foxglove"))
+TRANSPORTS.add(
+    "foxglove",
+    TransportEntry(make=FoxgloveTransport, doc="a WebSocket for Foxglove and Lichtblick", module="foxglove", extra="foxglove"),
+)

@@ -80,7 +80,10 @@ class CommandInput:
             for target, value in self.check(message):
                 self._motions.pop(target, None)
                 if isinstance(value, Motion):
-                    self._motions[target] = value.curve(_present(simulation, target)), time, value.times[-1]
+                    joint, column = simulation.prepared.slot_of(*target)
+                    present = simulation.read([f"reference_{column}"])[f"reference_{column}"]
+                    # Of several worlds, the first counts.
+                    self._motions[target] = value.curve(float(present.ravel()[joint])), time, value.times[-1]
                 else:
                     values[target] = value
         for target, (curve, began, duration) in list(self._motions.items()):
@@ -143,13 +146,6 @@ class CommandInput:
         self.refused[text] += 1
         if self.refused[text] == 1:
             self._tell(f"{text}: dropped; further ones are only counted")
-
-
-def _present(simulation: Simulation | Worlds, target: Target) -> float:
-    """Present value of a reference in the simulation, or in the first of several worlds."""
-    joint, column = simulation.prepared.slot_of(*target)
-    name = f"reference_{column}"
-    return float(simulation.read([name])[name].ravel()[joint])
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterator[_Input]:

@@ -7,18 +7,18 @@ import secrets
 import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import InputError
 from asrsim.live.origin import OriginProxy
-from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received, unreadable
+from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
 from asrsim.log.topics import schema_name, schema_text
 
 WAITING = 5000
-"""Largest number of received messages that wait for the simulation; when more messages wait, the oldest messages are dropped.
-"""
+"""Largest number of received messages that wait for the simulation. Of more messages, the oldest are dropped and counted."""
 MOST = 1000
 """Largest number of channels that clients may advertise, and of latched topics that wait to be sent again."""
 
@@ -34,6 +34,8 @@ class FoxgloveTransport:
         # Keep a reference to the context: the channels exist only as long as their context.
         self._context = context = Context()
         self._messages: deque[tuple[int, bytes]] = deque(maxlen=WAITING)
+        self._lost: list[int] = []
+        """Number of the input topic for each dropped message."""
         self._subscribed: deque[str] = deque(maxlen=MOST)
         """Latched topics with new subscribers."""
         self._advertised: dict[tuple[int, int], int] = {}
@@ -52,15 +54,15 @@ class FoxgloveTransport:
         except OSError as error:
             message = f"a WebSocket on {host}:{access.port} cannot be opened: {error.strerror or error}"
             raise InputError(message, hint="Choose another --port, or 0 for any", code="websocket") from error
-        options: dict[str, Any] = {
-            "name": f"asrsim {__version__}", "port": 0, "context": context, "server_listener": self,
-            "capabilities": [Capability.ClientPublish, Capability.Time], "supported_encodings": ["json"],
-        }  # fmt: skip
         # The server listens at a random local address, so that web pages cannot find it directly.
         behind = "127.0.0.1"
         if sys.platform == "linux":
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        self._server = foxglove.start_server(host=behind, **options)
+        listener: Any = self  # the library's type has further optional methods
+        self._server = foxglove.start_server(
+            name=f"asrsim {__version__}", host=behind, port=0, context=context, server_listener=listener,
+            capabilities=[Capability.ClientPublish, Capability.Time], supported_encodings=["json"],
+        )  # fmt: skip
         self._proxy.start(behind, self._server.port)
         self.port = self._proxy.port
         tell(f"foxglove: ws://{host}:{self.port}")
@@ -88,6 +90,8 @@ class FoxgloveTransport:
         """Queue a client's message."""
         number = self._advertised.get((client.id, client_channel_id))
         if number is not None:
+            if len(self._messages) == WAITING:
+                self._lost.append(number)
             self._messages.append((number, bytes(data)))
 
     # -- called by the simulation's thread --------------------------------------------------------------------------
@@ -103,6 +107,9 @@ class FoxgloveTransport:
         while self._subscribed:
             channel, message = self._latched[self._subscribed.popleft()]
             channel.log(message)
+        lost, self._lost = self._lost, []
+        for number in lost:
+            yield Received(number, fault="more messages than the run can take")
         for _ in range(len(self._messages)):
             number, data = self._messages.popleft()
             yield decoded(number, data)
@@ -115,8 +122,7 @@ class FoxgloveTransport:
 
 def decoded(inlet: int, data: bytes) -> Received:
     """Content of a message in JSON; invalid JSON gives a message with a fault."""
-    missing = {"position": (), "effort": (), "velocities": ()}
-    try:
-        return received(inlet, json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields})))
-    except (ValueError, TypeError, RecursionError) as error:
-        return unreadable(inlet, error)
+    message, missing = None, {"position": (), "effort": (), "velocities": ()}
+    with suppress(ValueError, TypeError, RecursionError):
+        message = json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields}))
+    return received(inlet, message)

@@ -25,6 +25,7 @@ MOST_NOTICES = 20
 """Largest number of refused origins that are reported."""
 _OWN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?|(file|app|foxglove|lichtblick)://.*")
 """Permitted origins: servers of this machine, and desktop applications (Electron applications send `file://`)."""
+_ORIGIN = re.compile(r"^origin[ \t]*:[ \t]*(.*?)[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _REFUSAL = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
@@ -44,7 +45,7 @@ class OriginProxy:
         """allowed: permitted origins besides this machine's; tell: receives one sentence per refused origin, in the proxy's
         thread. Raises OSError if the address is in use.
         """
-        self._allowed, self._tell, self._clients = frozenset(allowed), tell, 0
+        self._allowed, self._tell, self._clients = allowed, tell, 0
         self._refused: set[str] = set()
         self._socket = socket.create_server(address)
         self.port: int = self._socket.getsockname()[1]
@@ -76,7 +77,8 @@ class OriginProxy:
         self._clients += 1
         try:
             head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), PATIENCE)
-            foreign = [origin for origin in _origins(head) if not (origin in self._allowed or _OWN.fullmatch(origin))]
+            origins = [value.lower() for value in _ORIGIN.findall(head.decode("latin-1"))]
+            foreign = [origin for origin in origins if not (origin in self._allowed or _OWN.fullmatch(origin))]
             if foreign or self._clients > MOST_CLIENTS:
                 self._refuse(foreign)
                 writer.write(_REFUSAL)
@@ -99,11 +101,6 @@ class OriginProxy:
                 self._refused.add(origin)
                 name = ascii(origin[:80]).strip("'")
                 self._tell(f"a web page of {name} was refused; to allow its commands: --allow-origin {name}")
-
-
-def _origins(head: bytes) -> list[str]:
-    lines = [line.partition(":") for line in head.decode("latin-1").split("\r\n")]
-    return [value.strip().lower() for name, _, value in lines if name.strip().lower() == "origin"]
 
 
 async def _pass_on(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:

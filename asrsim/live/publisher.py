@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
-from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, joint_state, robot_topics, topic_paths
+from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, Topic, joint_state, robot_topics, topic_paths
 from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.ranges import Range, ranges_of
@@ -108,11 +108,8 @@ def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
     }
     builder = CdrBuilder().header().strings([*applied]).float64s([*applied.values()]).float64s([]).float64s([])
     yield Topic(name=APPLIED, message="sensor_msgs/JointState", template=builder.build())
-    commands = {name for names in REFERENCE_TOPICS.values() for name in names}
-    for topic in robot_topics(joints, external=False):
-        shown = topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails"
-        if shown and topic.name.rpartition("/")[2] not in commands:
-            yield topic
+    hidden = {"time", "details", *(name for names in REFERENCE_TOPICS.values() for name in names)}
+    yield from (topic for topic in robot_topics(joints, external=False) if topic.name.rpartition("/")[2] not in hidden)
     for joint, path in zip(joints, topic_paths(joints), strict=True):
         if "stiffness" in joint.quantities:
             template = CdrBuilder().float64(MessageColumn("value", "stiffness", joint.name)).build()

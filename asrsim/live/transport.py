@@ -49,7 +49,7 @@ class Received:
 
 
 def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
-    """Content of a message object of any library. If the content is not that of a command, the message has a fault."""
+    """Content of a message object of any library. A message has a fault if it is None or if its content is no command."""
     try:
         if hasattr(message, "points"):
             points = [
@@ -66,12 +66,7 @@ def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
             return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=seconds, sent=sent)
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        return unreadable(inlet, error)
-
-
-def unreadable(inlet: int, error: Exception) -> Received:
-    """Message that cannot be decoded."""
-    return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
+        return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
 
 
 def _numbers(values: Iterable[Any]) -> list[float]:
@@ -152,7 +147,7 @@ TRANSPORTS: Registry[TransportEntry] = Registry("transport", entry_point_group="
 
 def prefix_of(namespace: str) -> str:
     """Prefix of topic names for a namespace."""
-    return f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    return f"/{namespace.strip('/')}".rstrip("/")
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,43 +15,45 @@ from asrsim.samples import Array, JointInfo, Samples
 _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and not mode.motor)
 
 
-def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """Equilibrium positions (n, joints), rad: link positions at which the elastic torque is zero; NaN without motors.
+def _equilibrium_position(samples: Samples, joint: JointInfo, column: int) -> Array:
+    """Equilibrium positions (n,), rad: link positions at which the elastic torque is zero; NaN without motors.
 
-    joints: Joints of the log (`RunInfo.joints`), matched by name. Positions of ideal motors (modes 2, 3) that are not recorded
-    equal the references.
+    Positions of ideal motors (modes 2, 3) that are not recorded equal the references.
     """
-
-    def equilibrium(joint: JointInfo, column: int) -> Array:
-        if joint.mode in _IDEAL_MOTORS and np.isnan(_values(samples, "motor_1_position", column)).all():
-            return _reference_position(samples, joint, column)
-        return _mapped(samples, joint, "motor_{}_position", column)
-
-    return _by_joint(samples, joints, equilibrium)
+    if joint.mode in _IDEAL_MOTORS and np.isnan(_values(samples, "motor_1_position", column)).all():
+        return _reference_position(samples, joint, column)
+    return _mapped(samples, joint, "motor_{}_position", column)
 
 
-def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """Deflections (n, joints), rad: equilibrium position minus link position."""
-    return equilibrium_position(samples, joints) - _by_joint(
-        samples, joints, lambda _, column: _values(samples, "link_position", column)
-    )
+def _deflection(samples: Samples, joint: JointInfo, column: int) -> Array:
+    """Deflections (n,), rad: equilibrium position minus link position."""
+    return _equilibrium_position(samples, joint, column) - _values(samples, "link_position", column)
 
 
-def position_error(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """Position errors (n, joints), rad: position reference minus link position; NaN in the torque modes (0, 4)."""
+def _position_error(samples: Samples, joint: JointInfo, column: int) -> Array:
+    """Position errors (n,), rad: position reference minus link position; NaN in the torque modes (0, 4)."""
+    return _reference_position(samples, joint, column) - _values(samples, "link_position", column)
 
-    def error(joint: JointInfo, column: int) -> Array:
-        return _reference_position(samples, joint, column) - _values(samples, "link_position", column)
 
-    return _by_joint(samples, joints, error)
+def _by_joint(law: Callable[[Samples, JointInfo, int], Array], samples: Samples, joints: Sequence[JointInfo]) -> Array:
+    """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe.
+
+    joints: Joints of the log (`RunInfo.joints`), matched by name.
+    """
+    result = np.full((len(samples.joints), len(samples.time)), np.nan).T
+    described = {joint.name: joint for joint in joints}
+    for column, name in enumerate(samples.joints):
+        if name in described:
+            result[:, column] = law(samples, described[name], column)
+    return result
 
 
 DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = {
-    "deflection": deflection,
-    "equilibrium_position": equilibrium_position,
-    "position_error": position_error,
+    "deflection": partial(_by_joint, _deflection),
+    "equilibrium_position": partial(_by_joint, _equilibrium_position),
+    "position_error": partial(_by_joint, _position_error),
 }
-"""Function that computes each derived quantity (`asrsim.quantities.DERIVED`), by name of the quantity."""
+"""Function that computes each derived quantity (`asrsim.quantities.DERIVED`) of all joints, by name of the quantity."""
 
 _MOTORS = tuple(f"motor_{i}_position" for i in range(1, MOST_MOTORS + 1))
 _REFERENCES = tuple(f"reference_{i}" for i in range(1, MOST_MOTORS + 1))
@@ -60,16 +63,6 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
     "position_error": ("link_position", *_REFERENCES),
 }
 """Logged quantities from which each derived quantity is computed, if the log has them."""
-
-
-def _by_joint(samples: Samples, joints: Sequence[JointInfo], law: Callable[[JointInfo, int], Array]) -> Array:
-    """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe."""
-    result = np.full((len(samples.joints), len(samples.time)), np.nan).T
-    described = {joint.name: joint for joint in joints}
-    for column, name in enumerate(samples.joints):
-        if name in described:
-            result[:, column] = law(described[name], column)
-    return result
 
 
 def _values(samples: Samples, quantity: str, column: int) -> Array:

@@ -19,10 +19,16 @@ class FrameMessages:
         self._moving = [frame for frame in frames if frame.joint]
         self._rate, self._next = rate, 0
         self.topic = Topic(name="/tf", message="tf2_msgs/TFMessage", template=_template(self._moving), canonical=False)
-        self._turns = np.array([frame.rotation for frame in self._moving]).reshape(-1, 4)
         self._places = np.array([frame.position for frame in self._moving]).reshape(-1, 3)
-        self._axes = np.array([frame.axis for frame in self._moving]).reshape(-1, 3)
         self._slides = np.array([frame.prismatic for frame in self._moving], bool)
+        self._start = np.array([frame.rotation for frame in self._moving]).reshape(-1, 4)
+        axes = np.array([frame.axis for frame in self._moving]).reshape(-1, 3)
+        vector, scalar = self._start[:, :3], self._start[:, 3:]
+        across = np.cross(vector, axes)
+        self._half_turn = np.hstack([scalar * axes + across, -np.sum(vector * axes, axis=1, keepdims=True)])
+        """Rotation (frames, 4) of each frame after half a turn of its joint: product of the start and the axis."""
+        self._axes = axes + 2.0 * (scalar * across + np.cross(vector, across))
+        """Axis (frames, 3) of each joint in the frame of the parent link."""
         still = [frame for frame in frames if not frame.joint]
         self.static_topic = Topic(
             name="/tf_static", message="tf2_msgs/TFMessage", template=_template(still), canonical=False
@@ -47,24 +53,10 @@ class FrameMessages:
 
     def _poses(self, positions: Array) -> Array:
         """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: (n, frames), rad or m."""
-        half = np.where(self._slides, 0.0, 0.5 * positions)
-        turns = np.concatenate([np.sin(half)[..., None] * self._axes, np.cos(half)[..., None]], axis=-1)
-        slides = np.where(self._slides, positions, 0.0)[..., None] * self._axes
-        rotation = multiplied(self._turns, turns)
-        return np.concatenate([self._places + rotated(self._turns, slides), rotation], axis=-1)
-
-
-def multiplied(a: Array, b: Array) -> Array:
-    """Product of quaternions x y z w (..., 4): the rotation b followed by a."""
-    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
-    scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
-    return np.concatenate([vector, scalar], axis=-1)
-
-
-def rotated(turn: Array, vector: Array) -> Array:
-    """Vectors (..., 3) rotated by quaternions x y z w (..., 4)."""
-    twice = 2.0 * np.cross(turn[..., :3], vector)
-    return np.asarray(vector + turn[..., 3:] * twice + np.cross(turn[..., :3], twice))
+        half = np.where(self._slides, 0.0, 0.5 * positions)[..., None]
+        slides = np.where(self._slides, positions, 0.0)[..., None]
+        rotation = np.cos(half) * self._start + np.sin(half) * self._half_turn
+        return np.concatenate([self._places + slides * self._axes, rotation], axis=-1)
 
 
 def _template(frames: Sequence[Frame]) -> CdrTemplate:

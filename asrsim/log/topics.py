@@ -94,8 +94,6 @@ def _dependencies(message: str) -> list[str]:
     return found
 
 
-TIME_TOPIC = "/asrsim/time"
-"""Topic of the simulated time as float64 in s, as log times are rounded to ns."""
 DESCRIPTION_TOPIC = "/robot_description"
 
 REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
@@ -136,16 +134,24 @@ def robot_topics(
         external: Add the topic of external torques.
     """
     paths = topic_paths(joints)
-    topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(MessageColumn("time")).build())]
+    # The simulated time is stored as float64 in s too, as log times are rounded to ns.
+    topics = [
+        Topic(name="/asrsim/time", message="std_msgs/Float64", template=CdrBuilder().float64(MessageColumn("time")).build())
+    ]
     for joint, path in zip(joints, paths, strict=True):
-        topics += _whole_joint(joint, path) if compact else _joint_topics(joint, path, external=external)
+        if compact:
+            topics += _numbers(f"{path}/state", joint, SAMPLE_FIELDS, "asrsim_msgs/JointSample")
+        else:
+            topics += _joint_topics(joint, path, external=external)
+        for quantity in joint.quantities:
+            if quantity not in SAMPLE_FIELDS:
+                topics += _numbers(path + _ros_path(quantity), joint, [quantity])
+    # The toolbox's manager publishes arrays with one entry for each joint with an actuator.
     for namespace in dict.fromkeys(joint.namespace for joint in joints if arrays and not compact):
         members = [joint for joint in joints if joint.namespace == namespace and joint.mode is not None]
-        topics += _array_topics(members, _ros_path(namespace))
-    if joints:
-        columns = [_of(joints, f"link_{what}") for what in ("position", "velocity", "torque")]
-        topics.append(joint_state("/joint_states", joints, columns, canonical=False))
-    return tuple(topics)
+        for name, part in (("robot_state", "link"), ("motor_1_state", "motor_1"), ("motor_2_state", "motor_2")):
+            topics += _states(f"{_ros_path(namespace)}/{name}", members, part)
+    return (*topics, *_states("/joint_states", joints, "link"))
 
 
 def body_topic(bodies: Sequence[str]) -> Topic:
@@ -175,57 +181,35 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
     return tuple(paths)
 
 
-def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
-    """Topics of a joint in a compact log: one topic with all numbers (NaN if not recorded), and the separate topics."""
-    numbers = CdrBuilder().header().numbers(_of_joint(joint, SAMPLE_FIELDS))
-    yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=numbers.build())
-    yield from _own_quantities(joint, path)
-
-
-def _own_quantities(joint: JointInfo, path: str) -> Iterator[Topic]:
-    for quantity in joint.quantities:
-        if quantity not in SAMPLE_FIELDS:
-            template = CdrBuilder().float64(MessageColumn("value", quantity, joint.name)).build()
-            yield Topic(name=path + _ros_path(quantity), message="std_msgs/Float64", template=template)
+def _numbers(
+    name: str, joint: JointInfo, quantities: Collection[str], message: str = "std_msgs/Float64", *, canonical: bool = True
+) -> Iterator[Topic]:
+    """Topic with quantities of a joint, if one of them is recorded. Messages other than Float64 begin with a header."""
+    if any(quantity in joint.quantities for quantity in quantities):
+        builder = CdrBuilder() if message == "std_msgs/Float64" else CdrBuilder().header()
+        template = builder.numbers(_of_joint(joint, quantities)).build()
+        yield Topic(name=name, message=message, template=template, canonical=canonical)
 
 
 def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[Topic]:
-    def group(name: str, message: str, quantities: Collection[str]) -> Iterator[Topic]:
-        if any(quantity in joint.quantities for quantity in quantities):
-            numbers = CdrBuilder().header().numbers(_of_joint(joint, quantities))
-            yield Topic(name=f"{path}/{name}", message=message, template=numbers.build())
-
-    def scalar(name: str, quantity: str, *, canonical: bool = True) -> Iterator[Topic]:
-        if quantity in joint.quantities:
-            number = CdrBuilder().numbers(_of_joint(joint, [quantity]))
-            yield Topic(name=f"{path}/{name}", message="std_msgs/Float64", template=number.build(), canonical=canonical)
-
-    yield from group("link_state", "asrsim_msgs/LinkState", LINK_STATE_FIELDS.values())
+    yield from _numbers(f"{path}/link_state", joint, LINK_STATE_FIELDS.values(), "asrsim_msgs/LinkState")
+    for part in ("motor_1", "motor_2"):
+        yield from _states(f"{path}/{part}_state", [joint], part, canonical=True)
     for index in (1, 2):
-        columns = [_of([joint], f"motor_{index}_{what}") for what in ("position", "velocity", "torque")]
-        if any(column != [None] for column in columns):
-            yield joint_state(f"{path}/motor_{index}_state", [joint], columns)
-    for index in (1, 2):
-        yield from scalar(f"torque_el{index}_state", f"elastic_torque_{index}")
+        yield from _numbers(f"{path}/torque_el{index}_state", joint, [f"elastic_torque_{index}"])
     for index, name in enumerate(REFERENCE_TOPICS.get(joint.mode, ()), start=1):
-        yield from scalar(name, f"reference_{index}", canonical=False)
+        yield from _numbers(f"{path}/{name}", joint, [f"reference_{index}"], canonical=False)
     if external:
-        yield from scalar("external_torque", "external_torque", canonical=False)
-    yield from group("details", "asrsim_msgs/JointDetails", DETAIL_FIELDS)
-    yield from _own_quantities(joint, path)
+        yield from _numbers(f"{path}/external_torque", joint, ["external_torque"], canonical=False)
+    yield from _numbers(f"{path}/details", joint, DETAIL_FIELDS, "asrsim_msgs/JointDetails")
 
 
-def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:
-    """Topics that the toolbox's manager publishes, with one entry for each joint with an actuator."""
-    names = {
-        "robot_state": ("link_position", "link_velocity", "link_torque"),
-        "motor_1_state": ("motor_1_position", "motor_1_velocity", "motor_1_torque"),
-        "motor_2_state": ("motor_2_position", "motor_2_velocity", "motor_2_torque"),
-    }
-    for name, quantities in names.items():
-        if any(quantity in joint.quantities for joint in joints for quantity in quantities):
-            columns = [_of(joints, quantity) for quantity in quantities]
-            yield joint_state(f"{path}/{name}", joints, columns, canonical=False)
+def _states(name: str, joints: Sequence[JointInfo], part: str, *, canonical: bool = False) -> Iterator[Topic]:
+    """Topic with the JointState of a part (link, motor_1 or motor_2) of some joints, if a quantity of the part is recorded."""
+    quantities = [f"{part}_{what}" for what in ("position", "velocity", "torque")]
+    if any(quantity in joint.quantities for joint in joints for quantity in quantities):
+        columns = [[column for joint in joints for column in _of_joint(joint, [quantity])] for quantity in quantities]
+        yield joint_state(name, joints, columns, canonical=canonical)
 
 
 def joint_state(
@@ -236,10 +220,6 @@ def joint_state(
     for sequence in columns:
         builder.float64s(sequence)
     return Topic(name=name, message="sensor_msgs/JointState", template=builder.build(), canonical=canonical)
-
-
-def _of(joints: Sequence[JointInfo], quantity: str) -> list[MessageColumn | None]:
-    return [column for joint in joints for column in _of_joint(joint, [quantity])]
 
 
 def _of_joint(joint: JointInfo, quantities: Iterable[str]) -> list[MessageColumn | None]:

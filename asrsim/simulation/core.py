@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ class Core:
         self._own: dict[int, BoundEngine] = {}
         """Separate engines, by number of the world that has used one."""
         self._spare: BoundEngine | None = None
-        """Engine that no world uses."""
+        """Engine that no world has used yet."""
         self._shared = self._bound(engine, prepared)
         self._engines = [self._shared] * worlds
         """Engine of each world."""
@@ -116,10 +117,9 @@ class Core:
         return self._shared.engine.model
 
     def close(self) -> None:
-        """Close the engines."""
-        for bound in (self._shared, self._spare, *self._own.values()):
-            if bound is not None:
-                bound.engine.close()
+        """Close the engines. Separate engines are closed when no snapshot refers to them any longer."""
+        self._shared.engine.close()
+        self._spare, self._own, self._engines = None, {}, [self._shared] * len(self._engines)
 
     # -- engines ----------------------------------------------------------------------------------------------------
 
@@ -144,8 +144,7 @@ class Core:
         if bound is not None and bound.engine.vary(prepared.robot):
             return bound
         fitted = self._bound(prepared.make_engine(), prepared)
-        if bound is not None:
-            bound.engine.close()
+        finalize(fitted, fitted.engine.close)
         return fitted
 
     def model_of(self, prepared: Prepared) -> Model | None:
@@ -160,9 +159,10 @@ class Core:
         _, self.P[world] = tables(prepared, self.shape)
         self._engines[world] = self._shared
         if prepared.robot.links != self.prepared.robot.links:
-            # The spare engine often has these inertias already, from the last call of `model_of`.
-            own = self._fitted(self._spare, prepared)
-            self._spare = self._own.pop(world, None)
+            own = self._own.get(world)
+            if own is None or not own.engine.vary(prepared.robot):
+                # The spare engine often has these inertias already, from the last call of `model_of`.
+                own, self._spare = self._fitted(self._spare, prepared), None
             self._own[world] = self._engines[world] = own
 
     # -- state ------------------------------------------------------------------------------------------------------
@@ -179,15 +179,20 @@ class Core:
         bound.entered(world)
 
     def state(self, world: int) -> tuple[Any, ...]:
-        """A copy of the complete state of a world."""
+        """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
         tables = (table[world].copy() for table in (self.done, self.S, self.P, self.held, self.rows))
-        return *tables, self._engines[world].state(world)
+        return *tables, self._engines[world], self._engines[world].state(world)
 
-    def put(self, world: int, state: tuple[Any, ...]) -> None:
-        """Set the complete state of a world. Continuing from this state gives bitwise identical results."""
-        self.done[world], self.S[world], self.P[world], self.held[world], self.rows[world], engine = state
+    def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
+        """Set the complete state of a world, and the parameters of this state. Continuing from this state gives bitwise
+        identical results."""
+        self.done[world], self.S[world], self.P[world], self.held[world], self.rows[world], bound, engine = state
         self.fault[world] = HEALTHY
-        self._engines[world].put(world, engine)
+        self._engines[world] = bound
+        if bound is not self._shared:
+            self._own[world] = bound
+            bound.engine.vary(prepared.robot)
+        bound.put(world, engine)
 
     def engine_of(self, world: int) -> Engine:
         """The engine of a world; the engine may contain the state of another world."""

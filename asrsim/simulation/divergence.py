@@ -9,8 +9,8 @@ from __future__ import annotations
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
+from asrsim.simulation.kernel import SHARE
 from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
-from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.substeps import COARSE
 

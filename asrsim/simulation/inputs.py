@@ -18,9 +18,8 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import through
+from asrsim.simulation.effects import Sensor, through
 from asrsim.simulation.layout import GOALS
-from asrsim.simulation.sensors import Sensor
 
 REST = Constant(value=0.0)
 KEPT = 4

@@ -1,62 +1,174 @@
-"""The loop over worlds and substeps; the same source runs as Python or compiled.
+"""The physics of a world: the loop over substeps, the substep of a joint, and the energy balance; as Python or compiled.
 
 In a substep, sensors are read, motors move and their springs load the links; the engine moves the links; the energy balance is
-updated. If an input jumps, the kick is split into pieces with separate inputs, which act on the links one after the other.
+updated. If an input jumps, the kick is split into pieces with separate inputs, which act on the links one after the other. The
+functions work on the rows of one joint (`asrsim.simulation.layout`).
+
+Work is the mean torque times the displacement: the trapezoidal rule, of second order in the step. If an input jumps, there are
+separate means before and after the jump. With the default stepping the residual of the balance thus decreases as h^2. If the
+step is too large for a spring, the residual stays large, which reveals divergence before any number overflows.
 """
 
 from __future__ import annotations
 
+from math import ceil, exp, floor, sqrt
 from typing import Any
 
-from asrsim.simulation.joint import advance, damping_of, friction_of, limit, push_of, read_sensors, remember_springs
-from asrsim.simulation.laws import engine_step, row
+from asrsim.actuators.hysteresis import dahl
+from asrsim.actuators.motor import motor_kick, velocity_bounds
+from asrsim.simulation.laws import engine_step, joint_step, numbers, row, spring_law
 from asrsim.simulation.layout import (
+    ANCHOR,
     APPLIED,
     APPLIED_BEFORE,
+    APPLIED_LAST,
     APPLIED_NEXT,
+    AT_LIMIT,
     BRAKE,
+    CONTROLLED,
     CONTROLLERS,
+    CURRENT,
+    D_CONSTANT,
+    D_DAMPING,
+    D_HIGH,
+    D_INERTIA,
+    D_LOW,
+    D_MAX_TORQUE,
+    D_MOST,
+    D_RESISTANCE,
     DAMPING,
+    DAMPING_LOSS,
+    DEFLECTION,
+    DEFLECTION_COUNT,
+    DIRECT,
     DRAG,
+    DRIVE_TORQUE,
     DYNAMIC,
     E_DAMPING,
     E_FRICTION,
     E_POSITION,
     E_TORQUE,
     E_VELOCITY,
+    EFFORT_COUNT,
     ENGINE_VELOCITY,
+    EXCESS,
     EXTERNAL,
+    FIRST_DRIFT,
+    FIRST_DRIVE,
+    FIRST_MOTOR,
     FREE,
     FREE_AFTER,
     FREE_BEFORE,
+    FRICTION,
+    FRICTION_LOSS,
+    GOALS,
     HEALTHY,
+    HYSTERESIS,
+    HYSTERESIS_LOSS,
+    IMPLICITNESS,
+    INTEGRAL,
+    JOINT_STEP,
+    JUMPED,
+    KICK_POSITION,
+    KIND,
+    LAST_AT_LIMIT,
+    LAST_DEFLECTION,
     LAST_ENGINE_VELOCITY,
+    LAST_HYSTERESIS,
+    LAST_KICK_POSITION,
+    LAST_MEAN_VELOCITY,
+    LAST_POSITION,
+    LAST_POWER,
+    LAW,
     LAW_ENERGY,
+    LIMIT_LOSS,
     LINK_IMPLICITNESS,
+    LINK_WORK,
+    LOAD,
+    MEAN_VELOCITY,
+    MOTOR_ENERGY,
+    MOTOR_INTEGRAL,
+    MOTOR_POSITION,
+    MOTOR_SPEED_COUNT,
+    MOTOR_STOP_COUNT,
+    MOTOR_VELOCITY,
+    MOTOR_WORK,
+    MOTOR_WORKS,
+    MOTORS,
+    NET_LINK_WORK,
     NO_VALUE,
+    ON_LINK,
     P_BRAKE,
+    P_COULOMB,
+    P_CUTOFF,
+    P_DAMPING,
+    P_DAMPING_INERTIA,
     P_DAMPING_RATIO,
+    P_DELAY,
+    P_DERIVATIVE,
     P_EFFORT,
+    P_FADE,
+    P_FASTEST,
+    P_HIGHEST,
+    P_INTEGRAL,
+    P_LENGTH,
     P_LEVEL,
+    P_LOWEST,
+    P_MAX_DEFLECTION,
+    P_PROPORTIONAL,
+    P_QUANTUM,
+    P_REST,
+    P_SHARE,
+    P_SPRING,
+    P_STRIBECK,
+    P_SUBSTEPS,
+    PER_DRIVE,
+    PER_MOTOR,
     PLACED,
     POSITION,
     PUSH,
     PUSHES,
     RAN_AWAY,
+    READ_ERROR,
+    READ_PUSH,
+    RESIDUAL,
+    RING,
+    RINGS,
+    ROW_WORK,
+    SATURATION_COUNT,
+    SPRING_ENERGY,
+    SPRING_LAW,
+    SPRINGS,
+    SPRUNG,
     STAGGERED,
+    START_ENERGY,
     STEP,
+    STIFFEST,
     STIFFNESS,
+    STOP_COUNT,
+    THETAS,
     TORQUE,
+    TORQUES,
+    TURNOVER,
     VELOCITY,
+    VELOCITY_COUNT,
+    VOLTAGE,
     WEIGHT_LAST,
     WEIGHT_NOW,
+    WINDING_LOSS,
+    WORK,
 )  # fmt: skip
-from asrsim.simulation.ledger import count_limits, update_energies
 
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 ENDLESS = 1e300
 """Torque above which a torque counts as infinite, N m."""
+AT_STOP = 1e-12
+"""Distance in rad or m from a stop below which a motor counts as being at the stop, as a margin for rounding."""
+SHARE = 0.5
+"""Residual of the energy balance, as a fraction of the turnover, above which a run counts as diverged."""
+FULL = 1.0 - 1e-9
+"""Fraction of the speed limit above which a motor counts as being at the limit."""
 
 
 def run(
@@ -199,3 +311,393 @@ def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
         s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
     else:
         s[APPLIED] += brake
+
+
+# -- substep of a joint -------------------------------------------------------------------------------------------------
+
+
+def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
+    """Compute the errors of the measured positions and velocities. Measurements are delayed and held until the next sample;
+    positions are also noisy and quantised.
+
+    A ring buffer stores past positions and velocities. The buffer is followed by the index of its newest entry and by the last
+    measurement.
+    """
+    size = int(p[P_DELAY]) + 2
+    for i in range(k[CONTROLLERS]):
+        m, ring = FIRST_MOTOR + i * PER_MOTOR, k[RINGS] + i * k[RING]
+        if k[ON_LINK]:
+            ahead = 0.0
+            x, lagging = s[POSITION], z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
+            gain = p[P_DERIVATIVE]
+        else:
+            # The sensor measures at the time of the kick, to which the motor's position is extrapolated by this fraction of a
+            # step.
+            ahead = z[FIRST_DRIFT]
+            lagging = s[m + MOTOR_VELOCITY]
+            x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
+            gain = p[FIRST_DRIVE + i * PER_DRIVE + 2]
+        newest = int(s[ring + 2 * size])
+        speed = (1.0 + ahead) * lagging - ahead * s[ring + 2 * ((newest + size - 1) % size) + 1]
+        s[ring + 2 * newest], s[ring + 2 * newest + 1] = x, lagging
+        oldest = (newest + 1) % size
+        s[ring + 2 * size] = float(oldest)
+        samples = GOALS + k[MOTORS] + 2 * i
+        if u[samples] != 0.0:
+            late = (newest + 2) % size
+            reading = s[ring + 2 * late] + u[samples + 1]
+            if p[P_QUANTUM] > 0.0:
+                reading = p[P_QUANTUM] * floor(reading / p[P_QUANTUM] + 0.5)
+            s[ring + 2 * size + 1] = reading
+            s[ring + 2 * size + 2] = (1.0 + ahead) * s[ring + 2 * late + 1] - ahead * s[ring + 2 * oldest + 1]
+        s[m + READ_ERROR] = s[ring + 2 * size + 1] - x
+        s[m + READ_PUSH] = -gain * (s[ring + 2 * size + 2] - speed)
+
+
+def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bool, whole: bool) -> None:
+    """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set s[TORQUE].
+
+    noted: whether the recorded values of the motors are stored; with motor substeps, these are the values of the middle motor
+    substep. With h = 0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
+    """
+    kind = k[KIND]
+    if k[JOINT_STEP]:
+        joint_step(k[JOINT_STEP], s, p, k, u, h, int(noted))
+        if whole and kind == SPRUNG:
+            find_state(s, p, k)
+    elif kind == SPRUNG:
+        _advance_springs(s, p, k, z, u, h, noted, whole)
+    elif kind == CONTROLLED:
+        # A PID controller on the rigid link (paper eq. 11); its derivative action acts as damping: see `limit`.
+        error = u[GOALS] - s[FIRST_MOTOR + READ_ERROR] - s[POSITION]
+        more = p[P_INTEGRAL] * h * error
+        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[FIRST_MOTOR + READ_PUSH] + 0.5 * more
+        s[INTEGRAL] += more
+    elif kind == DIRECT:
+        s[TORQUE] = u[GOALS]
+    else:
+        s[TORQUE] = 0.0
+
+
+def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bool, whole: bool) -> None:
+    """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
+
+    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
+    torque bounded.
+    """
+    motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
+    turns, step = 1, h
+    if p[P_SUBSTEPS] > 1.0:
+        turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
+        # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
+        turns += 1 - turns % 2
+        step = h / turns
+    before = z[FIRST_DRIFT] * step
+    q, total = s[POSITION], 0.0
+    for turn in range(turns):
+        for i in range(motors):
+            if i < dynamic:
+                m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
+                s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
+            else:
+                s[thetas + i] = u[GOALS + i]
+        now = noted and turn == turns // 2
+        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, int(whole and turn == turns // 2))
+        if p[P_LEVEL] > 0.0:
+            for i in range(k[SPRINGS]):
+                s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
+        for i in range(motors):
+            total += s[torques + i]
+        for i in range(dynamic):
+            _kick(s, p, k, z, u[GOALS + i], i, step, before, now)
+        if now:
+            for i in range(motors):
+                m = FIRST_MOTOR + i * PER_MOTOR
+                s[m + LOAD], s[m + KICK_POSITION] = s[torques + i], s[thetas + i]
+    s[TORQUE] = total / turns
+
+
+def _between(value: float, low: float, high: float) -> float:
+    return high if value > high else low if value < low else value
+
+
+def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, noted: bool) -> None:
+    """Compute the kick of motor i and the drift that follows, and add the works of the torques on the motor.
+
+    The torques act for half a step with the velocity before the kick, and for half a step with the velocity after the kick.
+    """
+    m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
+    x, speed, load, pushed = s[k[THETAS] + i], s[m + MOTOR_VELOCITY], s[k[TORQUES] + i], s[m + READ_PUSH]
+    slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
+    velocity, mean, anchor, integral, drive, friction = motor_kick(
+        x, speed, s[m + ANCHOR], s[m + MOTOR_INTEGRAL] + pushed, goal - s[m + READ_ERROR],
+        load, slowest, fastest, step, z[IMPLICITNESS], numbers(p, d),
+    )  # fmt: skip
+    s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
+    s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
+    if step > 0.0 and (velocity >= fastest or velocity <= slowest):
+        s[m + AT_LIMIT] = 1.0
+    resistance = friction + p[d + D_DAMPING] * (speed + z[IMPLICITNESS] * (velocity - speed))
+    _add_works(s, m, 0.5 * step * speed, drive, resistance, load)
+    if noted:
+        for c in range(MOTOR_WORKS):
+            s[m + ROW_WORK + c], s[m + WORK + c] = s[m + WORK + c], 0.0
+        constant = p[d + D_CONSTANT]
+        s[m + DRIVE_TORQUE], s[m + FRICTION], s[m + MEAN_VELOCITY] = drive, friction, mean
+        if constant > 0.0:
+            s[m + CURRENT] = drive / constant
+            s[m + VOLTAGE] = p[d + D_RESISTANCE] * s[m + CURRENT] + constant * mean
+    _add_works(s, m, 0.5 * step * velocity, drive, resistance, load)
+
+
+def _add_works(s: Any, m: int, way: float, drive: float, resistance: float, load: float) -> None:
+    """Add the works of the torques (N m) on a motor that moves by `way` rad. m: first column of the motor in S."""
+    s[m + WORK] += drive * way
+    s[m + WORK + 1] += resistance * way
+    s[m + WORK + 2] += load * way
+
+
+def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
+    """Hysteresis torque of spring i in N m after the spring's deflection has changed from its value at the last kick to
+    `deflection` rad."""
+    m = FIRST_MOTOR + i * PER_MOTOR
+    last = s[m + DEFLECTION]
+    # Before the first kick there is no last deflection (NaN), and no change.
+    change = deflection - last if last == last else 0.0
+    return dahl(s[m + HYSTERESIS], change, p[P_LEVEL], p[P_LENGTH])
+
+
+def remember_springs(s: Any, p: Any, k: Any) -> None:
+    """Advance the hysteresis to the recorded kick, once per substep. Advancing the hysteresis in motor substeps, during which
+    the link stands still, would wrongly erase part of the hysteresis memory."""
+    for i in range(k[SPRINGS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        deflection = s[m + KICK_POSITION] - s[POSITION]
+        torque = hysteresis(s, p, i, deflection)
+        s[m + LAST_HYSTERESIS], s[m + LAST_DEFLECTION] = s[m + HYSTERESIS], s[m + DEFLECTION]
+        s[m + HYSTERESIS], s[m + DEFLECTION] = torque, deflection
+
+
+def limit(s: Any, p: Any, v: float) -> float:
+    """Derivative gain of the link's controller that acts at the velocity v; also stores the limited torque in s[APPLIED].
+
+    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit the derivative action acts
+    as damping; beyond the limit the derivative action is 0, and the torque equals the limit.
+    """
+    torque = s[TORQUE]
+    if p[P_CUTOFF] != 0.0 and abs(s[ENGINE_VELOCITY]) >= p[P_FASTEST] and torque * s[ENGINE_VELOCITY] > 0.0:
+        torque = 0.0
+    braked = torque - p[P_BRAKE] * v
+    if abs(braked) > p[P_EFFORT]:
+        s[APPLIED] = p[P_EFFORT] if braked > 0.0 else -p[P_EFFORT]
+        return 0.0
+    s[APPLIED] = torque
+    return p[P_BRAKE]  # type: ignore[no-any-return]
+
+
+def push_of(s: Any, p: Any, external: float) -> float:
+    """Sum of the external torque and the torque of the passive spring on the link, in N m."""
+    return external + p[P_SPRING] * (p[P_REST] - s[POSITION])  # type: ignore[no-any-return]
+
+
+def damping_of(s: Any, p: Any) -> float:
+    """Viscous damping of the link in N m s/rad. A damping that varies with the stiffness k is c + 2 D sqrt(I k), with constant
+    part c, damping ratio D and inertia I (paper section 4.2.2)."""
+    if p[P_DAMPING_RATIO] == 0.0:
+        return p[P_DAMPING]  # type: ignore[no-any-return]
+    return p[P_DAMPING] + 2.0 * p[P_DAMPING_RATIO] * sqrt(max(p[P_DAMPING_INERTIA] * s[STIFFNESS], 0.0))  # type: ignore[no-any-return]
+
+
+def find_state(s: Any, p: Any, k: Any) -> None:
+    """Compute stiffness and energy of the springs at the recorded kick."""
+    for i in range(k[MOTORS]):
+        s[k[THETAS] + i] = s[FIRST_MOTOR + i * PER_MOTOR + KICK_POSITION]
+    spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], 1)
+
+
+def friction_of(s: Any, p: Any, v: float) -> float:
+    """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with Coulomb friction tau_c, load
+    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy
+    at any level."""
+    bound: float = p[P_COULOMB] + p[P_SHARE] * abs(s[APPLIED] - s[BRAKE] * v)
+    if p[P_STRIBECK] > 0.0:
+        ratio = v * p[P_FADE]
+        bound += p[P_STRIBECK] * exp(-ratio * ratio)
+    return bound
+
+
+# -- energy balance and limits ------------------------------------------------------------------------------------------
+
+
+def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
+    """Add the energy flows since the last substep to the energies of the joint, and store values for the next substep.
+
+    first: whether this is the first substep of the run. jumped: whether an input jumps in this kick, so that
+    the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
+    of the present state are needed.
+    """
+    before, following = (APPLIED_BEFORE, APPLIED_NEXT) if jumped else (APPLIED, APPLIED)
+    sprung, dynamic = k[KIND] == SPRUNG, k[DYNAMIC]
+    kinematic = sprung and dynamic < k[PLACED]
+    energy_before = s[SPRING_ENERGY]
+    if sprung and (recorded or first or kinematic):
+        s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
+        s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
+    if not first:
+        half = 0.5 * (s[POSITION] - s[LAST_POSITION])
+        link = (s[APPLIED_LAST] + s[before]) * half
+        damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
+        push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
+        work = link
+        if sprung:
+            lost = _hysteresis_loss(s, p, k)
+            work = _motors(s, p, dynamic, z[STEP])
+            if kinematic:
+                jump = jumped or s[JUMPED] != 0.0
+                work += _kinematic(s, p, k, before, s[SPRING_ENERGY] - energy_before + lost, jump)
+            s[HYSTERESIS_LOSS] += lost
+            s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
+        s[LINK_WORK] += link
+        s[DAMPING_LOSS] += damped
+        s[NET_LINK_WORK] += link + push - damped
+        s[MOTOR_WORK] += work
+        s[TURNOVER] += abs(link) + abs(push) + abs(work)
+    if sprung and (recorded or first):
+        _balance(s, p, k, first)
+    s[LAST_POSITION] = s[POSITION]
+    s[JUMPED] = 1.0 if jumped else 0.0
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        s[m + LAST_KICK_POSITION], s[m + LAST_MEAN_VELOCITY] = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
+        s[m + LAST_AT_LIMIT], s[m + AT_LIMIT] = s[m + AT_LIMIT], 0.0
+        resistance = p[FIRST_DRIVE + i * PER_DRIVE + D_RESISTANCE]
+        if resistance != 0.0:
+            s[m + LAST_POWER] = resistance * s[m + CURRENT] * s[m + CURRENT]
+    for c in range(PUSHES):
+        s[APPLIED_LAST + c] = s[following + c]
+
+
+def _motors(s: Any, p: Any, dynamic: int, step: float) -> float:
+    """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
+    total = lost = 0.0
+    for i in range(dynamic):
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
+        work = s[m + ROW_WORK]
+        total += work
+        if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
+            # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
+            now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
+            lost += work - s[m + ROW_WORK + 2] - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
+        else:
+            lost += s[m + ROW_WORK + 1]
+        if p[d + D_RESISTANCE] != 0.0:
+            power = p[d + D_RESISTANCE] * s[m + CURRENT] * s[m + CURRENT]
+            s[WINDING_LOSS] += 0.5 * step * (power + s[m + LAST_POWER])
+    s[FRICTION_LOSS] += lost
+    return total
+
+
+def _kinematic(s: Any, p: Any, k: Any, before: int, absorbed: float, jump: bool) -> float:
+    """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
+    positions at their means. If an input jumps, the work is the energy that the springs absorbed (J) plus their work on the
+    link."""
+    half = 0.5 * (s[POSITION] - s[LAST_POSITION])
+    if jump:
+        work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
+        for i in range(k[DYNAMIC]):
+            work -= s[FIRST_MOTOR + i * PER_MOTOR + ROW_WORK + 2]
+        return work
+    middle = 0.5 * (s[POSITION] + s[LAST_POSITION])
+    now = _energy_at(s, p, k, middle, KICK_POSITION)
+    work = now - _energy_at(s, p, k, middle, LAST_KICK_POSITION)
+    for i in range(k[DYNAMIC], k[SPRINGS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
+        work += 0.5 * (s[m + HYSTERESIS] + s[m + LAST_HYSTERESIS]) * way
+    return work
+
+
+def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
+    """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions, the others at the
+    positions in the column `positions`."""
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
+        s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
+    stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
+    spring_law(k[SPRING_LAW], q, s, k[THETAS], p, k[LAW], k[TORQUES], 1)
+    energy_there = s[LAW_ENERGY]
+    s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
+    return energy_there  # type: ignore[no-any-return]
+
+
+def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
+    """Energy in J that is stored in the springs' hysteresis."""
+    total = 0.0
+    if p[P_LEVEL] > 0.0:
+        for i in range(k[SPRINGS]):
+            torque = s[FIRST_MOTOR + i * PER_MOTOR + HYSTERESIS]
+            total += 0.5 * p[P_LENGTH] * torque * torque / p[P_LEVEL]
+    return total
+
+
+def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
+    """Energy in J lost in the springs' hysteresis since the last substep. The result is exact for motion in one direction, so
+    it is never negative."""
+    total = 0.0
+    if p[P_LEVEL] > 0.0:
+        for i in range(k[SPRINGS]):
+            m = FIRST_MOTOR + i * PER_MOTOR
+            moved = s[m + DEFLECTION] - s[m + LAST_DEFLECTION]
+            now, last = s[m + HYSTERESIS], s[m + LAST_HYSTERESIS]
+            stored = 0.5 * p[P_LENGTH] * (now * now - last * last) / p[P_LEVEL]
+            signed = now - last if moved > 0.0 else last - now
+            total += p[P_LEVEL] * abs(moved) - p[P_LENGTH] * signed - stored
+    return total
+
+
+def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
+    """Compute the energy stored in springs and motors, and the residual of the energy balance since the start."""
+    kinetic = 0.0
+    for i in range(k[DYNAMIC]):
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
+        kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
+    s[MOTOR_ENERGY] = kinetic
+    stored = s[SPRING_ENERGY] + kinetic
+    if first:
+        s[START_ENERGY] = stored
+    s[RESIDUAL] = (
+        s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (stored - s[START_ENERGY])
+    )
+    s[EXCESS] = max(s[EXCESS], abs(s[RESIDUAL]) - SHARE * s[TURNOVER])
+
+
+def count_limits(s: Any, p: Any, k: Any) -> None:
+    """Count the limits of the joint that act in this substep."""
+    if abs(s[TORQUE]) > p[P_EFFORT]:
+        s[EFFORT_COUNT] += 1.0
+    if abs(s[VELOCITY]) > p[P_FASTEST]:
+        s[VELOCITY_COUNT] += 1.0
+    if s[POSITION] <= p[P_LOWEST] or s[POSITION] >= p[P_HIGHEST]:
+        s[STOP_COUNT] += 1.0
+    if k[KIND] != SPRUNG:
+        return
+    dynamic, springs = k[DYNAMIC], k[SPRINGS]
+    saturated = bent = False
+    for i in range(k[MOTORS]):
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
+        theta = s[m + KICK_POSITION]
+        if i < springs and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
+            bent = True
+        if i >= dynamic:
+            continue
+        if abs(s[m + DRIVE_TORQUE]) >= p[d + D_MAX_TORQUE]:
+            saturated = True
+        if theta <= p[d + D_LOW] + AT_STOP or theta >= p[d + D_HIGH] - AT_STOP:
+            s[MOTOR_STOP_COUNT] += 1.0
+        if abs(s[m + MEAN_VELOCITY]) >= FULL * p[d + D_MOST]:
+            s[MOTOR_SPEED_COUNT] += 1.0
+    if saturated:
+        s[SATURATION_COUNT] += 1.0
+    if bent:
+        s[DEFLECTION_COUNT] += 1.0

@@ -28,7 +28,7 @@ def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, to
 
 
 def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
-    """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.joint.advance` and sets s[TORQUE]."""
+    """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
     address(s, p, k, u, h, note)
 
 

@@ -53,7 +53,7 @@ from __future__ import annotations
     RESIDUAL,  # motor work - losses - change of the stored energy - link work, J
     NET_LINK_WORK,  # work of actuator and external torques on the link, minus the damping loss of the link, J
     TURNOVER,  # sum of the magnitudes of all work at the joint, J
-    EXCESS,  # largest value so far of |RESIDUAL| - asrsim.simulation.ledger.SHARE * TURNOVER, J
+    EXCESS,  # largest value so far of |RESIDUAL| - asrsim.simulation.kernel.SHARE * TURNOVER, J
     STIFFNESS,  # stiffness of the spring, N m/rad
     LAW_ENERGY,  # result of the spring's energy law in its last call, without hysteresis, J
     STIFFEST,  # largest stiffness so far, N m/rad

@@ -14,10 +14,7 @@ from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
-INLINE = (
-    "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.kernel",
-    "asrsim.simulation.ledger",
-)  # fmt: skip
+INLINE = "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.kernel"
 """Modules whose functions are inlined into their callers."""
 
 

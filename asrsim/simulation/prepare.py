@@ -16,10 +16,10 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import SteppedJoint, make_drives
+from asrsim.simulation.effects import sensor_of
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.ranges import ranges_of
-from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import resolution_of
 

@@ -19,10 +19,10 @@ from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.effects import Sensor
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution, resolution_of
 

@@ -77,7 +77,7 @@ MOTORS = 2
 
 
 def released_step(s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
-    """Advance a joint by h s in the released order; see `asrsim.simulation.joint.advance`."""
+    """Advance a joint by h s in the released order; see `asrsim.simulation.kernel.advance`."""
     if k[KIND] == SPRUNG:
         _springs(s, p, k, u, h)
     elif k[KIND] == CONTROLLED:

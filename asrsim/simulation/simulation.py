@@ -117,7 +117,7 @@ class Simulation:
         divergence."""
         if index(steps) < 0:
             raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
-        self.advance_to(self.substep + steps * self.substeps)
+        self.advance_to(self.substep + index(steps) * self.substeps)
 
     def advance_to(self, end: int) -> None:
         """Advance until `end` substeps are done."""

@@ -26,7 +26,7 @@ class Stepping:
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
     velocities are converted to whole steps."""
     joint_step: Callable[..., None] | None = None
-    """Function that advances a joint instead of `asrsim.simulation.joint.advance`, for steppings that are not staggered. Numba
+    """Function that advances a joint instead of `asrsim.simulation.kernel.advance`, for steppings that are not staggered. Numba
     must be able to compile this function."""
     released: bool = False
     """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""

@@ -175,21 +175,26 @@ class Worlds:
         """Advance by a number of steps. worlds: mask (N,) or list of numbers; None: all. Diverged worlds do not move."""
         if index(steps) < 0:
             raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
-        self._run(self._numbers(worlds), steps * self.substeps, keep=False)
+        self._run(self._numbers(worlds), index(steps) * self.substeps, keep=False)
 
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
         """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
         self.check_open()
         rows = -(-count // self.substeps) if keep else 0
         kept = np.full((len(numbers), rows, *self.core.rows.shape[1:]), np.nan)
-        ran, start = 0, -(-self.core.done[numbers] // self.substeps)
+        ran, start = 0, -(-self.core.done // self.substeps)
+        places = self._everyone[: len(numbers)]
         while ran < count and len(numbers):
-            before = self.core.done[numbers]
-            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
+            moving = self.healthy[numbers]
+            if not moving.all():
+                numbers, places = numbers[moving], places[moving]
+                continue
+            before = self.core.done[numbers].tolist()
+            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before)))
             out = self.go_on(numbers, length)
-            for place, world in enumerate(numbers.tolist()) if keep else ():
-                first, found = whole_steps(int(before[place]), int(self.core.done[world]), self.substeps)
-                kept[place, first - start[place] :][:found] = out[place, :found]
+            for part, place, world, done in zip(out, places, numbers, before, strict=True) if keep else ():
+                first, found = whole_steps(done, int(self.core.done[world]), self.substeps)
+                kept[place, first - start[world] :][:found] = part[:found]
             ran += length
         return kept
 
@@ -284,7 +289,7 @@ class Worlds:
             self._run(fresh, 1, keep=False)
         rows = np.where(self._absent, np.nan, self.core.rows)
         for world, state in zip(fresh.tolist(), states, strict=True):
-            self.core.put(world, state)
+            self.core.put(world, self._worlds[world].prepared, state)
         return self.columns.values(rows, names)
 
     @property
@@ -312,8 +317,8 @@ class Worlds:
             message = "is a snapshot of another simulation, or of this one with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
         for number, (world, state) in snapshot.states.items():
-            self._take_over(number, world)
-            self.core.put(number, state)
+            self._note(number, world)
+            self.core.put(number, world.prepared, state)
         self._block = None
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
@@ -335,7 +340,9 @@ class Worlds:
             self.prepared.started(one)
         for number, one in zip(numbers, starts, strict=True):
             world = self._world_of(one)
-            self._take_over(number, world)
+            if world.prepared is not self._worlds[number].prepared:
+                self.core.take_over(number, world.prepared)
+            self._note(number, world)
             self.core.start(number, world.started)
         self._block = None
 
@@ -392,10 +399,9 @@ class Worlds:
             inputs = self._signals[1]
         return World(start, prepared, inputs, prepared.started(start))
 
-    def _take_over(self, number: int, world: World) -> None:
-        """Change parameters, inputs and start of a world. A world whose links have other inertias gets its own engine."""
+    def _note(self, number: int, world: World) -> None:
+        """Store parameters, inputs and start of a world."""
         if world.prepared is not self._worlds[number].prepared:
-            self.core.take_over(number, world.prepared)
             self._absent[number] = self.columns.absent(world.prepared.drives)
         self._worlds[number] = world
 

@@ -1,10 +1,7 @@
 """Edited output files with valid checksums are read or refused with a message; they never cause an internal error."""
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 import pytest
@@ -76,7 +73,7 @@ def write_edited(path, log, name, data, monkeypatch):
 def test_edited_logs(tmp_path, monkeypatch, run, name, seed, most):
     log = read_log(run.log)
     columns = [[20, "value", "link_position", "elbow"]]
-    data: Any = columns if name == "columns" else json.loads(writing.info_attachments(log.info)[name][1])
+    data = columns if name == "columns" else json.loads(writing.info_attachments(log.info)[name][1])
     for number, other in enumerate(edits(data, seed=seed, most=most)):
         folder = tmp_path / str(number)
         folder.mkdir()

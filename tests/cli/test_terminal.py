@@ -1,7 +1,5 @@
 """Names from files that a terminal or a browser would take as commands."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -32,7 +30,7 @@ class Scripts(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.found: list[str] = []
+        self.found = []
         self.inside = False
 
     def handle_starttag(self, tag, attrs):

@@ -1,9 +1,6 @@
 """Divergence: unstable runs stop with an error that names the cause; stable runs never stop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -100,7 +97,7 @@ class Undamped(MujocoEngine):
 def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch):
     """A link of 0.125 J coasts. The damping has to take this energy in 0.1 s, but the link keeps it."""
     robot = chain(Body(mass=1e-9, reach=0.0, inertia=0.01, damping=0.1))
-    options: dict[str, Any] = {"gravity": 0.0, "duration": 1.0, "engine": "mujoco", "initial_velocities": {"joint_1": 5.0}}
+    options = {"gravity": 0.0, "duration": 1.0, "engine": "mujoco", "initial_velocities": {"joint_1": 5.0}}
     assert run(robot, **options).status == "complete"
     entry = EngineEntry(make=lambda *given: (Undamped(*given), ()), doc="wrong", module="mujoco")
     monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
@@ -131,7 +128,7 @@ def test_the_papers_settings_run_in_every_stepping(name, stepping):
 
 ARM = Body(actuator="qbmove", mass=0.5, reach=0.08, inertia=6e-4)
 WAVE = {"equilibrium_position": Sinusoid(amplitude=0.5, frequency=1.0), "stiffness_preset": 0.2}
-FINE: dict[str, dict[str, Any]] = {
+FINE = {
     "joint stops hit at speed": {"bodies": [replace(ARM, limits=STOPS)], "mode": 3, "references": WAVE},
     "strong dry friction": {"bodies": [replace(ARM, friction=0.3)] * 2, "mode": 6, "references": WAVE},
     "strong damping": {"bodies": [replace(ARM, damping=5.0)], "mode": 6, "references": WAVE},

@@ -1,10 +1,7 @@
 """Logged energies: their sum balances, also at limits and stops."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -103,7 +100,7 @@ def test_logged_energies_balance():
 
 
 def test_energies_do_not_depend_on_how_often_rows_are_logged():
-    options: dict[str, Any] = {
+    options = {
         "mode": 6, "duration": 0.3, "references": {"equilibrium_position": WAVE, "stiffness_preset": 0.2},
     }  # fmt: skip
     every = run(chain(replace(BODY, actuator="qbmove")), **options)

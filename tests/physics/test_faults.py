@@ -101,16 +101,6 @@ def test_friction_holds_a_chain_at_rest(engine):
     assert np.abs(q - q[0]).max() < 1e-12
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_friction_holds_eighty_links_at_rest(engine):
-    """The gravity torques and the rounding errors span five orders of magnitude."""
-    result = run(chain(*held_chain(80, 1.2)), initial=[np.pi / 2], duration=0.2, engine=engine)
-    assert result.samples is not None
-    q = result.samples.values["link_position"]
-    assert np.abs(q - q[0]).max() < 1e-8
-
-
 # -- sensors -----------------------------------------------------------------------------------------------------------
 
 

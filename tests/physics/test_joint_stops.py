@@ -1,7 +1,5 @@
 """Joint stops are inelastic and friction is exact for every step size and phase, alone or together, in both engines."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -58,7 +56,7 @@ def test_link_leaves_its_stop_when_the_torque_jumps(engine, compiled, pushed, bo
     """pull: torque that accelerates the link after the jump, N m. A jump between two steps acts up to half a step late."""
     step, jump = 1e-3, 0.03 + late * 1e-3
     load = Step(at=jump, before=before, after=0.5)
-    keys: dict[str, object] = {"external": {"joint_1": load}}
+    keys = {"external": {"joint_1": load}}
     if pushed == "force":
         torque = (None, load, None)
         keys = {"wrenches": (Wrench(link="link_1", force=(None, None, None), torque=torque, point=(0.0, 0.0, 0.0)),)}

@@ -1,11 +1,8 @@
 """Optional models compared with closed forms and independent solutions: electric motors, friction that depends on speed and
 load, hysteresis of springs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import tanh
-from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +30,7 @@ EVERYTHING = {
 
 def rubbing(robot, **friction):
     """Copy of the robot with the given friction in its moving joints."""
-    changed: dict[str, Any] = dict(friction)
+    changed = dict(friction)
     return replace(robot, joints=tuple(replace(joint, **changed) if joint.moves else joint for joint in robot.joints))
 
 
@@ -94,7 +91,7 @@ def test_a_servo_of_voltage_droops_by_its_gain_in_volts():
     """With u = P (r - theta) and tau = n k_t u / R, the steady error is tau R / (n k_t P), also at an equilibrium start."""
     values = {**FREE, **DC, "spring_stiffness": 20.0, "max_deflection": 3.0, "controller_1_proportional": 40.0}
     robot = chain(Body(actuator="sea", mass=0.3, reach=0.2, inertia=1e-3, damping=0.05))
-    how: dict[str, Any] = {"parameters": values, "references": {"reference_1": 0.6}, "compiled": False}
+    how = {"parameters": values, "references": {"reference_1": 0.6}, "compiled": False}
     result = run(robot, mode=5, duration=0.2, initial_equilibrium=True, **how)
     torque = column(result, "elastic_torque_1")[-1]
     assert abs(torque) > 0.1
@@ -404,7 +401,7 @@ def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_subs
         **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
         "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,
     }  # fmt: skip
-    moving: dict[str, Any] = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
+    moving = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
     result = run(
         chain(Body(actuator="sea", mass=1e-3, reach=1e-3, inertia=1e3)), mode=4, gravity=0.0, duration=1.0, compiled=False,
         references={"motor_1_torque": 0.6 + 0.5 * 3.0}, parameters=parameters, substeps=1, motor_substeps=motor_substeps,

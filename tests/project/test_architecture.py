@@ -1,7 +1,5 @@
 """Rules of docs/architecture.md, checked in the source and in new interpreters."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess
@@ -62,7 +60,7 @@ def users_of(library):
 
 def cycle(graph):
     """A cycle in a graph, or an empty list."""
-    done: set[str] = set()
+    done = set()
 
     def visit(node, way):
         if node in way:
@@ -87,7 +85,7 @@ def test_packages_are_imported_without_cycles():
     def home(name):
         return ".".join(name.split(".")[:2])
 
-    graph: dict[str, set[str]] = {}
+    graph = {}
     for name, path in MODULES.items():
         used = {home(other) for other in imported(path, everywhere=False) if other in MODULES}
         graph.setdefault(home(name), set()).update(used - {home(name), "asrsim"})
@@ -108,9 +106,8 @@ def test_readers_of_logs_do_not_import_the_simulation(folder):
 
 
 INNER = {
-    "bound_engine", "core", "divergence", "effects", "equilibrium", "inputs", "joint", "kernel", "laws", "layout", "ledger",
-    "native",
-    "released", "rows", "sensors", "substeps", "wrenches",
+    "bound_engine", "core", "divergence", "effects", "equilibrium", "inputs", "kernel", "laws", "layout", "native", "released",
+    "rows", "substeps",
 }  # fmt: skip
 """Modules of asrsim.simulation that nothing outside it imports."""
 

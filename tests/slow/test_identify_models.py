@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from asrsim.identification import identify
 from support.event_driven import EventDriven, Mass
-from support.identify_files import SEA, write
+from support.identify_files import SEA, save, write
 
 pytestmark = pytest.mark.slow
 SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02
@@ -28,10 +28,10 @@ def fitted(folder, columns, noise, free, *, more="", **lab):
     random = np.random.default_rng(3)
     noisy = [values + noise.get(name, 0.0) * random.normal(size=len(values)) for name, values in columns.items()]
     header = ",".join(name if name.startswith("time") else f"joint_1.{name}" for name in columns)
-    np.savetxt(folder / "a.csv", np.column_stack(noisy), delimiter=",", header=header, comments="", fmt="%.9g")
+    recording = save(folder / "a.csv", header, *noisy)
     scenario = write(folder, "lab", {**SEA, **lab}, duration=float(columns["time [s]"][-1]))
     scenario.write_text(scenario.read_text() + more)
-    return identify(scenario, [folder / "a.csv"], free=free)
+    return identify(scenario, [recording], free=free)
 
 
 def tags(**values):
@@ -182,13 +182,12 @@ def test_fit_recovers_a_smart_servo_from_goals_and_positions(tmp_path):
             v = 0.0 if abs(slid) < most else slid - copysign(most, slid)
             q += step * v
     quantum = 2.0 * pi / 4096
-    columns = np.column_stack([time, goal, quantum * np.round(np.array(places) / quantum)])
-    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header="time,goal,present", comments="", fmt="%.9g")
+    recording = save(tmp_path / "a.csv", "time,goal,present", time, goal, quantum * np.round(np.array(places) / quantum))
     (tmp_path / "rig.urdf").write_text(SERVO)
     (tmp_path / "lab.yaml").write_text(SERVO_SCENARIO)
     names = ("controller_1_proportional", "motor_1_torque_constant", "motor_1_resistance", "motor_1_inertia")
     free = [f"elbow.{name}" for name in (*names, "motor_1_friction_torque")]
     maps = ["goal=elbow.reference_1 [rad]", "present=elbow.motor_1_position [rad]"]
-    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps)
+    result = identify(tmp_path / "lab.yaml", [recording], free=free, mapping=maps)
     assert_found(result, dict(zip(free[:3], (gain, constant, resistance), strict=True)), 0.01)
     assert_found(result, dict(zip(free[3:], (rotor, friction), strict=True)), 0.1)

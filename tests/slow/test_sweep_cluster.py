@@ -1,7 +1,5 @@
 """Sweeps on Dask with a scheduler and workers in separate processes give the same rows as a single process."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -78,7 +76,7 @@ def test_dask_gives_the_same_rows_despite_killed_workers(address, tmp_path):
     """Killing the last worker also loses the study that was sent to the workers."""
     study = study_of(300)
     workers = [start_worker(address) for _ in range(2)]
-    dead: list[subprocess.Popen[bytes]] = []
+    dead = []
 
     def kill(progress):
         if not dead:

@@ -1,19 +1,17 @@
 """Simulations of random runs with many effects, and comparison of their samples bit for bit."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
 
-from asrsim.samples import Samples, concatenate
+from asrsim.samples import concatenate
 
 
 class Tape:
     """Sink that keeps all samples."""
 
     def __init__(self):
-        self.chunks: list[Samples] = []
+        self.chunks = []
 
     def write(self, samples):
         self.chunks.append(samples)

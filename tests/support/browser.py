@@ -1,13 +1,10 @@
 """Headless Chromium, controlled through a pipe (DevTools protocol), for tests of HTML pages."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import time
-from typing import Any
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
 
@@ -32,7 +29,7 @@ class Browser:
         os.set_blocking(self._read, False)
         self._buffer = b""
         self._number = 0
-        self.events: list[dict[str, Any]] = []
+        self.events = []
         targets = self.call("Target.getTargets", session=None)["targetInfos"]
         page = next(target["targetId"] for target in targets if target["type"] == "page")
         self._session = self.call("Target.attachToTarget", {"targetId": page, "flatten": True}, session=None)["sessionId"]
@@ -51,7 +48,7 @@ class Browser:
     def call(self, method, params=None, session="page"):
         """Answer to a DevTools command."""
         self._number += 1
-        message: dict[str, Any] = {"id": self._number, "method": method, "params": params or {}}
+        message = {"id": self._number, "method": method, "params": params or {}}
         if session is not None:
             message["sessionId"] = self._session
         os.write(self._write, json.dumps(message).encode() + b"\0")

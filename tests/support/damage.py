@@ -1,10 +1,6 @@
 """Random damage to robot files: values, attributes, elements and bytes are replaced, duplicated or removed."""
 
-from __future__ import annotations
-
-import random
 import re
-from collections.abc import Callable
 
 from lxml import etree
 
@@ -79,4 +75,4 @@ def _line(text, source):
     return "\n".join(lines)
 
 
-DAMAGES: tuple[Callable[[str, random.Random], str], ...] = (_value, _value, _value, _digit, _attribute, _tree, _tree, _line)
+DAMAGES = (_value, _value, _value, _digit, _attribute, _tree, _tree, _line)

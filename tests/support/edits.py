@@ -1,13 +1,10 @@
 """Random edits of plain data: a value is replaced or deleted."""
 
-from __future__ import annotations
-
 import copy
-from typing import Any
 
 import numpy as np
 
-OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1e308, "x", "", [], {}, [None], {"a": None}, "\ud800", 10**400, [[["x"]]])
+OTHERS = (None, True, -1, 0, 1e308, "x", "", [], {}, [None], {"a": None}, "\ud800", 10**400, [[["x"]]])
 """Values that replace the original value."""
 
 

@@ -1,9 +1,6 @@
 """Overlapping texts in a figure."""
 
-from __future__ import annotations
-
 from itertools import combinations
-from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
@@ -14,7 +11,7 @@ PART = 0.02
 
 def overlapping(figure):
     """Pairs of texts that overlap in the drawn figure."""
-    canvas: Any = FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
     # Matplotlib also has ticks beyond the ends of an axis, which it never draws.

@@ -1,7 +1,5 @@
 """Reader of HTML pages: the addresses that a page would load, and its visible text."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 
 
@@ -11,7 +9,7 @@ class Page(HTMLParser):
     def __init__(self, path):
         super().__init__()
         self.source = path.read_text(encoding="utf-8")
-        self.addresses: list[str] = []
+        self.addresses = []
         self.text = ""
         self._silent = 0
         self.feed(self.source)

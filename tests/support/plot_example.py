@@ -1,7 +1,5 @@
 """Logs for tests of plots: short runs of example scenarios, and artificial runs with known values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,7 @@ def simulated_log(scenario, path, *, variant=None, duration=0.2):
     """Write the log of a short run of an example scenario."""
     found = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml", variant=variant, overrides=[f"duration={duration}"])
     path.parent.mkdir(parents=True, exist_ok=True)
-    writers: list[LogWriter] = []
+    writers = []
 
     def sinks(info):
         writers.append(LogWriter(path, info))

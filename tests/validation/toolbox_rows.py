@@ -12,7 +12,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
-from asrsim.simulation.joint import advance
+from asrsim.simulation.kernel import advance
 from asrsim.simulation.laws import bound_law
 from asrsim.simulation.layout import (
     DRIVE_TORQUE,

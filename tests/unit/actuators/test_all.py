@@ -1,11 +1,8 @@
 """A battery that every registered actuator goes through: its laws against physics, and its joint in the simulation."""
 
-from __future__ import annotations
-
 import math
 import random
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -102,7 +99,7 @@ def references(law, mode):
 @pytest.mark.parametrize("mode", sorted(MODES))
 def test_every_mode_runs_in_every_stepping(law, mode, stepping):
     constants = {f"motor_{i}_{name}": 0.2 for i in range(1, law.motors + 1) for name in ("torque_constant", "resistance")}
-    how: dict[str, Any] = {"references": references(law, mode), "duration": 0.3, "stepping": stepping}
+    how = {"references": references(law, mode), "duration": 0.3, "stepping": stepping}
     if mode > 6:
         how["parameters"] = constants
     if mode > 6 and stepping == "toolbox":
@@ -139,7 +136,7 @@ def test_what_is_logged_is_the_law(law):
     """Torques and stiffness of a log follow from its positions."""
     result = run(chain(replace(BODY, actuator=law.name)), mode=6, references=references(law, 6), duration=0.2)
     elastic = tuple(result.robot.actuators[0].values()[parameter.name] for parameter in law.parameters)
-    second: Any = column(result, "motor_2_position") if law.motors == 2 or law.adjuster else np.zeros(201)
+    second = column(result, "motor_2_position") if law.motors == 2 or law.adjuster else np.zeros(201)
     for k in (0, 57, 200):
         point = float(column(result, "link_position")[k]), float(column(result, "motor_1_position")[k]), float(second[k])
         torques = law.elastic_torques(*point, elastic)

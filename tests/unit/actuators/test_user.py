@@ -1,7 +1,5 @@
 """Users' own actuators: loading the file, finding it from a URDF, checking its laws."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import textwrap
@@ -16,7 +14,7 @@ from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError, RobotError
 from asrsim.identification.door import Door
 from asrsim.kinematics.inverse import SoftArm
-from asrsim.log.derived import equilibrium_position
+from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.robot import load_robot
 from support.paths import ROOT
 from validation.models import Body, chain, column, run
@@ -321,7 +319,7 @@ def test_the_equilibrium_of_three_motors_is_logged(tmp_path, mode):
     samples = asrsim.run(scenario).run.samples
     assert samples is not None
     joints = asrsim.prepare(scenario).info.joints
-    assert equilibrium_position(samples, joints)[-1, 0] == pytest.approx(0.2, abs=1e-3)
+    assert DERIVED_FUNCTIONS["equilibrium_position"](samples, joints)[-1, 0] == pytest.approx(0.2, abs=1e-3)
     assert samples.values["link_position"][-1, 0] == pytest.approx(0.2, abs=1e-3)
 
 

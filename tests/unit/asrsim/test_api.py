@@ -1,7 +1,5 @@
 """asrsim as a library: arrays by joint and quantity, files only when asked for, never a word on the terminal."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -103,7 +101,7 @@ def test_the_documentation_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/library.md").read_text(), re.DOTALL)
     assert len(blocks) >= 8
-    names: dict[str, object] = {}
+    names = {}
     for block in blocks:
         exec(compile(block, "docs/library.md", "exec"), names)
     assert names["stopped"].status == "interrupted"

@@ -1,11 +1,8 @@
 """A plain install: what an extra brings is asked for by name, with the command that gets it."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,7 +29,7 @@ def read_hdf5():
         return read_matlab(path, Reading())
 
 
-USES: dict[str, tuple[str, Callable[[], object]]] = {
+USES = {
     "video": ("imageio_ffmpeg", lambda: write_mp4(None, Path("film.mp4"))),
     "sweep": ("pyarrow", lambda: asrsim.sweep(SCENARIO, {"parameters.joint_1.spring_k_1": [0.02]}, variants=["soft"])),
     "cluster": ("distributed", lambda: Cluster("tcp://127.0.0.1:1")),

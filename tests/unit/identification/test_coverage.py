@@ -12,7 +12,7 @@ from scipy.signal import lfilter, lsim
 from asrsim import identify
 from asrsim.identification.result import doubted
 from support.identify_files import SEA as ROTARY
-from support.identify_files import write
+from support.identify_files import save, write
 from support.soft_arm import FINE, QBMOVE, SEA, command, record
 
 RECORDINGS = {
@@ -105,10 +105,9 @@ def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path
     for seed in range(12):
         white = np.random.default_rng(seed).normal(size=len(moved) + 500)
         noise = 1e-3 * math.sqrt(1.0 - keep**2) * lfilter([1.0], [1.0, -keep], white)[500:]
-        table = np.column_stack([fine[::10], goal[::10], moved + noise])
         header = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
-        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
-        result = identify(guess, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+        recording = save(tmp_path / "a.csv", header, fine[::10], goal[::10], moved + noise)
+        result = identify(guess, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
         found = [result.find(f"joint_1.{name}") for name in truth]
         held += [one.low <= value <= one.high for one, value in zip(found, truth.values(), strict=True)]
     assert np.mean(held) >= 0.9

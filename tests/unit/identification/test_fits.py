@@ -7,24 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import asrsim
 from asrsim import identify
-from asrsim.cli.app import app
 from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
+from asrsim.identification.parameters import numbers_of
 from asrsim.identification.show import advice, design_line, judgement
-from asrsim.identification.task import Tie
+from asrsim.identification.task import Tie, Wish
 from asrsim.identification.track import Played
-from asrsim.identification.write import as_dict, draw, write_robot
+from asrsim.identification.write import as_dict, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.scenario.recording_plan import make_plan
-from asrsim.sweeps.run import run_again
-from support.identify_files import CHIRP, SEA, record, write
+from asrsim.sweeps.fitted import joint_of
+from support.identify_files import BENCH, CHIRP, SEA, bench, record, save, write
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -58,19 +57,9 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
 
 
-def test_ratios_are_named_where_single_parameters_are_unidentifiable(lab):
-    # Without torques, stiffness, inertia and damping are known up to a common factor.
-    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
-    assert [one.verdict for one in result.estimates] == ["only as ratio"] * 3
-    assert all(np.isnan(one.low) for one in result.estimates)
-    ratios = {one.text: one.value for one in result.combinations}
-    known = {4.0 / 0.009, 0.02 / 4.0, 0.02 / 0.009, 0.009 / 4.0, 4.0 / 0.02, 0.009 / 0.02}
-    assert ratios
-    assert all(min(abs(value / truth - 1.0) for truth in known) < 0.02 for value in ratios.values()), ratios
-
-
 def test_a_parameter_without_effect_has_a_reason(lab):
-    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
+    free = ["joint_1.spring_stiffness", "joint_1.motor_1_inertia"]
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
     one = result.find("joint_1.motor_1_inertia")
     assert (one.verdict, one.reason) == ("no effect", "no compared channel depends on it in mode 3 (SpringEqPres)")
 
@@ -86,13 +75,14 @@ def test_an_inertia_without_effect_is_reported(tmp_path):
 STEPS = "{waypoints: {points: [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.25]], interpolation: hold}}"
 
 
-@pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 40)])
+@pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 10)])
 def test_a_simulated_log_is_explained_completely(tmp_path, reference, substeps):
     """A log without noise is explained to the last digits with the substeps of its run. Finer substeps of the run, and the
     input between samples, cause no misfit.
     """
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {reference}}}")
-    log = asrsim.run(true, out=tmp_path / "made", overrides=[f"substeps={substeps}"]).log
+    true.write_text(f"{true.read_text()}substeps: {substeps}\n")
+    log = record(true, tmp_path / "a.csv", noise=0.0, every=1)
     result = identify(write(tmp_path, "lab", GUESS), [log], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert result.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-9 if substeps == 1 else 2e-4)
     assert result.fits, result.misfit
@@ -112,18 +102,10 @@ def test_delay_and_offset_are_found(tmp_path):
 
 def test_a_delay_that_is_ignored_is_suspected(tmp_path):
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
-    record(true, tmp_path / "a.csv", late=12)
-    write(tmp_path, "lab", GUESS)
-    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    recording, free = record(true, tmp_path / "a.csv", late=12), ["joint_1.spring_stiffness", "joint_1.damping"]
+    result = identify(write(tmp_path, "lab", GUESS), [recording], free=free, starts=1)
     assert not result.fits
     assert any("a delay of the commands (12" in text for text in result.causes), result.causes
-
-
-def test_recordings_of_equal_name_have_a_picture_each(lab, tmp_path):
-    (tmp_path / "a.csv").write_bytes((lab / "a.csv").read_bytes())
-    recordings = [lab / "a.csv", tmp_path / "a.csv"]
-    result = identify(lab / "lab.yaml", recordings, free=["joint_1.damping"], check=True)
-    assert [path.name for path in draw(result, tmp_path)] == ["overlay_1_a.png", "overlay_2_a.png"]
 
 
 def test_two_recordings_share_the_parameters_of_the_robot(lab):
@@ -132,7 +114,7 @@ def test_two_recordings_share_the_parameters_of_the_robot(lab):
     assert [one.recording for one in result.channels] == ["a.csv", "b.csv"]
     assert np.isnan(result.channels[1].after)
     assert result.channels[1].held_after == pytest.approx(1e-3, rel=0.2)
-    both = identify(lab / "lab.yaml", [lab / "a.csv", lab / "b.csv"], free=free)
+    both = identify(lab / "lab.yaml", [lab / "a.csv", lab / "b.csv"], free=free, check=True)
     assert [one.name for one in both.estimates][2:] == ["clock (a.csv)", "clock (b.csv)"]
 
 
@@ -157,47 +139,30 @@ def test_wrong_input_is_one_clear_error(lab, free, ties, message):
 def test_uninformative_recordings_are_refused(tmp_path, lab):
     time = np.arange(0.0, 1.0, 0.01)
     noise = 1e-3 * np.random.default_rng(0).normal(size=100)
-    for name, columns, message in (
-        ("still.csv", (time, 0 * time, noise), "no channel moves"),
-        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "are too few for"),
-    ):
-        header = "time,joint_1.reference_1,joint_1.link_position"
-        np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=header, comments="")
-        with pytest.raises(InputError, match=message):
-            identify(lab / "lab.yaml", [tmp_path / name], free=[*FREE, "joint_1.friction", "link_1.mass", "clock"])
-    np.savetxt(
-        tmp_path / "none.csv",
-        np.column_stack([time, np.sin(time)]),
-        delimiter=",",
-        header="time,joint_1.link_position",
-        comments="",
-    )
     write(tmp_path, "torque", {**SEA, "mode": 0})
-    with pytest.raises(InputError, match="commands of joint_1 are missing"):
-        identify(tmp_path / "torque.yaml", [tmp_path / "none.csv"], free=["joint_1.damping"])
+    for columns, message, scenario in (
+        ((time, noise, 0 * time), "no channel moves", lab / "lab.yaml"),
+        ((time[:6], np.sin(9.0 * time[:6]), time[:6] ** 2), "are too few for", lab / "lab.yaml"),
+        ((time, np.sin(time)), "commands of joint_1 are missing", tmp_path / "torque.yaml"),
+    ):
+        names = ("time", "joint_1.link_position", "joint_1.reference_1")
+        recording = save(tmp_path / "a.csv", ",".join(names[: len(columns)]), *columns)
+        with pytest.raises(InputError, match=message):
+            identify(scenario, [recording], free=[*FREE, "joint_1.friction", "link_1.mass", "clock"])
 
 
-def test_the_command_writes_all_files_and_keeps_the_robots_layout(lab, tmp_path):
-    arguments = ["identify", str(lab / "lab.yaml"), "-e", str(lab / "a.csv"), "--free", "joint_1.spring_stiffness"]
-    arguments += ["--free", "joint_1.damping", "--out", str(tmp_path / "fit")]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 0, done.output
-    assert "identified" in done.output
-    names = {path.name for path in (tmp_path / "fit").iterdir()}
-    assert {
-        "fit.json",
-        "lab.urdf",
-        "scenario.yaml",
-        "overlay.png",
-    } <= names
-    data = json.loads((tmp_path / "fit/fit.json").read_text())
+def test_the_written_robot_keeps_the_layout_of_its_file(lab, tmp_path, asrsim_command):
+    arguments = ("-e", lab / "a.csv", "--free", "joint_1.spring_stiffness", "--free", "joint_1.damping", "--no-plot")
+    done = asrsim_command("identify", lab / "lab.yaml", *arguments, "--out", tmp_path)
+    assert done.code == 0, done.err
+    data = json.loads((tmp_path / "fit.json").read_text())
     assert data["fits"]
     assert len(data["covariance"]) == len(data["keys"]) == 2
-    before, after = (lab / "lab.urdf").read_text().splitlines(), (tmp_path / "fit/lab.urdf").read_text().splitlines()
+    before, after = (lab / "lab.urdf").read_text().splitlines(), (tmp_path / "lab.urdf").read_text().splitlines()
     changed = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     assert len(changed) == 2
     assert all("<!-- guessed -->" in b for a, b in changed if "guessed" in a)
-    assert load_robot(tmp_path / "fit/lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
+    assert load_robot(tmp_path / "lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
 
 
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
@@ -234,7 +199,7 @@ def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
 
 
-def test_a_sweep_over_a_fit_runs_the_fitted_robot(lab, fitted, tmp_path):
+def test_a_draw_of_a_sweep_is_the_written_robot(lab, fitted, tmp_path):
     """Tied parameters are included, and moments of inertia are adjusted to a larger moment."""
     ties = (
         Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
@@ -242,18 +207,15 @@ def test_a_sweep_over_a_fit_runs_the_fitted_robot(lab, fitted, tmp_path):
     )
     tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
     files, _ = write_robot(tied, tmp_path, everything=True)
-    sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
-    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
-    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", overrides=moves)
-    run_again(table, 0, tmp_path / "s" / "again")
-    drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
-    assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
-    moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
-    np.testing.assert_allclose(*moved, atol=1e-6)
-    assert np.ptp(moved[0]) > 0.1
+    (best,) = joint_of(as_dict(tied)).interval(0.0)[:1]
+    drawn = asrsim.prepare(lab / "lab.yaml").vary(numbers_of(joint_of(as_dict(tied)).assign(best))).robot
+    written = load_robot(files[0])
+    assert drawn.links[1].inertia == pytest.approx(written.links[1].inertia, rel=1e-6)
+    joints = [robot.joint("joint_1") for robot in (drawn, written)]
+    assert joints[0].friction == pytest.approx(0.5 * joints[0].damping) == pytest.approx(joints[1].friction, rel=1e-6)
 
 
-def test_a_fit_file_contains_the_whole_task(lab, tmp_path):
+def test_a_fit_file_contains_the_whole_task(lab, tmp_path, asrsim_command):
     path = tmp_path / "fit.yaml"
     path.write_text(
         f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nfree:\n  joint_1.spring_*: 3.5\n"
@@ -262,41 +224,31 @@ def test_a_fit_file_contains_the_whole_task(lab, tmp_path):
     task = task_of(path)
     assert task.free["joint_1.spring_*"].start == 3.5
     assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
-    checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
-    assert checked.exit_code == 0, checked.output
-    assert "check only" in checked.output
-    assert identify(str(path), check=True).status == "checked"
+    checked = asrsim_command("identify", path, "--check")
+    assert (checked.code, "check only" in checked.out) == (0, True)
     with pytest.raises(InputError, match="not allowed beside it: experiments"):
-        identify(path, [lab / "a.csv"])
+        task_of(path, [lab / "a.csv"])
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
     with pytest.raises(InputError) as found:
         task_of(path)
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
 
 
-def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path):
-    path, default = tmp_path / "fit.yaml", task_of(lab / "lab.yaml", [lab / "a.csv"])
+def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path, asrsim_command):
+    path = tmp_path / "fit.yaml"
     path.write_text(
-        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nstarts: 3\n"
-        "free:\n  joint_1.damping: 0.1\n  joint_1.spring_stiffness: 3\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
+        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nstarts: 3\nfree:\n  joint_1.damping: {{low: 0}}\n"
+        "  joint_1.spring_stiffness: 3\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
     )
-    said = [
-        "--free",
-        "link_1.izz=0.01",
-        "--free",
-        "joint_1.damping=0.2",
-        "--tie",
-        "joint_1.friction=joint_1.damping",
-        "--check",
-    ]
-    more = ["--validate", str(lab / "b.csv"), "--json"]
-    checked = CliRunner().invoke(app, ["identify", str(path), *said, *more])
-    assert checked.exit_code == 0, checked.output
-    told = {one["key"]: one["start"] for one in json.loads(checked.output)["estimates"]}
-    assert told == {"joint_1.damping": 0.2, "joint_1.spring_stiffness": 3.0, "link_1.izz": 0.01}
-    task = task_of(path, [], ties=["joint_1.friction=joint_1.damping"], own=["joint_1.damping"], hold_out=0.1)
-    assert (task.starts, task.hold_out, default.hold_out) == (3, 0.1, 0.25)
-    assert (task.ties, task.free["joint_1.damping"].own) == ((Tie(key="joint_1.friction", to="joint_1.damping"),), True)
+    options = ("--free", "link_1.izz=0.01", "--free", "joint_1.damping=0.2", "--tie", "joint_1.friction=joint_1.damping")
+    checked = asrsim_command("identify", path, *options, "--validate", lab / "b.csv", "--check", "--json")
+    starts = {one["key"]: one["start"] for one in json.loads(checked.out)["estimates"]}
+    assert starts == {"joint_1.damping": 0.2, "joint_1.spring_stiffness": 3.0, "link_1.izz": 0.01}
+    ties = ["joint_1.friction=joint_1.damping"]
+    task = task_of(path, free=["joint_1.damping=0.2"], ties=ties, own=["joint_1.damping"], hold_out=0.1)
+    assert (task.starts, task.hold_out, task_of(path).hold_out) == (3, 0.1, 0.25)
+    assert task.ties == (Tie(key="joint_1.friction", to="joint_1.damping"),)
+    assert task.free["joint_1.damping"] == Wish(start=0.2, low=0.0, own=True)
 
 
 def test_a_preview_judges_parameters_that_start_at_their_bound(lab):
@@ -311,32 +263,15 @@ def test_a_preview_judges_parameters_that_start_at_their_bound(lab):
 def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     write(tmp_path, "lab", {**SEA, "mode": 8, "tags": "<mot_kt>0.1</mot_kt>"})
     time = np.arange(50.0)
-    rows = np.column_stack([time, np.sin(time), np.cos(time)])
-    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t_ms,i_A,theta", comments="")
-    read = read_recording(
-        tmp_path / "a.csv", mapping=[f"i_A=joint_1.reference_1{unit}", "theta=joint_1.motor_1_position"], joints=["joint_1"]
-    )
+    recording = save(tmp_path / "a.csv", "t_ms,i_A,theta", time, np.sin(time), np.cos(time))
+    maps = [f"i_A=joint_1.reference_1{unit}", "theta=joint_1.motor_1_position"]
+    read = read_recording(recording, mapping=maps, joints=["joint_1"])
     assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, idle=()).modes == modes
 
 
-def test_stopping_keeps_the_best_fit_so_far(lab):
-    calls = 0
-
-    def stop():
-        nonlocal calls
-        calls += 1
-        return calls > 12
-
-    told = []
-    result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop, progress=told.append)
-    assert told[0].stage == "reading and preparing"
-    assert result.status == "interrupted"
-    assert len(result.estimates) == 3
-
-
-@pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
-def test_stopping_ends_the_judgement(lab, stage):
-    """The result has the values of the search, and the judgement takes little more than one simulation for each parameter."""
+@pytest.mark.parametrize("stage", ["the start", "judgement", "what may be missing"])
+def test_stopping_keeps_the_best_fit_so_far(lab, stage):
+    """After the stop, the fit takes little more than one simulation for each parameter."""
     told, asked = [], []
 
     def stop():
@@ -358,7 +293,6 @@ def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
     assert [text for text, _ in judgement(result)][-1] == "unfinished: the best fit so far"
-    assert identify(task, seconds=600.0).status == "complete"
 
 
 def test_progress_estimates_the_remaining_time(lab, monkeypatch):
@@ -392,13 +326,9 @@ def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
 
     numbers = {**SEA, "actuator": "qbmove"}
     references = f"{{equilibrium_position: {CHIRP}, stiffness_preset: {{step: {{at: 1.0, from: 0.1, to: 0.3}}}}}}"
-    true = write(tmp_path, "true", {**numbers, "tags": tags(0.022, 0.0264)}, references)
-    record(true, tmp_path / "a.csv")
-    write(tmp_path, "lab", {**numbers, "tags": tags(0.02, 0.02)})
-    result = identify(
-        tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_k_1", "joint_1.damping"],
-        ties=["joint_1.spring_k_2=joint_1.spring_k_1"],
-    )  # fmt: skip
+    recording = record(write(tmp_path, "true", {**numbers, "tags": tags(0.022, 0.0264)}, references), tmp_path / "a.csv")
+    lab, free = write(tmp_path, "lab", {**numbers, "tags": tags(0.02, 0.02)}), ["joint_1.spring_k_1", "joint_1.damping"]
+    result = identify(lab, [recording], free=free, ties=["joint_1.spring_k_2=joint_1.spring_k_1"], starts=1)
     assert not result.fits
     assert any("joint_1.spring_k_2" in text and "tied" in text for text in result.causes), result.causes
     assert not any("offset" in text for text in result.causes), result.causes
@@ -406,22 +336,15 @@ def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
 
 @pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash is missing")])
 def test_softening_and_backlash_are_detected_on_the_bench(tmp_path, width, cause):
-    time = np.arange(0.0, 4.0, 0.01)
-    deflection = np.linspace(-0.02, 0.02, 20001)
+    time, deflection, trials = np.arange(0.0, 4.0, 0.02), np.linspace(-0.02, 0.02, 20001), []
     soft = 1.5 * np.tanh(deflection / 1e-3) if not width else -1099.9 * np.clip(deflection, -0.5 * width, 0.5 * width)
-    torque = 1100.0 * deflection + soft
     generator = np.random.default_rng(0)
-    for number, amplitude in enumerate((0.5, 2.0, 4.0, 8.0)):
+    for amplitude in (0.5, 2.0, 4.0, 8.0):
         applied = amplitude * np.sin(0.5 * np.pi * time)
-        angle = np.interp(applied, torque, deflection) + 1e-5 * generator.normal(size=len(time))
-        table = np.column_stack([time, angle, applied + 0.01 * generator.normal(size=len(time))])
-        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
-        np.savetxt(tmp_path / f"{number}.csv", table, delimiter=",", header=header, comments="")
-    write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>2000</spring_k>"}, duration=4.0)
-    bench = (tmp_path / "lab.yaml").read_text().replace("engine: mujoco", "engine: bench")
-    (tmp_path / "lab.yaml").write_text(bench)
-    trials = [tmp_path / f"{number}.csv" for number in range(4)]
-    result = identify(tmp_path / "lab.yaml", trials, free=["joint_1.spring_stiffness"])
+        angle = np.interp(applied, 1100.0 * deflection + soft, deflection) + 1e-5 * generator.normal(size=len(time))
+        torque = applied + 0.01 * generator.normal(size=len(time))
+        trials.append(save(tmp_path / f"{amplitude}.csv", BENCH, time, angle, torque))
+    result = identify(bench(tmp_path, 2000), trials, free=["joint_1.spring_stiffness"], starts=1)
     assert not result.fits
     assert any(cause in text for text in result.causes), result.causes
     assert result.find("joint_1.spring_stiffness").margin > 0.05
@@ -452,15 +375,15 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
 def test_a_played_command_jumps_where_the_recording_does(hold, delay):
     """Large jumps are reported at their samples; near the jumps the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
-    values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
+    values = np.where(time > 0.305, 1.0, 0.0) + (0.0 if hold else 0.05 * time)
     command = PlayedCommand(
         joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad"
     )
     played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
-    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay, 0.61 + delay])
+    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay])
     assert played.jumps(0.4, 0.5).size == 0
-    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.595, 0.615, 0.905]) + delay
-    at = values[np.searchsorted(time, asked - delay, side="right") - 1] if hold else np.interp(asked - delay, time, values)
-    assert played.values(asked) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
+    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.905])
+    at = values[(100 * asked).astype(int)] if hold else np.interp(asked, time, values)
+    assert played.values(asked + delay) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
     beside = played.values(np.array([0.31 + delay - 1e-5, 0.31 + delay + 1e-5]))
     assert np.diff(beside) == pytest.approx([2.0], abs=0.05)

@@ -16,7 +16,7 @@ from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
 from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
-from asrsim.identification.write import chosen_values
+from asrsim.identification.write import chosen_values, draw
 from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
@@ -175,6 +175,9 @@ def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
         written = {kinds.get(path.suffix, path.name) for path in (tmp_path / name).rglob("*") if path.is_file()}
         assert (name, outcome.code, written - {".lock"}) == (name, code, files)
         assert words in outcome.out + outcome.err
+    channels = (*found.channels, replace(found.channels[0], track=1))
+    paths = draw(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
+    assert [path.name for path in paths] == ["overlay_1_a.png", "overlay_2_a.png"]
     # Only together do the parameters of an accepted model explain the recording.
     for accepted in (False, True):
         faint = [replace(one, verdict="no effect") for one in found.estimates]

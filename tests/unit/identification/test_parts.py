@@ -10,19 +10,11 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.problem import set_up, solve
+from asrsim.identification.data import computed_columns
+from asrsim.identification.problem import solve
 from asrsim.identification.uncertainty import Uncertainty
-from support.identify_files import CHIRP, SEA, record, write
-
-
-def setup_of(stack, folder, columns, numbers, free):
-    """Prepared fit to a table."""
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
-    scenario.write_text(scenario.read_text() + "compiled: false\n")
-    return set_up(task_of(scenario, [folder / "a.csv"], free=free), stack)
-
+from asrsim.recordings.data import Column
+from support.identify_files import CHIRP, SEA, prepared, record, write
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
 """s."""
@@ -61,7 +53,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
         columns["joint_1.external_torque [N m]"] = pushed
     free = [f"joint_1.{name}" + (f"={0.5 * value}" if value > 0.0 else "") for name, value in LAWS[law].items()]
     with ExitStack() as stack:
-        problem = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, free).problem
+        problem = prepared(stack, tmp_path, columns, free, mode=0, damping=0.0)
         (channel,) = problem.tracks[0].channels
         assert channel.quantity == "link_torque"
         found = problem.layout.values(solve(problem, np.zeros(len(free))))
@@ -74,7 +66,7 @@ def test_a_recording_too_short_for_its_torque_is_compared_by_position(tmp_path):
     place = 0.5 * np.cos(9.0 * time) + 1e-3 * np.random.default_rng(0).normal(size=40)
     columns = {"time [s]": time, "joint_1.reference_1 [N m]": np.sin(9.0 * time), "joint_1.link_position [rad]": place}
     with ExitStack() as stack:
-        (channel,) = setup_of(stack, tmp_path, columns, {"mode": 0}, ["joint_1.damping"]).problem.tracks[0].channels
+        (channel,) = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=0).tracks[0].channels
     assert channel.quantity == "link_position"
 
 
@@ -107,3 +99,15 @@ def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
     with pytest.raises(InputError) as caught:
         task_of(guess, [recording], free=wrong)
     assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction.start"]
+
+
+def test_a_torque_computed_from_a_deflection_is_no_measurement():
+    """A position that was converted from counts is measured."""
+    time, generator = np.arange(0.0, 1.0, 0.01), np.random.default_rng(0)
+    angle, deflection = generator.normal(size=(2, 100))
+    names = {"counts": (651.9 * angle, None), "q": (angle, "link_position"), "phi": (deflection, None)}
+    columns = [
+        Column(time=time, values=values, unit="", joint="j", quantity=quantity, source=name, conversion="")
+        for name, (values, quantity) in {**names, "tau": (-80.0 * deflection, "elastic_torque_1")}.items()
+    ]
+    assert computed_columns(columns, {"q", "tau"}) == {"tau": "phi"}

@@ -178,18 +178,6 @@ def test_a_slider_on_its_stop_is_lifted(tmp_path, travel):
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
 
 
-@pytest.mark.parametrize("actuator", ["sea", "qbmove"])
-def test_a_heavy_arm_is_held_too(tmp_path, actuator):
-    """60 N m at the shoulder: ten times the torque of the default motors, a thousand times that of the springs."""
-    preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
-    keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
-    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=500.0)
-    proposal = judged(scenario_of(robot, **keys)).proposal
-    assert set(proposal) == {"joint_1", "joint_2"}
-    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
-    assert proposal["joint_1"]["motor_1_max_torque"] > 50
-
-
 def test_init_proposes_damping_with_which_an_arm_settles(tmp_path):
     """Joints with vertical axes carry no weight, but the default springs would be too soft for their inertia."""
     robot = write_plain_arm(tmp_path, lengths=(0.4, 0.3, 0.1), masses=(3.0, 2.0, 1.0), effort=500.0)

@@ -5,7 +5,6 @@ import pytest
 
 import asrsim
 from asrsim.errors import ScenarioError
-from asrsim.runs.repeat import repeat
 from asrsim.samples import TIP, TIP_GOAL
 from support.robots import write_plain_arm
 
@@ -55,18 +54,6 @@ def test_a_turned_base_carries_the_tip_along(tmp_path):
     plain = closed_form(result)
     turned = np.stack([1.0 - plain[:, 1], -2.0 + plain[:, 0], 0.5 + plain[:, 2]], axis=1)
     assert result.bodies[TIP][:, :3] == pytest.approx(turned, abs=1e-12)
-
-
-def test_log_claims_and_rerun_know_the_tip(tmp_path):
-    claims = [
-        {"body": "tip", "quantity": "error", "measure": "maximum", "comparison": "<", "value": 1.0},
-        {"body": "tip", "quantity": "x", "measure": "final", "value": 9.0},
-    ]
-    result = asrsim.run(arm_task(tmp_path, expect=claims), out=tmp_path / "out")
-    assert [claim.holds for claim in result.summary.claims] == [True, False]
-    logged = asrsim.read_log(result.log).samples
-    assert np.array_equal(logged.bodies[TIP][:, :3], result.bodies[TIP][:, :3])
-    assert repeat(result.log).identical
 
 
 def test_a_claim_about_the_tip_needs_a_task(tmp_path):

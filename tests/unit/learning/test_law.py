@@ -8,6 +8,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, zero_phase
 from asrsim.learning import learn as learn_by
+from asrsim.learning.figure import learning_figure
 from asrsim.scenario.blocks import Filter, Learning
 from asrsim.signals.pieces import Constant
 
@@ -65,6 +66,14 @@ def test_the_norm_is_the_largest_two_norm_over_time():
     first = learn(problem(), static_plant, settings(max_iterations=1)).trials[0]
     assert first.norm == pytest.approx(math.hypot(0.8, 0.4))
     assert first.rms == pytest.approx(np.sqrt(np.mean(reference() ** 2, axis=0)))
+
+
+def test_the_picture_of_learning_shows_the_best_trial_of_each_joint():
+    result = learn(problem(), static_plant, settings(max_iterations=2))
+    lines = [line for axes in learning_figure(problem(), result, settings(), "").axes for line in axes.get_lines()]
+    for sign, values in (("$q$", result.best.outputs), (r"$\theta_{eq}$", result.best.inputs)):
+        ends = [line.get_ydata()[-1] for line in lines if line.get_label() == f"{sign}, best of all iterations"]
+        assert ends == values[-1].tolist()
 
 
 def test_learning_that_makes_things_worse_stops_and_says_where():

@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,7 +20,7 @@ from support.paths import ROOT
 pytest.importorskip("foxglove")
 
 from asrsim.errors import InputError
-from asrsim.live.foxglove import FoxgloveTransport, decoded
+from asrsim.live.foxglove import WAITING, FoxgloveTransport, decoded
 from asrsim.live.origin import origin_of
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
@@ -68,7 +69,7 @@ def connected(transport, *headers):
 @pytest.fixture
 def transport():
     notices = []
-    interface = Interface("/asrsim", outlets=(LiveTopic("/clock", "rosgraph_msgs/Clock"),), inlets=())
+    interface = Interface("/asrsim", (LiveTopic("/clock", "rosgraph_msgs/Clock"),), (LiveTopic("/go", "std_msgs/Float64"),))
     transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)), notices.append)
     transport.notices = notices
     yield transport
@@ -102,6 +103,17 @@ def test_one_foreign_origin_among_several_is_refused(transport):
     client, answer = connected(transport, "Origin: http://localhost", "Origin: https://evil.example")
     client.close()
     assert answer == "HTTP/1.1 403 Forbidden"
+
+
+def test_commands_that_are_lost_are_counted(transport):
+    client = SimpleNamespace(id=1)
+    transport.on_client_advertise(client, SimpleNamespace(id=2, topic="/go"))
+    for i in range(WAITING + 3):
+        transport.on_message_data(client, 2, b'{"data": %d}' % i)
+    received = list(transport.poll())
+    assert [bool(one.fault) for one in received] == [True] * 3 + [False] * WAITING
+    assert received[-1].values == [WAITING + 2]
+    assert not list(transport.poll())
 
 
 @pytest.mark.parametrize("text", ["lab.example", "https://lab.example/page", "*", "https://"])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.log.derived import DERIVED_FUNCTIONS, deflection, equilibrium_position, position_error
+from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.samples import JointInfo, Samples
 
+deflection, equilibrium_position, position_error = DERIVED_FUNCTIONS.values()
 RNG = np.random.default_rng(0)
 N = 20
 

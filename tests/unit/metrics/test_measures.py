@@ -83,6 +83,7 @@ def test_a_window_and_missing_samples():
     q[5000:6000] = np.nan
     assert measure("maximum", TIME, q, start=2.0, end=5.5) == pytest.approx(4.999)
     assert measure("minimum", TIME, q, start=2.0) == pytest.approx(2.0)
+    assert measure("final", TIME, q, start=10.0) == 10.0
 
 
 @pytest.mark.parametrize("hertz", [0.9, 17.51, 125.84])

@@ -86,6 +86,16 @@ def test_several_recordings_are_a_band(tmp_path):
     assert (pair.low.values[peak], pair.high.values[peak]) == pytest.approx((0.32, 0.48), rel=1e-3)
 
 
+def test_recordings_of_different_quantities_are_all_compared(tmp_path):
+    log, time = made_up_log(tmp_path / "log.mcap"), np.arange(0.0, 1.0, 0.004)
+    names = ("link_position", "link_torque")
+    files = [tmp_path / f"{name}.csv" for name in names]
+    for name, file in zip(names, files, strict=True):
+        np.savetxt(file, np.column_stack([time, time]), delimiter=",", header=f"time,joint_1.{name}", comments="")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=tuple(map(str, files)), lag="off"))
+    assert {quantity for _, quantity in result.compared[0].pairs} == set(names)
+
+
 def test_recordings_go_to_the_variant_before_the_equals_sign(tmp_path):
     labels = ["soft", "stiff"]
     assert assign(labels, ["lab_soft.csv", "stiff=lab.csv"]) == [(Path("lab_soft.csv"), None), (Path("lab.csv"), 1)]
@@ -123,6 +133,7 @@ def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path, value, cod
     assert result.exit_code == code
     assert f"{word} joint_1: maximum of link_position is 0.4 rad" in result.output
     assert "other" not in result.output
+    assert json.loads(CliRunner().invoke(app, ["plot", str(log), "--json"]).stdout)["ok"] is (code == 0)
 
 
 def test_claims_of_several_runs_name_their_run(tmp_path, asrsim_command):

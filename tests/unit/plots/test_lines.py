@@ -1,7 +1,5 @@
 """What stands in a picture: every line against the numbers that it was made of, of its own run, joint and object."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,6 @@ import pytest
 from asrsim.metrics.frequency import FrequencyResponse
 from asrsim.plots import read_curves, style
 from asrsim.plots.bode import bode_figure
-from asrsim.plots.curves import RunCurves
 from asrsim.plots.figures import objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
@@ -56,7 +53,7 @@ def test_every_line_is_the_curve_of_its_name(tmp_path):
 def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path):
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
-    runs: list[RunCurves] = []
+    runs = []
     for label, scale in (("soft", 1.0), ("stiff", 5.0)):
         box = curves({**{key: scale * slope for key, slope in moved.items()}, "force": 7.0 * scale})
         tip = curves({**{key: scale * slope for key, slope in moved.items()}, "error": scale})

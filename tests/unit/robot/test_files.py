@@ -1,7 +1,5 @@
 """Hostile and broken robot files, structure, xacro."""
 
-from __future__ import annotations
-
 import re
 import time
 
@@ -317,7 +315,7 @@ def test_other_encodings_are_read(tmp_path):
 
 
 WHITE = '<material name="m"><color rgba="{}"/></material>'
-SHAPES: dict[str, tuple[str, dict[str, object] | None]] = {
+SHAPES = {
     "box": ('<geometry><box size="1 2 3"/></geometry>', {"size": (1, 2, 3), "origin": (0, 0, 0), "rpy": (0, 0, 0)}),
     "largest": ('<geometry><sphere radius="1e6"/></geometry>', {"size": (1e6,)}),
     "too large": ('<geometry><sphere radius="1.001e6"/></geometry>', None),

@@ -119,6 +119,8 @@ def test_figures_of_a_step_on_a_pendulum(read):
     assert figures.natural == pytest.approx((400 / 3.21e-4) ** 0.5 / (2 * np.pi))
     assert figures.damping == pytest.approx(0.1 * 1e-3 / 3.21e-4)
     assert figures.motor_gain == pytest.approx(1e-3 * 3.0 / 0.1)
+    (mode_3,) = step_figures(with_overrides(robot, modes={"j": 3}), step=1e-3)
+    assert mode_3.natural == figures.natural
     (mode_1,) = step_figures(with_overrides(robot, modes={"j": 1}), step=1e-3)
     assert mode_1.link_gain == pytest.approx(1e-3 * 2.1 / 3.21e-4)
 

@@ -7,7 +7,7 @@ import pytest
 from asrsim.errors import RobotError, ScenarioError
 from asrsim.robot import engine_urdf, load_robot, merge_fixed, with_overrides
 from asrsim.robot.values import law_fault
-from asrsim.robot.vary import physical, varied_robot
+from asrsim.robot.vary import names_of, physical
 from asrsim.scenario import check_against_robot, load_scenario
 
 MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
@@ -114,11 +114,8 @@ def test_a_raised_moment_of_inertia_raises_the_others(moment, tiny):
     assert found == {name: pytest.approx(0.05 if name == moment else 0.025) for name in ("ixx", "iyy", "izz")}
 
 
-def test_a_link_and_a_joint_may_share_a_name(tiny):
-    robot = varied_robot(
-        changed(tiny, ('name="elbow"', 'name="arm"'), (">elbow<", ">arm<")), {"arm": {"mass": 2.0, "damping": 0.3}}
-    )
-    assert (robot.joint("arm").damping, robot.links[1].mass) == (0.3, 2.0)
+def test_a_link_and_a_joint_may_share_a_name():
+    assert {"mass", "damping"} <= set(names_of("arm", {}, {"arm": None}, {"arm": None}))
 
 
 def test_a_slider_has_no_usual_stiffness(tiny):

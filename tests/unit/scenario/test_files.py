@@ -1,7 +1,5 @@
 """Scenario files: what they mean, and every fault with its place."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -12,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
-from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.errors import InputError, ScenarioError
 from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
 from asrsim.scenario.data import KEYS, Effects, LinkDamping
 from asrsim.signals import Constant, Step
@@ -374,7 +372,7 @@ def test_a_star_stands_for_joints_only(load, text):
 )
 def test_a_document_reads_the_same_with_and_without_libyaml(text, monkeypatch):
     def reading():
-        faults: list[Problem] = []
+        faults = []
         try:
             node = parse_yaml(text, faults=faults)
         except InputError as error:

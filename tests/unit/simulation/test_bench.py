@@ -51,3 +51,14 @@ def test_the_links_follow_their_signals_in_any_order_of_steps(monkeypatch):
         before, here = signal.values(np.array([row - 1, row]) * scenario.step)
         assert exchange[0, 0, POSITION] == pytest.approx(here, abs=1e-12)
         assert exchange[0, 0, VELOCITY] == pytest.approx((here - before) / scenario.step, abs=1e-9)
+
+
+def test_the_links_stand_still_after_the_scenario():
+    scenario = on_bench(duration=0.02, motion={"joint_1": {"sinusoid": {"amplitude": 0.5, "frequency": 7.0}}})
+    ends = []
+    for compiled in (True, False):
+        with asrsim.Simulation(scenario, compiled=compiled) as simulation:
+            simulation.advance(np.int8(100))
+            ends.append((simulation.time, *simulation.observe().link_position, *simulation.observe().link_velocity))
+    assert ends[0] == ends[1]
+    assert ends[0][::2] == (0.1, 0.0)

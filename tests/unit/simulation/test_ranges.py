@@ -27,4 +27,6 @@ TORQUES = {"motor_1_max_torque": 2.0, "motor_2_max_torque": 3.0}
 def test_ranges_follow_from_the_limits_of_the_robot(actuator, mode, parameters, expected):
     robot = chain(Body(actuator=actuator, limits=LIMITS))
     scenario = Scenario(name="s", robot=robot.path, engine="mujoco", modes={"*": mode}, parameters={"*": parameters})
-    assert ranges_of(prepare(scenario, robot))["joint_1"] == {name: pytest.approx(ends) for name, ends in expected.items()}
+    prepared = prepare(scenario, robot)
+    found = ranges_of(prepared.scenario, prepared.drives)["joint_1"]
+    assert found == {name: pytest.approx(ends) for name, ends in expected.items()}

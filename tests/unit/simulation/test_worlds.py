@@ -15,6 +15,7 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Start
 from asrsim.simulation.worlds import Worlds
 from support.paths import EXAMPLES
+from validation.models import INSTALLED
 
 
 def arm(**keys):
@@ -148,3 +149,33 @@ def test_worlds_have_the_bits_of_single_runs_in_any_order(threads):
             np.testing.assert_array_equal(found[0], [position for position, _ in ends])
             np.testing.assert_array_equal(found[1], [torque for _, torque in ends])
             worlds.restore(kept)
+
+
+def test_a_diverged_world_does_not_shorten_the_blocks_of_others(monkeypatch):
+    with Worlds(arm(duration=1.0), 2, chunk=50) as worlds:
+        worlds.advance(-(-49 // worlds.substeps))
+        worlds.set_reference("joint_1", "external_torque", 1e305, worlds=[0])
+        worlds.advance()
+        lengths = []
+        take = worlds.go_on
+        monkeypatch.setattr(worlds, "go_on", lambda numbers, length: lengths.append(length) or take(numbers, length))
+        worlds.advance(400)
+        assert max(lengths) == 50
+        assert len(lengths) < 400 * worlds.substeps / 50 + 2
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_restored_worlds_touch_objects_as_before(engine):
+    """Between snapshot and restore, the worlds had other masses."""
+    world = {"ground": {"height": -1.0}, "objects": {"ball": {"shape": "sphere", "size": [0.1], "mass": 0.5}}}
+    with Worlds(arm(duration=1.0, engine=engine, world=world), 2) as worlds:
+        ends = []
+        worlds.reset([Start(parameters={"link_2": {"mass": mass}}) for mass in (0.5, 0.7)])
+        worlds.advance(3)
+        kept = worlds.snapshot()
+        for masses in ((0.6, 0.8), (0.7, 0.5)):
+            worlds.advance(20)
+            ends.append(worlds.observe().link_position)
+            worlds.reset([Start(parameters={"link_2": {"mass": mass}}) for mass in masses])
+            worlds.restore(kept)
+        np.testing.assert_array_equal(*ends)

@@ -1,7 +1,5 @@
 """Keys of every kind can be varied: a row has the numbers of a run with that `--set`, or the reason of its failure."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -18,7 +16,7 @@ pytest.importorskip("pyarrow")
 
 TWO_JOINTS = EXAMPLES / "scenarios" / "step_2dof.yaml"
 ROBOT = EXAMPLES / "urdf" / "dof2_horizontal.urdf"
-KEYS: dict[str, list[object]] = {
+KEYS = {
     "robot": [str(ROBOT)],
     "actuators": [{"joint_1": {"type": "sea"}}, {"joint_1": "qbmove"}],
     "modes.joint_1": [3, 6],

@@ -1,7 +1,5 @@
 """Workers in this process and in other processes: results, repeated crashes, errors, and the end of the processes."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal
@@ -48,7 +46,7 @@ def test_nothing_is_done_of_what_nobody_wants(workers):
 def test_running_items_are_not_lost_when_the_work_stops(tmp_path):
     """Each item writes a file when it is finished."""
     items = [str(tmp_path / f"{n}") for n in range(40)]
-    found: list[int] = []
+    found = []
     with executor(2) as workers:
         for some in workers.results(slow, items, stop=lambda: found != []):
             found.extend(number for number, _ in some)
