@@ -265,8 +265,7 @@ def load_body(p: Client, urdf: str, scenario: Scenario, robot: Robot, lift: floa
             message = f"PyBullet cannot load this robot ({error})"
             raise RobotError(message, file=robot.path, code="engine-load") from error
     places = {p.getBodyInfo(body)[0].decode(): -1}
-    for index in range(p.getNumJoints(body)):
-        places[p.getJointInfo(body, index)[12].decode()] = index
+    places |= {p.getJointInfo(body, index)[12].decode(): index for index in range(p.getNumJoints(body))}
     for link in robot.links:
         moments = tuple(moment + lift for moment in principal_axes(link)[0])
         if p.getDynamicsInfo(body, places[link.name])[2] != moments:

@@ -135,10 +135,10 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             conaffinity=ROBOT_BIT | WORLD_BIT,
         )
     for item in world.objects:
-        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=quaternion_wxyz(item.rpy))
-        if item.mass:
-            body.add_freejoint(name=f"object/{item.name}")
         name = f"object/{item.name}"
+        body = spec.worldbody.add_body(name=name, pos=list(item.position), quat=quaternion_wxyz(item.rpy))
+        if item.mass:
+            body.add_freejoint(name=name)
         form = _form(mujoco, spec, name, item.shape, item.size, str(item.mesh))
         body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
         if item.mass and item.inertia is not None:
