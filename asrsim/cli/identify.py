@@ -135,8 +135,8 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
+    from asrsim.design.advice import design_line
     from asrsim.identification.result import ACCEPTABLE
-    from asrsim.identification.show import design_line
     from asrsim.identification.write import FIT, as_dict, write_robot
     from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
@@ -162,7 +162,8 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.identification.show import advice, columns, errors, judgement
+    from asrsim.design.advice import advice
+    from asrsim.identification.show import columns, errors, judgement
 
     say_table(columns(result))
     say()

@@ -1,27 +1,13 @@
-"""Result of a fit as text: tables of parameters and errors, remarks, judgement, and advice for the next experiment: sizes and
-frequencies of motions, and limits within which `asrsim design` finds a motion.
-"""
+"""Result of a fit as text: tables of parameters and errors, remarks and judgement."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from shlex import join
-from typing import Any
 
-import numpy as np
-
-from asrsim.actuators import MODES
-from asrsim.actuators.user import plugin_options
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
-from asrsim.identification.noise import bandwidth
-from asrsim.identification.result import AT_BOUND, CLOSE, HOPELESS, IDENTIFIED, RATIO, WEAK, Estimate, Result
-from asrsim.outfile import write_text
-from asrsim.plain import mapped
-from asrsim.robot.model import INERTIAS
+from asrsim.identification.result import HOPELESS, Estimate, Result
 
 NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
@@ -106,104 +92,3 @@ def _margin(one: Estimate) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-LOAD_CELL = 0.05
-"""Assumed noise of a torque sensor that the robot could get, N m."""
-REPEATED = 10.0
-"""Largest factor by which a longer recording is advised."""
-LONGEST = 600
-"""Longest duration of a proposed experiment, s."""
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """Motion of a joint in the recordings: unit and range of its positions, largest speed, and bandwidth (Hz)."""
-
-    unit: str
-    low: float = np.inf
-    high: float = -np.inf
-    speed: float = 0.0
-    band: float = 0.0
-
-
-def _moved(result: Result) -> dict[str, _Motion]:
-    """Motion of each joint over all recordings."""
-    found: dict[str, _Motion] = {}
-    for one in (one for one in result.channels if one.key.endswith("position")):
-        joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])
-        was, speed = found.get(joint, _Motion(one.unit)), float(np.abs(np.gradient(values, time)).max())
-        band = bandwidth(float(np.median(np.diff(time))), values, one.noise)
-        low, high = min(was.low, float(values.min())), max(was.high, float(values.max()))
-        found[joint] = _Motion(one.unit, low, high, max(was.speed, speed), max(was.band, band))
-    return found
-
-
-def advice(result: Result) -> Iterator[str]:
-    """Sentences that name the motions by which parameters with wide intervals could be identified; none if causes of a misfit
-    are suspected, which must be mended first.
-    """
-    if result.causes:
-        return
-    moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
-    wanted: dict[str, list[str]] = {}
-    for one in result.estimates:
-        if one.verdict in (IDENTIFIED, AT_BOUND):
-            continue
-        owner, _, name = one.key.rpartition(".")
-        joint = children.get(owner, owner)
-        if joint in moved and (text := _movement(name, joint, moved[joint])):
-            wanted.setdefault(text, []).append(one.name)
-        if one.verdict == RATIO:
-            wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
-    yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
-    longer = {one.name: (one.margin / CLOSE) ** 2 for one in result.estimates if one.verdict == WEAK}
-    if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
-        yield f"{', '.join(near)}: {max(near.values()):.1f} times as long a recording of this motion brings the interval to 5 %"
-
-
-def _movement(name: str, joint: str, was: _Motion) -> str:
-    """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
-    unit, speed, band = was.unit, was.speed, was.band
-    if "friction" in name:
-        return f"move {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
-    if "damping" in name:
-        return f"move {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
-    if "inertia" in name or name in ("mass", *INERTIAS):
-        return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
-    if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
-        size = 0.5 * (was.high - was.low)
-        return f"deflect {joint} more, by loads, presets or reversals (recorded: {size:.2g} {unit} at up to {band:.2g} Hz)"
-    return ""
-
-
-def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """Write a limits file with the recorded ranges; return its path, and the command that designs the next experiment within
-    them. Both are empty if every parameter is identified, or if the causes of a misfit must be mended first.
-    """
-    import yaml
-
-    verdicts, moved = {one.verdict for one in result.estimates}, _moved(result)
-    if verdicts <= {IDENTIFIED, AT_BOUND} or not moved or result.causes:
-        return [], ""
-    noise, choose = {one.key: one.noise for one in result.channels}, dict[str, Any]()
-    for block in result.robot.actuators:
-        if MODES[block.mode].controller and block.joint in moved:
-            gain = block.parameters["controller_1_proportional"].value
-            choose[f"{block.joint}.controller_1_proportional"] = [0.5 * gain, gain, 2.0 * gain]
-    if RATIO in verdicts and not any("elastic_torque" in key for key in noise):
-        noise["elastic_torque"], choose["sensors"] = LOAD_CELL, ["elastic_torque"]
-    limits = {joint: {"link_position": [was.low, was.high], "link_velocity": was.speed} for joint, was in moved.items()}
-    step = min(float(np.median(np.diff(one.lines["time"]))) for one in result.channels)
-    data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
-    data = mapped(data, lambda value: float(f"{value:.4g}") if isinstance(value, float) else value)
-    path, task = folder / "limits.yaml", result.task
-    head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
-    write_text(path, head + yaml.safe_dump(data, sort_keys=False), "limits")
-    duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
-    words = ["asrsim", "design", str(task.file or task.scenario)]
-    if task.file is None:
-        words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
-        words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
-    words += [*plugin_options(task.plugins), "--limits", str(path)]
-    return [path], join([*words, "--seconds", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])

@@ -43,6 +43,7 @@ def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
     preset = {"sea": None, "bavs": 0.1}.get(actuator, 0.2)
     robot = "qbmove" if actuator == "my_vsa" else actuator
     found = export_mjcf(scenario(robot, preset=preset, **keys), tmp_path / "soft.xml").replay
+    np.testing.assert_array_equal(found.error, 1e3 * (found.theirs - found.ours))
     assert np.ptp(found.ours) > 0.6
     assert found.rms.max() < 1.0
     assert (tmp_path / "soft.png").stat().st_size > 10_000

@@ -10,12 +10,13 @@ import pytest
 
 import asrsim
 from asrsim import identify
+from asrsim.design.advice import advice, design_line
 from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import numbers_of
-from asrsim.identification.show import advice, design_line, judgement
+from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
 from asrsim.identification.track import Played
 from asrsim.identification.write import as_dict, write_robot
@@ -228,10 +229,10 @@ def test_a_fit_file_contains_the_whole_task(lab, tmp_path, asrsim_command):
     assert (checked.code, "check only" in checked.out) == (0, True)
     with pytest.raises(InputError, match="not allowed beside it: experiments"):
         task_of(path, [lab / "a.csv"])
-    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
+    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\nfree: [joint_1.damping]\n")
     with pytest.raises(InputError) as found:
         task_of(path)
-    assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+    assert {problem.line for problem in found.value.problems} == {1, 2, 3, 4}
 
 
 def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path, asrsim_command):
@@ -326,11 +327,13 @@ def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
 
     numbers = {**SEA, "actuator": "qbmove"}
     references = f"{{equilibrium_position: {CHIRP}, stiffness_preset: {{step: {{at: 1.0, from: 0.1, to: 0.3}}}}}}"
-    recording = record(write(tmp_path, "true", {**numbers, "tags": tags(0.022, 0.0264)}, references), tmp_path / "a.csv")
+    true = write(tmp_path, "true", {**numbers, "tags": tags(0.022, 0.0264)}, references)
+    recording = record(true, tmp_path / "a.csv", noise=1e-2)
     lab, free = write(tmp_path, "lab", {**numbers, "tags": tags(0.02, 0.02)}), ["joint_1.spring_k_1", "joint_1.damping"]
     result = identify(lab, [recording], free=free, ties=["joint_1.spring_k_2=joint_1.spring_k_1"], starts=1)
     assert not result.fits
     assert any("joint_1.spring_k_2" in text and "tied" in text for text in result.causes), result.causes
+    assert any("joint_1.spring_k_2 is not joint_1.spring_k_1" in text for text in result.misfit), result.misfit
     assert not any("offset" in text for text in result.causes), result.causes
 
 

@@ -161,6 +161,7 @@ def test_learning_continues_with_recordings_of_an_independent_robot(tmp_path):
             break
     assert errors[0] > 0.01
     assert step.converged
+    assert [replace(step, foretold=ratio).warning is not None for ratio in (1.0, 2.0, np.inf)] == [False, True, True]
     assert errors[-1] < 0.004
     assert len(json.loads((tmp_path / "hardware.json").read_text())["trials"]) == len(errors)
     if len(errors) > 1:

@@ -107,6 +107,7 @@ def test_a_fitting_scenario_has_no_problems(load):
 def test_entries_for_unknown_parts_are_errors_with_lines(load, text, line, key, message):
     errors, _ = check_against_robot(load(GOOD + text + "\n"), arm())
     assert any((e.line, e.key) == (line, key) and message in str(e) and e.file is not None for e in errors), errors
+    assert "*" in key or len({error.key for error in errors}) == len(errors), "one error for an entry"
 
 
 def test_unknown_joint_in_a_list_twice_is_one_error(load):
