@@ -176,7 +176,7 @@ def live_topics() -> str:
     (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")
     prepared = prepare(scenario, settable=True)
     with Simulation(prepared, compiled=False) as simulation:
-        outlets = [(one, "out, latched" if one.latched else "out") for one in Publisher(simulation, prepared.info).outlets]
+        outlets = [(one, "out, latched" if one.latched else "out") for one in Publisher(simulation).outlets]
     inlets = [(one, "in") for one in CommandInput(prepared.info.joints, ranges_of(prepared.scenario, prepared.drives)).inlets]
     rows = [(f"`{one.name}`", one.message, way) for one, way in (*inlets, *outlets) if "joint_2" not in one.name]
     return markdown_table(("topic", "message", "way"), rows)

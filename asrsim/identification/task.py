@@ -149,13 +149,15 @@ def task_of(
             )
         options |= {"experiments": _recordings(experiments, mapping, rate), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})
-    if validate:
-        options["validate"] = _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate)
     wishes = free if isinstance(free, Mapping) else dict(map(_wish, one_or_more(free)))
-    options["free"] = {key: {} if wish is None else wish for key, wish in wishes.items()}
-    options["ties"] = ties if isinstance(ties, Mapping) else dict(text.partition("=")[::2] for text in one_or_more(ties))
-    separate = {"free": {key: {"own": True} for key in one_or_more(own)}}
-    root, found = TASK.merge(TASK.merge(root, node_from_data(options)), node_from_data(separate)), None
+    given = {
+        "free": {key: {} if wish is None else wish for key, wish in wishes.items()},
+        "ties": ties if isinstance(ties, Mapping) else dict(text.partition("=")[::2] for text in one_or_more(ties)),
+        "validate": _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate),
+    }
+    separate, found = {"free": {key: {"own": True} for key in one_or_more(own)}}, None
+    for over in (options, {key: value for key, value in given.items() if value}, separate if own else {}):
+        root = TASK.merge(root, node_from_data(over))
     with suppress(Rejected):
         found = TASK.read(root, (), reading)
     if faults or reading.problems or found is None:

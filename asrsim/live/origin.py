@@ -89,7 +89,7 @@ class OriginProxy:
             pumps = [asyncio.ensure_future(_pass_on(*pair)) for pair in ((reader, forth), (back, writer))]
             await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
             forth.close()
-        except (OSError, EOFError, asyncio.LimitOverrunError, TimeoutError, asyncio.CancelledError):
+        except (OSError, EOFError, asyncio.LimitOverrunError, asyncio.CancelledError):
             pass
         finally:
             self._clients -= 1

@@ -11,7 +11,7 @@ from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
 from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, Topic, joint_state, robot_topics, topic_paths
-from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.samples import JointInfo, Samples
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.ranges import Range, ranges_of
 from asrsim.simulation.simulation import Simulation
@@ -30,15 +30,14 @@ STIFFNESS_JOINT = "_stiffness"
 class Publisher:
     """Creates the messages of all topics from the last step of the simulation."""
 
-    def __init__(self, simulation: Simulation, info: RunInfo, *, namespace: str = "") -> None:
-        """info: description of the run; namespace: prefix of all topic names except `/clock` and `/tf`."""
+    def __init__(self, simulation: Simulation, *, namespace: str = "") -> None:
+        """namespace: prefix of all topic names except `/clock` and `/tf`."""
+        info = simulation.prepared.info
+        self.ranges = ranges_of(simulation.scenario, simulation.prepared.drives)
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
         self.prefix = prefix_of(namespace)
-        topics = [
-            replace(topic, name=self.prefix + topic.name)
-            for topic in _topics(info.joints, ranges_of(simulation.scenario, simulation.prepared.drives))
-        ]
+        topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints, self.ranges)]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [LiveTopic(topic.name, topic.message) for topic in topics]
@@ -68,7 +67,7 @@ class Publisher:
                 floats.append((start + offset) // 8)
                 sources.append((self._quantities.index(column.name), self._joints.index(str(column.part))))
             stamps += [(start + offset) // 4 for offset in topic.template.stamps]
-        self._data = np.frombuffer(bytes(data) + bytes(-len(data) % 8), np.uint8).copy()
+        self._data = np.frombuffer(data + bytes(-len(data) % 8), np.uint8)
         self._numbers, self._words = self._data.view("<f8"), self._data.view("<u4")
         self._floats, self._sources = np.array(floats), tuple(np.array(sources).T)
         self._stamps = np.add.outer(stamps, (0, 1))

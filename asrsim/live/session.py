@@ -25,7 +25,6 @@ from asrsim.runs.lock import owned
 from asrsim.samples import Command, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.ranges import ranges_of
 from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary
@@ -75,10 +74,8 @@ class Session:
             prepared, sinks=[self], duration=self._duration,
             chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
-        self.publisher = Publisher(self.simulation, prepared.info, namespace=settings.namespace)
-        self.commands = CommandInput(
-            prepared.info.joints, ranges_of(prepared.scenario, prepared.drives), prefix=self.publisher.prefix, tell=tell
-        )
+        self.publisher = Publisher(self.simulation, namespace=settings.namespace)
+        self.commands = CommandInput(prepared.info.joints, self.publisher.ranges, prefix=self.publisher.prefix, tell=tell)
         self.pace = Pace(settings.speed)
         self.transports: list[Transport] = []
         self._writer: LogWriter | None = None
@@ -214,7 +211,7 @@ class Session:
         summary = judged(replace(self._scenario, expect=()), run, collector, None, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())
-        save_summary(summary, self._folder / SUMMARY)
+        save_summary(summary, files["summary"])
         return summary
 
     def figures(self) -> dict[str, Any]:

@@ -142,7 +142,7 @@ class TransportEntry:
         return find_spec(self.module) is not None
 
 
-TRANSPORTS: Registry[TransportEntry] = Registry("transport", entry_point_group="asrsim.transports", instance=TransportEntry)
+TRANSPORTS: Registry[TransportEntry] = Registry("transport", "asrsim.transports", instance=TransportEntry)
 
 
 def prefix_of(namespace: str) -> str:

@@ -38,11 +38,7 @@ def read_json(path: Path, reading: Reading) -> Content:
     """
     text = path.read_text(encoding=reading.encoding or "utf-8-sig", errors="replace")
     try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        data = _of_lines(text, error)
-    try:
-        return _content(data, reading)
+        return _content(_loaded(text), reading)
     except RecursionError as error:
         raise RecordingError(f"cannot be read as JSON: {error}", code="bad-json") from None
 
@@ -74,17 +70,20 @@ def _arrays(data: Any) -> Any:
         return None
 
 
-def _of_lines(text: str, whole: Exception) -> list[Any]:
-    """Records of a file with one record per line. The last line of a truncated file may be incomplete."""
-    *lines, last = [line for line in text.splitlines() if line.strip()]
+def _loaded(text: str) -> Any:
+    """Data of a JSON text, or the records of a text with one record per line. The last line of a truncated file may be bad."""
     try:
-        records = [json.loads(line) for line in lines or [last]]
-    except (ValueError, RecursionError):
-        line = getattr(whole, "lineno", None)
-        raise RecordingError(f"cannot be read as JSON: {whole}", line=line, code="bad-json") from None
-    with suppress(ValueError, RecursionError):
-        records.append(json.loads(last))
-    return records
+        return json.loads(text)
+    except ValueError as error:
+        *lines, last = [line for line in text.splitlines() if line.strip()]
+        try:
+            records = [json.loads(line) for line in lines or [last]]
+        except ValueError:
+            line = getattr(error, "lineno", None)
+            raise RecordingError(f"cannot be read as JSON: {error}", line=line, code="bad-json") from None
+        with suppress(ValueError):
+            records.append(json.loads(last))
+        return records
 
 
 def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:

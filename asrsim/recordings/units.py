@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from asrsim.errors import RecordingError, did_you_mean
 from asrsim.quantities import PRISMATIC_UNITS
@@ -114,6 +115,7 @@ def parse_unit(text: str) -> Unit:
     return unit
 
 
+@lru_cache(maxsize=8192)
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if not stated."""
     text = header.strip(' "')

@@ -17,8 +17,6 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 COMPARED = ("link_position", "link_torque")
-BLOCK = 65_536
-"""Number of samples that are compared in one operation, to save memory."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
 is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
@@ -142,11 +140,7 @@ class Comparison:
 
     def write(self, samples: Samples) -> None:
         """Compare the next samples."""
-        for begin in range(0, len(samples.time), BLOCK):
-            part = slice(begin, begin + BLOCK)
-            self._add(np.stack([samples.values[name][part] for name in COMPARED], axis=1))
-
-    def _add(self, rows: Array) -> None:
+        rows = np.stack([samples.values[name] for name in COMPARED], axis=1)
         shape = rows.shape[1:]
         if not self._count:
             self._found = [(np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)) for _ in self._earlier]

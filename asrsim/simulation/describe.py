@@ -27,9 +27,7 @@ def describe(
             actuator=drive.actuator.name if drive.actuator else "rigid",
             mode=drive.mode.number if drive.mode else None,
             namespace=drive.block.namespace if drive.block else "",
-            motors=drive.actuator.motors + drive.actuator.adjuster
-            if drive.actuator and drive.mode and drive.mode.spring
-            else 0,
+            motors=drive.placed,
             prismatic=drive.joint.kind == "prismatic",
             quantities=recorded_quantities(drive),
         )

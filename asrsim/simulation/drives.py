@@ -110,6 +110,11 @@ class SteppedJoint:
         return self.actuator.motors if self.actuator else 0
 
     @property
+    def placed(self) -> int:
+        """Number of motors and adjusters whose positions act on springs."""
+        return self.actuator.motors + self.actuator.adjuster if self.actuator and self.mode and self.mode.spring else 0
+
+    @property
     def positions(self) -> int:
         """Number of motor positions that the spring's law takes: at least two."""
         return self.actuator.positions() if self.actuator else 2

@@ -134,14 +134,12 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
     """Position in rad (m) at which the unloaded joint rests, within its stops; the start position if no spring or controller
     acts."""
-    if drive.drive is None and drive.joint.spring_stiffness == 0.0:
+    own = drive.drive
+    if not (_gives_way(drive) or _holds(drive)) or (own is None and drive.joint.spring_stiffness == 0.0):
         return drive.initial_position
-    if not (_gives_way(drive) or _holds(drive)):
-        return drive.initial_position
-    if drive.drive is None or not (drive.drive.mode.spring or drive.drive.mode.controller):
-        rest = drive.joint.spring_reference
-    else:
-        rest = drive.drive.actuator.equilibrium_position(*goals) if drive.drive.mode.spring else goals[0]
+    rest = drive.joint.spring_reference
+    if own is not None and (own.mode.spring or own.mode.controller):
+        rest = own.actuator.equilibrium_position(*goals) if own.mode.spring else goals[0]
     low, high = drive.joint.stops
     return min(max(rest, low), high)
 

@@ -75,23 +75,18 @@ class Inputs:
             references = (self._reference(scenario, drive, j, slot) for slot in slots)
             self._signals.append([for_joint(scenario.external_torques, drive.name, REST), *references])
 
-    def _reference(self, scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
-        names = drive.references
-        if slot >= len(names):
+    @staticmethod
+    def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
+        own, names = drive.drive, drive.references
+        if own is None or slot >= len(names):
             return REST
-        signal = scenario.references_of(drive.name).get(names[slot], self._rest(drive, slot))
+        # By default motors and controllers hold the joint's start position; torques and voltages are 0.
+        mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
+        moved = position and mode.number != 0 and not mode.direct
+        rest = Constant(value=drive.initial_position) if moved else REST
+        signal = scenario.references_of(drive.name).get(names[slot], rest)
         effects = for_joint(scenario.command_effects, drive.name)
         return through(signal, effects, step=scenario.step, seed=(scenario.seed, j, slot))
-
-    @staticmethod
-    def _rest(drive: SteppedJoint, slot: int) -> Signal:
-        """Default reference: the joint's start position for motors and controllers, 0 for torques and voltages."""
-        mode = drive.mode
-        if mode is None or mode.number == 0 or mode.direct:
-            return REST
-        if slot == 0 or (not mode.mapped and drive.actuator is not None and not drive.actuator.adjuster):
-            return Constant(value=drive.initial_position)
-        return REST
 
     def sample(self, time: Array) -> Array:
         """External torques and references (n, joints, columns) at `time` (n,)."""
@@ -126,8 +121,8 @@ class Inputs:
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
-        references = np.concatenate([self.sample(time) for time in times])[None]
-        wrenches = np.concatenate([_sampled(self._wrenches, time, 6) for time in times])[None]
+        time = np.concatenate(times)
+        references, wrenches = self.sample(time)[None], _sampled(self._wrenches, time, 6)[None]
         split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
         return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 

@@ -35,21 +35,21 @@ def inputs_of(motors: int) -> dict[str, int]:
 def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     """Names of the quantities that this joint records."""
     names = ["link_position", "link_velocity", "link_torque", EXTERNAL_TORQUE]
-    mode, actuator = drive.mode, drive.actuator
     damped = bool(drive.joint.damping or drive.link_damping)
     if damped:
         names.append("damping_torque")
-    if mode is None or actuator is None:
+    if drive.drive is None:
         return tuple(names)
+    sprung = drive.drive.mode.spring
     names += [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
-    if mode.spring:
-        names += [f"elastic_torque_{i}" for i in range(1, actuator.motors + 1)] + ["stiffness"]
-        names += [f"motor_{i}_position" for i in range(1, actuator.motors + actuator.adjuster + 1)]
+    if sprung:
+        names += [f"elastic_torque_{i}" for i in range(1, drive.motors + 1)] + ["stiffness"]
+        names += [f"motor_{i}_position" for i in range(1, drive.placed + 1)]
     for i in range(1, drive.dynamic_motors + 1):
         names += [f"motor_{i}_velocity", f"motor_{i}_torque", f"friction_torque_{i}"]
     names += [f"motor_{i}_{what}" for i in drive.electric_motors for what in ("voltage", "current")]
     names += ["motor_work", "link_work"]
-    if mode.spring:
+    if sprung:
         names += ["spring_energy", "energy_residual"]
         names += ["limit_loss"] if drive.joint.effort is not None else []
     names += ["friction_loss"] if drive.dynamic_motors else []

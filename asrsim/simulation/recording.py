@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -51,7 +51,10 @@ class RunRecording:
         if self.active:
             self._absent = columns.absent(prepared.drives)
             self._guard = EnergyGuard(prepared, engine.model)
-            self._tip = _tip_of(prepared)
+            if prepared.scenario.task is not None:
+                from asrsim.kinematics.tip import TipPoses
+
+                self._tip = TipPoses(prepared.scenario, prepared.robot)
 
     def copy(self) -> RunRecording:
         """A copy, which continues independently. Both use the same sinks."""
@@ -78,8 +81,15 @@ class RunRecording:
         rows = parts[0] if len(parts) == 1 else np.concatenate(parts)
         self._rows = []
         prepared = self._prepared
-        time = grid(first, len(rows), prepared.scenario.step)
-        self._hand_on(first, Samples(time=time, joints=self._engine.joints, values=self._columns.values(rows)))
+        logged = self._samples(first, rows, prepared.scenario.log_every)
+        whole = self._samples(first, rows, 1) if self._whole else logged
+        self._scenes.clear()
+        if self._keep and len(logged.time):
+            self.kept.append(logged)
+        for sink in self._sinks:
+            taken = whole if getattr(sink, "full_rate", False) else logged
+            if len(taken.time):
+                sink.write(taken)
         fault = self._guard.look(state) if check else None
         if fault is not None:
             raise runaway(fault[0], min(substep, self._last) * prepared.substep, fault[1], prepared.resolution.omega_h)
@@ -89,30 +99,19 @@ class RunRecording:
         if substep <= self._last:
             self._scenes[substep] = self._engine.scene()
 
-    def _with_world(self, samples: Samples) -> Samples:
-        """The samples with the poses and contacts that were stored for their rows."""
-        scenes = [self._scenes.pop(substep) for substep in list(self._scenes)[: len(samples.time)]]
-        if not scenes:
-            return samples
-        bodies, contacts = (
-            {name: np.array([table[name] for table in tables]) for name in tables[0]} for tables in zip(*scenes, strict=True)
-        )
-        return replace(samples, bodies={**bodies, **samples.bodies}, contacts=contacts)
-
-    def _hand_on(self, first: int, samples: Samples) -> None:
-        """Pass samples to the sinks; `first`: number of the first sample."""
-        every = self._prepared.scenario.log_every
-        rows = slice((-first) % every, None, every)
-        samples = self._with_world(samples if self._whole else _thinned(samples, rows))
-        if self._tip is not None:
-            samples = self._tip.added(samples)
-        logged = _thinned(samples, rows) if self._whole else samples
-        if self._keep and len(logged.time):
-            self.kept.append(logged)
-        for sink in self._sinks:
-            taken = samples if getattr(sink, "full_rate", False) else logged
-            if len(taken.time):
-                sink.write(taken)
+    def _samples(self, first: int, rows: Array, every: int) -> Samples:
+        """Samples of every so many rows, with poses and contacts; `first`: number of the first row."""
+        part = slice((-first) % every, None, every)
+        time = grid(first, len(rows), self._prepared.scenario.step)[part]
+        samples = Samples(time=time, joints=self._engine.joints, values=self._columns.values(rows[part]))
+        if self._scenes and len(time):
+            numbers = range(first, first + len(rows))[part]
+            bodies, contacts = (
+                {name: np.array([table[name] for table in tables]) for name in tables[0]}
+                for tables in zip(*(self._scenes[number * self._every] for number in numbers), strict=True)
+            )
+            samples = replace(samples, bodies=bodies, contacts=contacts)
+        return samples if self._tip is None else self._tip.added(samples)
 
     @property
     def samples(self) -> Samples:
@@ -120,22 +119,3 @@ class RunRecording:
         if not self._keep:
             raise InputError("stores no samples: create it with record=True", key="simulation", code="samples")
         return concatenate(self.kept, joints=self._engine.joints)
-
-
-def _thinned(samples: Samples, rows: slice) -> Samples:
-    if rows.step == 1:
-        return samples
-
-    def thin(table: Mapping[str, Array]) -> dict[str, Array]:
-        return {name: values[rows] for name, values in table.items()}
-
-    values, bodies, contacts = map(thin, (samples.values, samples.bodies, samples.contacts))
-    return replace(samples, time=samples.time[rows], values=values, bodies=bodies, contacts=contacts)
-
-
-def _tip_of(prepared: Prepared) -> TipPoses | None:
-    if prepared.scenario.task is None:
-        return None
-    from asrsim.kinematics.tip import TipPoses
-
-    return TipPoses(prepared.scenario, prepared.robot)

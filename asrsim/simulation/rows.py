@@ -103,14 +103,12 @@ def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -
 def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list[int]:
     """Row of K for a joint, without the addresses."""
     k = [0] * KINDS
-    mode, actuator = drive.mode, drive.actuator
-    if mode is None or actuator is None:
+    if drive.drive is None:
         k[KIND] = PASSIVE
     else:
+        mode = drive.drive.mode
         k[KIND] = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
-        k[DYNAMIC] = drive.dynamic_motors
-        if mode.spring:
-            k[SPRINGS], k[PLACED] = actuator.motors, actuator.motors + actuator.adjuster
+    k[DYNAMIC], k[PLACED], k[SPRINGS] = drive.dynamic_motors, drive.placed, drive.motors if drive.placed else 0
     k[MOTORS] = drive.positions
     if sensor is not None:
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)

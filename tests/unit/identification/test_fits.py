@@ -229,10 +229,10 @@ def test_a_fit_file_contains_the_whole_task(lab, tmp_path, asrsim_command):
     assert (checked.code, "check only" in checked.out) == (0, True)
     with pytest.raises(InputError, match="not allowed beside it: experiments"):
         task_of(path, [lab / "a.csv"])
-    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
+    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\nfree: [joint_1.damping]\n")
     with pytest.raises(InputError) as found:
         task_of(path)
-    assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+    assert {problem.line for problem in found.value.problems} == {1, 2, 3, 4}
 
 
 def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path, asrsim_command):

@@ -13,7 +13,6 @@ from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
-from asrsim.log.structure import read_structure
 from support.log_example import INFO, assert_same, example_samples, part
 
 COUNT = 6000
@@ -134,18 +133,6 @@ def test_a_closed_log_opens_without_its_chunks(tmp_path, whole):
     assert open_log(path).duration == closed.duration == pytest.approx((COUNT - 1) * INFO.step * INFO.log_every)
     with pytest.raises(LogError):
         read_log(path)
-
-
-def test_the_summary_lists_the_chunks_that_a_scan_finds(tmp_path, whole):
-    path = tmp_path / "run.mcap"
-    path.write_bytes(whole)
-    listed = read_structure(path)
-    path.write_bytes(whole[:-1])
-    scanned = read_structure(path)
-    assert scanned.truncated
-    assert not listed.truncated
-    assert listed.chunks == scanned.chunks
-    assert len(listed.chunks) > 4
 
 
 def test_a_damaged_chunk_is_named_by_its_time(tmp_path, whole):

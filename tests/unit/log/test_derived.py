@@ -51,15 +51,6 @@ def test_ideal_motors_stand_at_the_references(mode, expected):
     np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
 
 
-def test_joints_are_matched_by_name_and_rigid_ones_have_none():
-    joints = [JointInfo(name="a", actuator="sea", mode=5), JointInfo(name="b", actuator="rigid", mode=None)]
-    table = {"link_position": np.stack([Q, Q], axis=1), "motor_1_position": np.stack([np.full(N, np.nan), THETA_1], axis=1)}
-    samples = Samples(time=np.arange(N) * 0.1, joints=("b", "a"), values=table)
-    result = deflection(samples, joints)
-    assert np.isnan(result[:, 0]).all()
-    np.testing.assert_array_equal(result[:, 1], THETA_1 - Q)
-
-
 def test_a_joint_among_others_has_the_values_of_one_alone():
     """Kinds stand in any order; of two alike one may be recorded and the other not."""
     kinds = [("qbmove", 6), ("sea", 5), ("bavs", 2), ("qbmove", 6), ("rigid", None), ("bavs", 2), ("awas_ii", 5), ("qbmove", 1)]
