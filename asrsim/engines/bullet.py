@@ -174,13 +174,15 @@ class BulletContacts(BulletEngine):
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
         """Pose of the robot and of each object at the start, by Bullet's body number."""
-        self._stopped = np.flatnonzero(np.isfinite(self._room.lower) | np.isfinite(self._room.upper)).tolist()
-        """Indices of the joints with stops."""
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(merged.moving_joints) if np.isfinite(joint.stops).any()]
+        """Index, lower and upper stop of each joint with stops."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
         self._rotation = np.eye(3)
         """Rotation matrix (3, 3) of the base link."""
         self._torques = Calculation(find_torques, self._room)
+        self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
+        """Arguments of `find_torques`."""
 
     def turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
@@ -248,11 +250,13 @@ class BulletContacts(BulletEngine):
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
         p, room, model = self._p, self._room, self.model
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
-        now, push, positions = room.velocity.copy(), np.zeros(room.freedoms), room.qpos[self._start :]
+        now, positions = room.velocity.copy(), room.qpos[self._start :]
+        push, load, _, length = self._arrays
+        load[0], length[0] = loads, fraction
         rotation = self._rotation if room.free else None
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
         self.look(forces, self._forces)
-        self._torques(push, loads[None], self._forces, np.array([fraction]))
+        self._torques(*self._arrays)
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[model.free :])
         self._before[:] = now
         if fraction != 1.0:
@@ -284,14 +288,16 @@ class BulletContacts(BulletEngine):
         ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
         its stop at most.
         """
-        room, step = self._room, self._room.scheme[STEP]
+        room, step, before = self._room, float(self._room.scheme[STEP]), self._room.velocity[self.model.free :]
+        rows = list(zip(room.qpos[self._start :].tolist(), ends.tolist(), before.tolist(), strict=True))
         targets, bounds = np.zeros(len(friction)), friction.copy()
-        for j in self._stopped:
-            for speed in (ends[j], room.velocity[room.joint_v[j]]):
-                reach = ((room.upper if speed > 0.0 else room.lower)[j] - room.qpos[room.joint_q[j]]) / step
+        for j, lower, upper in self._stops:
+            position, *speeds = rows[j]
+            for speed in speeds:
+                reach = ((upper if speed > 0.0 else lower) - position) / step
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
                     # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
-                    targets[j] = reach + np.copysign(BEYOND, speed) / step
+                    targets[j] = reach + (BEYOND if speed > 0.0 else -BEYOND) / step
                     bounds[j] = ARREST
                     break
         return targets, bounds

@@ -244,13 +244,16 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
-    m."""
+    """Compute kick and drift from mass matrix and bias in the room, and aim at the next step.
+
+    forces: generalised forces (p, v, 1) of the wrenches in N m.
+    """
     for piece in range(len(lengths)):
         for i in range(room.freedoms):
             room.force[i] = forces[piece, i, 0]
         kick(room, exchange, piece, lengths[piece])
     finish(room, state, exchange, lengths)
+    aim(room, state)
 
 
 def _turn(state: Any, first: int, step: float) -> None:
@@ -339,6 +342,8 @@ class RigidEngine(Engine):
         self._room, self._home = room, home
         self._state = np.zeros(room.coordinates + 3 * room.freedoms)
         self._plain_room, self._numbers = plain(room), self._state.data
+        self._changed = True
+        """Whether the state was changed from outside since the last step."""
         self._forces = np.zeros((1, room.freedoms, 1))
         self._calculation = calculation or Calculation(advance, room)
 
@@ -359,6 +364,7 @@ class RigidEngine(Engine):
         state[room.joint_q] = positions
         state[first + room.joint_v] = velocities
         state[first + size : first + 2 * size] = state[first : first + size]
+        self._changed = True
         self.begin()
         return positions, velocities
 
@@ -369,7 +375,9 @@ class RigidEngine(Engine):
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
             self._forces = np.zeros((len(lengths), self._room.freedoms, 1))
-        aim(self._plain_room, self._numbers)
+        if self._changed:
+            aim(self._plain_room, self._numbers)
+            self._changed = False
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)
 
@@ -381,6 +389,7 @@ class RigidEngine(Engine):
     @state.setter
     def state(self, values: Array) -> None:
         self._state[:] = values
+        self._changed = True
 
     def turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link, if it floats."""

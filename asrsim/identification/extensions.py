@@ -33,7 +33,6 @@ STAIRS = 0.9
 """A command is played as a staircase if at most this fraction of the mean square error then remains."""
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
-
 CLEAR = 0.4
 """A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it."""
 
@@ -43,6 +42,7 @@ class Extension:
     """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
 
     text: str = ""
+    """Words for the extension as a cause of a misfit; empty: the extension is no cause."""
     parameters: tuple[Parameter, ...] = ()
     """Parameters at the end of the extended parameter vector."""
     ties: tuple[Tie, ...] = ()
@@ -58,8 +58,6 @@ class Extension:
     """Whether the extension changes the required number of substeps."""
     share: float = FURTHER
     """Largest fraction of the mean square error that may remain with the extension."""
-    clear: float = CLEAR
-    """Remaining fraction of the mean square error below which no test of significance is needed."""
     excess: float = 1.0
     """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
     fitting model any additional parameter reduces the misfit.
@@ -77,7 +75,7 @@ class Extension:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
         # Residuals of a wrong model are smooth, so that few samples are independent.
-        real = after <= self.clear * before or samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT
+        real = (self.text and after <= CLEAR * before) or samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT
         return bool(real and not far and after <= self.share * before)
 
 
@@ -175,7 +173,7 @@ def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
     smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
     for key in smooth:
         if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS, clear=0.0)
+            yield Extension(staircase=key, begins=((),), share=STAIRS)
 
 
 def presliding(problem: Problem, _: Array) -> Iterator[Extension]:
@@ -191,10 +189,8 @@ def presliding(problem: Problem, _: Array) -> Iterator[Extension]:
                 level = key.replace("stiffness", "torque")
                 groups.setdefault(tied.get(level, level), []).append(key)
     for first, *others in groups.values():
-        yield Extension(
-            parameters=(known[first],), ties=tied_to(first, others), begins=tuple(np.log(FACTORS)), restepped=True, share=1.0,
-            clear=0.0, excess=MUCH,
-        )  # fmt: skip
+        ties, begins = tied_to(first, others), tuple(np.log(FACTORS))
+        yield Extension(parameters=(known[first],), ties=ties, begins=begins, restepped=True, share=1.0, excess=MUCH)
 
 
 def tied_to(first: str, others: Iterable[str]) -> tuple[Tie, ...]:

@@ -20,8 +20,8 @@ FITS, SURE = 1.25, 2.0
 """
 WHITE = 0.3
 """Lag-1 correlation below which residuals count as noise."""
-FEWEST = 11
-"""Smallest number of samples by which a fit can be judged."""
+FEWEST, FEW = 11, "its samples are too few to judge the fit"
+"""Smallest number of samples by which a fit can be judged; fault of a channel with fewer samples."""
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
@@ -132,10 +132,9 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
         lines |= {
             label: part.recorded + error for label, error in (("before", was), ("after", left)) if np.isfinite(error).all()
         }
-        fitted, judged, fault = end > 0.0 and "after" in lines, count >= FEWEST, ""
-        if fitted:
-            few = f"{count} samples are too few to judge the fit"
-            fault = fault_of(channel, left[:count], change[:count]) if judged else few
+        fault = FEW if end and count < FEWEST else ""
+        if "after" in lines and count >= FEWEST:
+            fault = fault_of(channel, left[:count], change[:count])
         spread = float(np.var(part.recorded))
         beyond, _ = beyond_steps(left[:count], part.recorded[:count], channel.quantum)
         found.append(
@@ -143,7 +142,7 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
                 recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
                 noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
                 held_before=rms(was[count:]), held_after=rms(left[count:]),
-                correlation=lag_correlation(beyond) if fitted and judged else np.nan,
+                correlation=lag_correlation(beyond) if count >= FEWEST else np.nan,
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
                 fault=fault,
                 shaken=rms(change[count:]), steps=channel.quantum / 3.0**0.5,

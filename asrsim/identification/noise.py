@@ -92,8 +92,9 @@ def is_nothing(size: float, noise: float) -> bool:
     return size < NOTHING * noise
 
 
-def swing(residuals: Array) -> float:
-    """Frequency, in cycles per sample, of a significant line in the spectrum of residuals (n,); 0 if there is no such line.
+def frequency(time: Array, residuals: Array) -> float:
+    """Frequency of a significant line in the spectrum of residuals (n,), Hz; 0 if there is no such line. time: times (n,) or
+    more.
 
     The power of a line is compared with the median power of the frequencies around the line, so that coloured noise has no
     lines.
@@ -114,13 +115,7 @@ def swing(residuals: Array) -> float:
     most = int(np.argmax(band))
     fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)
     stands_out = float(gammaincc(WIDTH, band[most])) * len(power) < SELDOM and fraction > SWING
-    return (most + 1) / n if stands_out else 0.0
-
-
-def frequency(time: Array, values: Array) -> float:
-    """Frequency of a significant line in the spectrum of values (n,), Hz; 0 if there is no such line."""
-    cycles = swing(values)
-    return cycles * (len(values) - 1) / float(time[len(values) - 1] - time[0]) if cycles else 0.0
+    return (most + 1) / n * (n - 1) / float(time[n - 1] - time[0]) if stands_out else 0.0
 
 
 def autocovariances(residuals: Array) -> Array:

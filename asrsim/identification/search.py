@@ -93,8 +93,6 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
     yield "the start, horizon growing", start, GROWING
     layout = best.problem.layout
     start = np.append(start, np.zeros(len(layout) - len(start)))
-    if any("friction" in entry.name for entry in layout.entries):
-        yield "the start, friction last", _frictionless(best.problem, start), SHORT[-1:]
     number = 1
     while best.successes < AGREED:
         moved = best.x.copy() if number % 2 else start.copy()
@@ -108,18 +106,6 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
                 moved[i] += generator.uniform(-reach, reach)
         yield f"scattered start {number}", np.clip(moved, *layout.bounds), SHORT if number % 2 else GROWING
         number += 1
-
-
-def _frictionless(problem: Problem, start: Array) -> Array:
-    """Start vector (n,) from a search in which friction is not free: with friction, a search may end where a joint sticks, and
-    no parameter changes the residuals there.
-    """
-    layout, x = problem.layout, start.copy()
-    kept = [i for i, entry in enumerate(layout.entries) if "friction" not in entry.name]
-    smooth = replace(problem, layout=replace(layout, entries=tuple(layout.entries[i] for i in kept)))
-    for share in GROWING if kept else ():
-        x[kept] = solve(replace(smooth, share=share), x[kept], tolerance=1e-2, rounds=12)
-    return x
 
 
 def has_outliers(values: Array) -> bool:

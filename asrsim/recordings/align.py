@@ -109,8 +109,6 @@ def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[Joint
     if quantity in samples.values:
         values = samples.values[quantity][:, index]
     elif quantity in DERIVED and infos:
-        if quantity != "equilibrium_position" and "link_position" not in samples.values:
-            return None
         values = DERIVED_FUNCTIONS[quantity](samples, infos)[:, index]
     else:
         return None

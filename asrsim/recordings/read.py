@@ -90,11 +90,11 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
     except RecordingError as error:
         # A file that cannot be read may be another kind of document.
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
-        other = mistaken(path, "recording") if unread else None
+        if unread and (other := mistaken(path, "recording")) is not None:
+            raise RecordingError(other) from None
         # The time may be in a column whose text is no date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
-        problems = [other] if other is not None else [replace(one, file=one.file or path) for one in said]
-        raise RecordingError(problems) from None
+        raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 

@@ -121,8 +121,8 @@ class Inputs:
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
-        references = np.concatenate([self.sample(time) for time in times])[None]
-        wrenches = np.concatenate([_sampled(self._wrenches, time, 6) for time in times])[None]
+        time = np.concatenate(times)
+        references, wrenches = self.sample(time)[None], _sampled(self._wrenches, time, 6)[None]
         split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
         return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 

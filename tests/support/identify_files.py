@@ -107,7 +107,7 @@ class Model:
     def predictions(self, tables, playing, until):
         for table in tables:
             left = self._left(np.array([one.place(table.get(one.key, one.start)) for one in self._layout.entries]))
-            yield [((np.nan if left is None else left) + channel.values)[: channel.until(until)] for channel in self.channels]
+            yield [(np.nan if left is None else left) + channel.values for channel in self.channels]
 
     def predict(self, values, playing, until):
         return next(self.predictions([values], playing, until))

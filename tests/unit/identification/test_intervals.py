@@ -20,7 +20,7 @@ from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import Parameter, make_layout
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
 from asrsim.identification.result import estimates
-from asrsim.identification.search import Best, search, settle
+from asrsim.identification.search import Best, settle
 from asrsim.identification.task import Tie
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
@@ -111,19 +111,6 @@ def test_blocks_that_disagree_widen_the_intervals(met):
 def test_a_tenth_does_not_identify_what_nothing_distinguishes():
     slopes = np.tile(np.random.default_rng(0).normal(size=(400, 1)), 2)
     assert np.isnan(uncertainty(linear(slopes, slopes[::-1, 0]), np.zeros(2)).of_a_block.deviation).all()
-
-
-def test_a_search_leaves_friction_until_last():
-    """Of residuals x - 2 y + 1 and x + y - 2, only y is searched first."""
-    tried: list[object] = []
-    parameters = [Parameter(key=f"j.{name}", unit="", start=1.0, low=-9.0, high=9.0) for name in ("friction", "damping")]
-    wave = 1e3 * np.sin(np.arange(100.0))
-    left = np.array([[1.0, -2.0], [1.0, 1.0]])
-    problem = modelled(lambda x: tried.append(x) or (left @ x + [1.0, -2.0]) @ [wave, wave[::-1]] + 9.0, parameters, 100)
-    problem.tracks[0].door = SimpleNamespace(robot=SimpleNamespace(actuators=(), moving_joints=(), links=()))
-    search(Best(problem, np.zeros(2)), 3, tried.append)
-    first = tried[next(i for i, one in enumerate(tried) if isinstance(one, str) and "last" in one) + 1]
-    assert first == pytest.approx([0.0, 0.8], abs=0.05)
 
 
 def test_a_diverged_simulation_gives_no_derivative():

@@ -83,7 +83,7 @@ def test_fits_that_prove_little_are_told():
     values = np.sin(np.arange(12.0))
     problem = replace(modelled(lambda _: 0.0 * values, 1, 12, recorded=values), ends=(0.75,))
     (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
-    assert found.fault == "9 samples are too few to judge the fit"
+    assert found.fault == "its samples are too few to judge the fit"
 
 
 def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():

@@ -13,10 +13,10 @@ from asrsim.identification.noise import (
     autocovariances,
     autoregression,
     fine_noise,
+    frequency,
     lag_correlation,
     quantum_of,
     size_of,
-    swing,
 )
 from asrsim.identification.problem import huber
 from asrsim.identification.track import first_samples
@@ -52,10 +52,10 @@ def test_a_swing_stands_out_of_white_and_of_correlated_noise():
     generator, time = np.random.default_rng(0), np.arange(2000) * 1e-3
     for memory in (0.0, 0.5, 0.95):
         noise = lfilter([1.0], [1.0, -memory], generator.normal(size=(200, 600)))[:, 200:]
-        assert sum(swing(one) > 0.0 for one in noise) <= 1
+        assert sum(frequency(time, one) > 0.0 for one in noise) <= 1
     ringing = 0.4 * np.sin(2.0 * np.pi * 108.0 * time)
-    assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
-    assert swing(np.ones(200)) == 0.0
+    assert frequency(time, generator.normal(size=2000) + ringing) == pytest.approx(108.0, abs=1.0)
+    assert frequency(time, np.ones(200)) == 0.0
 
 
 def test_a_deviating_segment_is_noisy_and_outliers_are_not():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from scipy.spatial.transform import Rotation
 
 import asrsim
 from asrsim.log import LogWriter
@@ -18,13 +19,8 @@ from support.random_robots import random_urdf
 
 
 def matrix(transform):
-    x, y, z, w = (getattr(transform.rotation, name) for name in "xyzw")
     result = np.eye(4)
-    result[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    result[:3, :3] = Rotation.from_quat([getattr(transform.rotation, name) for name in "xyzw"]).as_matrix()
     result[:3, 3] = [getattr(transform.translation, name) for name in "xyz"]
     return result
 

@@ -12,9 +12,8 @@ import pytest
 from scipy.io import savemat
 
 from asrsim.confined import ConfinedError, run_confined
-from asrsim.errors import Problem, RecordingError
-from asrsim.recordings import READERS, Reader, read_recording
-from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.errors import RecordingError
+from asrsim.recordings import read_recording
 from asrsim.signals import Playback
 
 TIME = np.arange(50) * 0.01
@@ -192,22 +191,6 @@ def test_a_format_that_is_not_read_is_refused(tmp_path, head):
     (tmp_path / "lab.bin").write_bytes(head + bytes(40) + b"1")
     with pytest.raises(RecordingError, match="not a text file"):
         read_recording(tmp_path / "lab.bin")
-
-
-def test_a_users_reader_is_one_entry_of_the_registry(tmp_path, monkeypatch):
-    def read(path, reading):
-        values = np.frombuffer(path.read_bytes()[4:]).reshape(-1, 3)
-        columns = [RawColumn(name=name, values=values[:, i]) for i, name in enumerate(HEADER)]
-        note = Problem("was read by mine", code="mine")
-        return Content(format="mine", tables=(RawTable(columns=tuple(columns)),), findings=(note,))
-
-    monkeypatch.setattr(READERS, "_entries", dict(READERS._entries))
-    READERS.add("mine", Reader(suffixes=(".mine",), magic=(b"MINE",), read=read, confined=False))
-    (tmp_path / "lab.mine").write_bytes(b"MINE" + np.array(ROWS).tobytes())
-    recording = read_recording(tmp_path / "lab.mine")
-    check(recording)
-    assert recording.format == "mine"
-    assert recording.findings[0].code == "mine"
 
 
 @pytest.mark.parametrize(("place", "value"), [(634, 3), (345, 13), (472, 13)])
