@@ -98,9 +98,9 @@ class Inputs:
         inputs[..., : references.shape[3]] = references
         inputs[..., references.shape[3] :] = sensors
         for joints, law in self._maps:
-            first, second = (np.ascontiguousarray(references[:, :, joints, GOALS + slot].T) for slot in (0, 1))
-            for slot, values in enumerate(law(first, second)):
-                inputs[:, :, joints, GOALS + slot] = values.T
+            mapped = law(*(references[:, :, joints, GOALS + slot] for slot in (0, 1)))
+            for slot, values in enumerate(mapped):
+                inputs[:, :, joints, GOALS + slot] = values
         return inputs
 
     def _make_chunk(self, first: int, count: int) -> tuple[Given, Array]:
