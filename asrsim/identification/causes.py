@@ -104,8 +104,11 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
-        if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
-            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist()
+        predicted = part.recorded + off
+        # No scale within its bounds makes a nearly constant prediction as large as the recorded motion.
+        moves = float(np.ptp(predicted)) > 1e-3 * float(np.ptp(part.recorded))
+        if zeroed and moves and not {offset.key, gain.key} & free and channel.guide is None:
+            slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))
                 yield Extension(text=f"another scale and zero of {key}", parameters=(offset, gain), begins=(begin,))
