@@ -49,17 +49,18 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
         problem, x, (_sensors, _robot, _delays, _wrong_ties), most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
     )  # fmt: skip
-    # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start values is
-    # tried, too.
-    again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
-    found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
-    rest = mean_square(found.problem, found.x)
-    if found.chosen and rest <= base - PARTLY * excess:
-        more = "" if rest <= target else "; more is missing"
-        yield _suspected(found, percent((rest / base) ** 0.5)) + more
-        yield from _oscillations(found.problem, found.x)
-    else:
-        yield from _oscillations(problem, x)
+    explained = problem, x
+    if found.chosen:
+        # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start values
+        # is tried, too.
+        again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
+        found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
+        rest = mean_square(found.problem, found.x)
+        if rest <= base - PARTLY * excess:
+            more = "" if rest <= target else "; more is missing"
+            yield _suspected(found, percent((rest / base) ** 0.5)) + more
+            explained = found.problem, found.x
+    yield from _oscillations(*explained)
     yield from _varying_springs(problem, x)
 
 
