@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended, tied_to
+from asrsim.identification.judge import missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals, solve
@@ -51,8 +52,8 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
     )  # fmt: skip
     explained = problem, x
     if found.chosen:
-        # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start values
-        # is tried, too.
+        # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start
+        # values is tried, too.
         again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
         found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
         rest = mean_square(found.problem, found.x)
@@ -203,10 +204,7 @@ def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
         driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
         if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):
-            yield (
-                f"{part.channel.key} oscillates at {hertz:.2g} Hz, but its prediction does not: a mode is missing, such as an "
-                "elastic link or transmission, or no start found this frequency"
-            )
+            yield f"{part.channel.key}: {missing_mode(hertz)}"
 
 
 def _correlation(a: Array, b: Array) -> float:
