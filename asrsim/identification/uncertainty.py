@@ -151,12 +151,8 @@ class _Noise:
         """Noise whose autocovariance is corrected for the fitted parameters. taken: basis' C basis (k, k), summed over the
         channels.
         """
-        n, own, basis, crossed = (
-            len(self.basis),
-            np.fft.irfft(self._model[0]),
-            self.basis,
-            2.0 * self.spread - self.basis @ taken,
-        )
+        n, basis, own = len(self.basis), self.basis, np.fft.irfft(self._model[0])
+        crossed = 2.0 * self.spread - basis @ taken
         lost = [
             lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
             for lag in range(len(self.shown))
