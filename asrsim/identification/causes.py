@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended, tied_to
+from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, tied_to
 from asrsim.identification.judge import missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
@@ -171,8 +171,7 @@ def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
     for extension in _wrong_ties(problem, x):
         promise, (parameter,) = optimum.promise(extension), extension.parameters
         apart = abs(parameter.value(float(promise.start[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
-        significant = -np.log(1.0 - promise.share) * independent_samples(optimum.residuals) > SIGNIFICANT
-        if significant and apart > DIFFERENT:
+        if apart > DIFFERENT and is_significant(1.0, 1.0 - promise.share, independent_samples(optimum.residuals)):
             yield f"{extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
 
 
