@@ -52,7 +52,7 @@ class Core:
         engine. Raises SimulationError if compiled code is requested and not available."""
         self.prepared, self.compiled, self._watch = prepared, compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
-        self.shape: RowShape = shape_of(drives, prepared.sensors)
+        self.shape: RowShape = shape_of(drives)
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         self._z = np.array([
             prepared.substep, now, past, stepping.first_drift, stepping.implicitness, prepared.resolution.link_implicitness,
@@ -172,8 +172,8 @@ class Core:
         bound = self._engines[world]
         bound.leave()
         placed = self._start_engine(bound.engine, prepared)
-        rows = zip(prepared.drives, prepared.sensors, *placed, strict=True)
-        self.S[world] = [start_of(drive, sensor, self.shape, q, v) for drive, sensor, q, v in rows]
+        rows = zip(prepared.drives, *placed, strict=True)
+        self.S[world] = [start_of(drive, self.shape, q, v) for drive, q, v in rows]
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTHY
         bound.entered(world)
