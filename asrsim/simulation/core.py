@@ -179,7 +179,7 @@ class Core:
         bound.entered(world)
 
     @property
-    def _tables(self) -> tuple[Array, ...]:
+    def _tables(self) -> tuple[NDArray[Any], ...]:
         return self.done, self.fault, self.S, self.P, self.held, self.rows
 
     def state(self, world: int) -> tuple[Any, ...]:
