@@ -12,14 +12,12 @@ import numpy as np
 
 from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
-from asrsim.robot import drive_of
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Sensor
+from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
@@ -90,9 +88,8 @@ class Prepared:
     robot: Robot
     stepping: Stepping
     drives: tuple[SteppedJoint, ...]
-    """The moving joints, with their drives and their start."""
+    """The moving joints, with their drives, sensors and start."""
     resolution: Resolution
-    sensors: tuple[Sensor | None, ...]
     info: RunInfo
     warnings: tuple[Problem, ...]
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
@@ -235,17 +232,7 @@ class Prepared:
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, model))
 
     def with_numbers(self, parameters: Numbers) -> Prepared:
-        """A copy with other parameters, as `vary` makes it, but with an unchanged start."""
+        """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
         robot = varied_robot(self.robot, parameters)
-        blocks = {block.joint: block for block in robot.actuators}
-        joints = {joint.name: joint for joint in robot.joints}
-        drives = tuple(
-            replace(
-                drive,
-                joint=joints[drive.name],
-                drive=drive_of(blocks[drive.name]) if drive.name in blocks else drive.drive,
-                block=blocks.get(drive.name),
-            )
-            for drive in self.drives
-        )
-        return replace(self, robot=robot, drives=drives, _spare=[])
+        drives = make_drives(robot, self.stepping, self.scenario)
+        return replace(self, robot=robot, drives=with_sensors(drives, self.scenario, self.substep), _spare=[])
