@@ -237,11 +237,6 @@ CHECKS = (
     ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
     ("passive", "the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4, _passive),
     ("energy", "the derivatives of a declared energy by -q and by theta_i are the torques (relative error)", 1e-3, _energy),
-    (
-        "reference map",
-        "equilibrium_position inverts motor_references (rad), where no torque acts on the link",
-        1e-9,
-        _reference,
-    ),
+    ("reference map", "equilibrium_position inverts motor_references (rad), without torque on the link", 1e-9, _reference),
 )
 """Name, condition, largest allowed value and function of each check."""
