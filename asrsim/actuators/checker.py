@@ -84,7 +84,7 @@ def _run(name: str, doc: str, limit: float, measure: Callable[[Points], Measured
     try:
         with np.errstate(all="ignore"):
             figures, text = measure(_points(actuator))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return replace(check, detail=f"raised {type(error).__name__}: {error}")
     if not np.isfinite(figures).all():
         return replace(check, detail=f"no finite number at {text(int(np.argmin(np.isfinite(figures))))}")

@@ -30,6 +30,9 @@ PLAN_STEP = 2e-3
 """Time step of the inverse kinematics, s; references are interpolated linearly between its results."""
 ORIENTATION_TOLERANCE = 0.01
 """Orientation error above which a pose counts as unreachable, rad."""
+BENDS = (0.0, 0.3, -0.3)
+"""Positions of all joints, beside the start, from which a start on the path is sought, rad or m. A stretched arm needs them:
+its point cannot move along the arm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,13 +112,17 @@ def _check_path(
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
         position, _ = model.pose(path.positions[0], task.link, task.point)
         first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
-        still = follow(model, task.link, task.point, first, path.positions[0], np.arange(200.0), moving=moving)
+        starts = [np.clip(path.positions[0] + bend * moving, model.lower, model.upper) for bend in BENDS]
+        times = np.arange(200.0)
+        reached = [follow(model, task.link, task.point, first, start, times, moving=moving) for start in starts]
+        still = min(reached, key=lambda one: float(one.position_error[-1]))
         wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, still.positions[-1], strict=True))
+        close = still.position_error[-1] <= task.tolerance
         raise ScenarioError(
             f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
             f"{_text(trajectory.positions[0])} m",
             key="task.poses",
-            hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
+            hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give it a later time",
             code="start-off-path",
         )
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)

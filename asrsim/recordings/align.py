@@ -22,8 +22,8 @@ first, as both records contain the same reference. The lag of a response is part
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function (quantities, joints) that returns the samples of these quantities and joints."""
-SeriesOf = Callable[[str, str], tuple[Array, Array] | None]
-"""Function (joint, quantity) that returns the run's times (n,) in s and values (n,); None where the run lacks the series."""
+SeriesOf = Callable[[tuple[str, str]], tuple[Array, Array] | None]
+"""Function that returns the times (n,) in s and values (n,) of (joint, quantity) in a run; None where the run lacks them."""
 
 
 def align_recording(
@@ -45,18 +45,17 @@ def align_recording(
     """
     columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
     best: tuple[str, Array, Array, Column] | None = None
-    for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
-        if (found := series(joint, quantity)) is None:
+    for key in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
+        if (found := series(key)) is None:
             continue
-        column = columns[joint, quantity]
-        moves = _moves(found[1]) and _moves(column.values)
+        moves = _moves(found[1]) and _moves(columns[key].values)
         if best is None or moves:
-            best = (f"{joint}.{quantity}", *found, column)
+            best = (".".join(key), *found, columns[key])
         # If the lag is not estimated, the first series is enough: only the times of the series are used.
         if moves or lag != "auto":
             break
     if best is None:
-        choices = tuple(f"{joint}.{quantity}" for joint, quantity in columns)
+        choices = tuple(map(".".join, columns))
         raise RecordingError(
             "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
         )
@@ -91,7 +90,8 @@ def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
     """Function that reads single series of a run, for example from a log."""
     recorded = {info.name: info.quantities for info in infos}
 
-    def series(joint: str, quantity: str) -> tuple[Array, Array] | None:
+    def series(key: tuple[str, str]) -> tuple[Array, Array] | None:
+        joint, quantity = key
         sources = DERIVED_SOURCES.get(quantity, (quantity,))
         stored = [name for name in recorded.get(joint, ()) if name in sources]
         if not stored:

@@ -119,7 +119,7 @@ def compare(
     """
     pairing = match_joints(samples.joints, recording, joints)
     columns, findings = comparable(recording, pairing, infos, quantities)
-    found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
+    found = {key: (samples.time, own) for key in columns if (own := simulated(samples, *key, infos)) is not None}
     if findings and not found:
         raise RecordingError(condense(findings))
     if not found:
@@ -130,13 +130,10 @@ def compare(
             f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
         )  # fmt: skip
 
-    def series_of(joint: str, quantity: str) -> tuple[Array, Array] | None:
-        return (samples.time, found[joint, quantity]) if (joint, quantity) in found else None
-
     prismatic = {info.name for info in infos if info.prismatic}
-    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, infos=infos)
+    alignment = align_recording(recording, pairing, found.get, lag=lag, limit=lag_limit, infos=infos)
     series = tuple(
-        _series(joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
+        _series(joint, quantity, *own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
         for (joint, quantity), own in found.items()
     )
     findings += alignment.findings

@@ -52,7 +52,7 @@ class Core:
         engine. Raises SimulationError if compiled code is requested and not available."""
         self.prepared, self.compiled, self._watch = prepared, compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
-        self.shape: RowShape = shape_of(drives, prepared.sensors)
+        self.shape: RowShape = shape_of(drives)
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         self._z = np.array([
             prepared.substep, now, past, stepping.first_drift, stepping.implicitness, prepared.resolution.link_implicitness,
@@ -172,22 +172,26 @@ class Core:
         bound = self._engines[world]
         bound.leave()
         placed = self._start_engine(bound.engine, prepared)
-        rows = zip(prepared.drives, prepared.sensors, *placed, strict=True)
-        self.S[world] = [start_of(drive, sensor, self.shape, q, v) for drive, sensor, q, v in rows]
+        rows = zip(prepared.drives, *placed, strict=True)
+        self.S[world] = [start_of(drive, self.shape, q, v) for drive, q, v in rows]
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTHY
         bound.entered(world)
 
+    @property
+    def _tables(self) -> tuple[NDArray[Any], ...]:
+        return self.done, self.fault, self.S, self.P, self.held, self.rows
+
     def state(self, world: int) -> tuple[Any, ...]:
         """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
-        tables = (table[world].copy() for table in (self.done, self.S, self.P, self.held, self.rows))
-        return *tables, self._engines[world], self._engines[world].state(world)
+        return *(table[world].copy() for table in self._tables), self._engines[world], self._engines[world].state(world)
 
     def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
         """Set the complete state of a world, and the parameters of this state. Continuing from this state gives bitwise
         identical results."""
-        self.done[world], self.S[world], self.P[world], self.held[world], self.rows[world], bound, engine = state
-        self.fault[world] = HEALTHY
+        *values, bound, engine = state
+        for table, row in zip(self._tables, values, strict=True):
+            table[world] = row
         self._engines[world] = bound
         if bound is not self._shared:
             self._own[world] = bound

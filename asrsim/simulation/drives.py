@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
@@ -12,6 +12,7 @@ from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
+from asrsim.simulation.effects import Sensor, sensor_of
 from asrsim.simulation.steppings import Stepping
 
 
@@ -32,6 +33,8 @@ class SteppedJoint:
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
+    sensor: Sensor | None = None
+    """Encoders of the joint's controllers; None: the controllers use the true values."""
     block: ActuatorBlock | None = None
 
     @property
@@ -154,3 +157,13 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
             )
         )
     return tuple(drives)
+
+
+def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: float) -> tuple[SteppedJoint, ...]:
+    """The joints with their sensors. substep: length of a substep in s."""
+    found = []
+    for index, drive in enumerate(drives):
+        effects = for_joint(scenario.sensor_effects, drive.name)
+        sensor = sensor_of(drive.drive, effects, substep=substep, index=index, seed=scenario.seed)
+        found.append(replace(drive, sensor=sensor))
+    return tuple(found)

@@ -13,12 +13,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from asrsim.actuators.drive import Drive
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Delay
 from asrsim.signals.common import rounded
-from asrsim.simulation.drives import SteppedJoint
 
 _BLOCK = 4096
 """Number of noise samples that are drawn in one call."""
@@ -123,9 +123,9 @@ class Sensor:
                 table[:, 2 * index + 1] = noise.draw(ticks[1:])
 
 
-def sensor_of(drive: SteppedJoint, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
+def sensor_of(drive: Drive | None, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
     """Sensors of joint number `index`; None if the joint has no controllers or they use the true values."""
-    if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
+    if effects is None or not effects.active or drive is None or not drive.mode.controller:
         return None
     count = max(drive.dynamic_motors, 1)
     noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))

@@ -18,7 +18,7 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Sensor, through
+from asrsim.simulation.effects import through
 from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
@@ -54,14 +54,13 @@ class Inputs:
         *,
         substep: float | None = None,
         staggered: bool = False,
-        sensors: Sequence[Sensor | None] = (),
         longest: int = LONGEST,
     ) -> None:
         """substep: length of a substep in s; None: a step. longest: largest number of substeps in a chunk."""
         self.substep, self.staggered, self._longest = substep or scenario.step, staggered, longest
         self._chunk = lru_cache(maxsize=KEPT)(self._make_chunk)
-        self._sensors = tuple(sensors)
-        self._sensed = 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
+        self._sensors = [drive.sensor for drive in drives]
+        self._sensed = 2 * max((sensor.count for sensor in self._sensors if sensor is not None), default=0)
         self._wrenches = [[signal or REST for signal in (*wrench.force, *wrench.torque)] for wrench in scenario.wrenches]
         mapped: dict[type[Actuator], list[int]] = {}
         for index, drive in enumerate(drives):
@@ -99,9 +98,9 @@ class Inputs:
         inputs[..., : references.shape[3]] = references
         inputs[..., references.shape[3] :] = sensors
         for joints, law in self._maps:
-            first, second = (np.ascontiguousarray(references[:, :, joints, GOALS + slot].T) for slot in (0, 1))
-            for slot, values in enumerate(law(first, second)):
-                inputs[:, :, joints, GOALS + slot] = values.T
+            mapped = law(*(references[:, :, joints, GOALS + slot] for slot in (0, 1)))
+            for slot, values in enumerate(mapped):
+                inputs[:, :, joints, GOALS + slot] = values
         return inputs
 
     def _make_chunk(self, first: int, count: int) -> tuple[Given, Array]:

@@ -12,11 +12,10 @@ import numpy as np
 from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
-from asrsim.simulation.drives import SteppedJoint, make_drives
-from asrsim.simulation.effects import sensor_of
+from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.ranges import ranges_of
@@ -84,10 +83,7 @@ def prepare(
         # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
         sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
         warnings = [problem for problem in warnings if problem.code != "undersampled-sine" or problem.key in sampled]
-        sensors = tuple(
-            sensor_of(drive, for_joint(scenario.sensor_effects, drive.name), substep=substep, index=index, seed=scenario.seed)
-            for index, drive in enumerate(drives)
-        )
+        drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:
         engine.close()
@@ -98,7 +94,6 @@ def prepare(
         stepping=stepping,
         drives=drives,
         resolution=resolution,
-        sensors=sensors,
         info=info,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
         _spare=[engine],

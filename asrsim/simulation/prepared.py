@@ -17,8 +17,7 @@ from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import SteppedJoint, make_drives
-from asrsim.simulation.effects import Sensor
+from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import EXTERNAL_TORQUE
@@ -89,9 +88,8 @@ class Prepared:
     robot: Robot
     stepping: Stepping
     drives: tuple[SteppedJoint, ...]
-    """The moving joints, with their drives and their start."""
+    """The moving joints, with their drives, sensors and start."""
     resolution: Resolution
-    sensors: tuple[Sensor | None, ...]
     info: RunInfo
     warnings: tuple[Problem, ...]
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
@@ -236,4 +234,5 @@ class Prepared:
     def with_numbers(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
         robot = varied_robot(self.robot, parameters)
-        return replace(self, robot=robot, drives=make_drives(robot, self.stepping, self.scenario), _spare=[])
+        drives = make_drives(robot, self.stepping, self.scenario)
+        return replace(self, robot=robot, drives=with_sensors(drives, self.scenario, self.substep), _spare=[])

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Sensor
 from asrsim.simulation.layout import (
     ANCHOR,
     CONTROLLED,
@@ -91,16 +90,16 @@ class RowShape:
         return GOALS + self.motors
 
 
-def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> RowShape:
+def shape_of(drives: Sequence[SteppedJoint]) -> RowShape:
     """Sizes of the rows that these joints need."""
     return RowShape(
         motors=max((drive.positions for drive in drives), default=2),
-        ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
+        ring=max((2 * (drive.sensor.delay + 2) + 3 for drive in drives if drive.sensor), default=0),
         parameters=max((len(drive.elastic) for drive in drives), default=0),
     )
 
 
-def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list[int]:
+def kind_of(drive: SteppedJoint, shape: RowShape) -> list[int]:
     """Row of K for a joint, without the addresses."""
     k = [0] * KINDS
     if drive.drive is None:
@@ -110,19 +109,17 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape) -> list
         k[KIND] = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
     k[DYNAMIC], k[PLACED], k[SPRINGS] = drive.dynamic_motors, drive.placed, drive.motors if drive.placed else 0
     k[MOTORS] = drive.positions
-    if sensor is not None:
-        k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
+    if drive.sensor is not None:
+        k[CONTROLLERS], k[ON_LINK] = drive.sensor.count, int(drive.sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
     k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
     k[LAW] = shape.drives
     return k
 
 
-def constants_of(
-    drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, *, motor_substeps: int, cutoff: bool
-) -> list[float]:
+def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, cutoff: bool) -> list[float]:
     """Row of P for a joint."""
-    joint, law, values = drive.joint, drive.link_damping, drive.values
+    joint, law, values, sensor = drive.joint, drive.link_damping, drive.values, drive.sensor
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
     level, length = drive.hysteresis or (0.0, 1.0)
@@ -158,7 +155,7 @@ def _motor(drive: SteppedJoint, index: int) -> list[float]:
     return [*drive.drive.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
 
 
-def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, position: float, velocity: float) -> list[float]:
+def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: float) -> list[float]:
     """Row of S for a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
     s = [0.0] * shape.state
     s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
@@ -171,6 +168,7 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, positi
         s[m + DEFLECTION] = s[m + LAST_DEFLECTION] = np.nan
         if i < len(starts):
             s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]
+    sensor = drive.sensor
     for i in range(sensor.count if sensor else 0):
         # The memory of a sensor is filled with the values at the start.
         x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
@@ -182,8 +180,7 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: RowShape, positi
 
 def tables(prepared: Prepared, shape: RowShape) -> tuple[NDArray[np.int64], Array]:
     """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
-    joints = list(zip(prepared.drives, prepared.sensors, strict=True))
-    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in joints], dtype=np.int64).reshape(-1, KINDS)
+    kinds = np.array([kind_of(drive, shape) for drive in prepared.drives], dtype=np.int64).reshape(-1, KINDS)
     options: Any = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
-    constants = [constants_of(drive, sensor, shape, **options) for drive, sensor in joints]
+    constants = [constants_of(drive, shape, **options) for drive in prepared.drives]
     return kinds, np.array(constants).reshape(-1, shape.constants)

@@ -151,7 +151,7 @@ class Worlds:
         """The input signals of a scenario."""
         return Inputs(
             prepared.scenario, prepared.drives, substep=prepared.substep, staggered=prepared.stepping.staggered,
-            sensors=prepared.sensors, longest=self.chunk,
+            longest=self.chunk,
         )  # fmt: skip
 
     # -- stepping ---------------------------------------------------------------------------------------------------

@@ -41,14 +41,14 @@ OUTPUTS = (
 def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) -> dict[str, Array]:
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
     (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), Scenario(name="toolbox", robot=robot.path))
-    shape = shape_of([drive], [None])
-    k: list[Any] = kind_of(drive, None, shape)
-    p = constants_of(drive, None, shape, motor_substeps=1, cutoff=False)
+    shape = shape_of([drive])
+    k: list[Any] = kind_of(drive, shape)
+    p = constants_of(drive, shape, motor_substeps=1, cutoff=False)
     actuator: Any = drive.actuator
     if actuator is not None and drive.mode is not None and drive.mode.spring:
         k[SPRING_LAW] = bound_law(actuator, drive.positions)
     k[JOINT_STEP] = drive.stepping.joint_step
-    s = start_of(drive, None, shape, drive.initial_position, 0.0)
+    s = start_of(drive, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()
     rows = []
     for row, ((q, v, *_), goal) in enumerate(zip(motion.tolist(), goals, strict=True)):

@@ -127,11 +127,11 @@ def test_a_path_out_of_reach_names_where_the_reach_ends():
 
 def test_a_robot_off_the_path_gets_a_start_proposed():
     with pytest.raises(ScenarioError) as error:
-        plan(task((0.0, 0.35, 0.1)), Planar2R(), [qbmove("one"), qbmove("two")], {}, 1.0)
+        plan(task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2)), Planar2R(), [qbmove("one"), qbmove("two")], {}, 1.0)
     (problem,) = error.value.problems
     assert problem.code == "start-off-path"
-    assert problem.hint is not None
-    assert "one: -" in problem.hint
+    start = np.array([float(angle) for angle in re.findall(r"(?:one|two): (-?[\d.]+)", problem.hint)])
+    assert Planar2R().pose(start, "tip", ORIGIN)[0] == pytest.approx([0.35, 0.1, 0.0], abs=1e-3)
 
 
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():

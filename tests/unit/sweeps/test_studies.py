@@ -15,7 +15,7 @@ from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.pictures import figures
 from asrsim.sweeps.rows import Runner, alone
-from asrsim.sweeps.run import crashed_row
+from asrsim.sweeps.run import crashed_row, run_again
 from asrsim.sweeps.sensitivity import influences, sobol
 from asrsim.sweeps.show import as_dict, remarks, varying
 from asrsim.sweeps.store import Store, open_store
@@ -209,6 +209,15 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
     # No scheduler listens at this address, and a complete study needs none.
     assert asrsim.sweep(study, out=tmp_path / "one", cluster="tcp://127.0.0.1:1", resume=True).missing == 0
+
+
+def test_a_run_repeated_alone_has_the_numbers_of_its_row(tmp_path):
+    over = {"link_1.mass": [0.3, 0.5], "references.joint_1.stiffness_preset": [0.2, 0.4]}
+    table = asrsim.sweep(study_of(over, overrides=[*SHORT, "duration=0.2"]), out=tmp_path / "s", workers=1)
+    peaks = table["joint_1.peak_deflection"]
+    assert len(set(peaks)) == 4
+    for run in (1, 2):
+        assert run_again(table, run, tmp_path / f"{run}").joint("joint_1").measures.peak_deflection == peaks[run]
 
 
 def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
