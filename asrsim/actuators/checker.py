@@ -93,7 +93,7 @@ def _law_checks(actuator: type[Actuator]) -> Iterator[Check]:
         try:
             with np.errstate(all="ignore"):
                 figures, text = next(measures)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             # A generator ends at the first exception, so the checks after it have this exception as their reason, too.
             failure = failure or f"raised {type(error).__name__}: {error}"
             yield replace(check, detail=failure)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, SIGNIFICANT, Extended, Extension, Optimum, extended, tied_to
+from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, tied_to
+from asrsim.identification.judge import missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals, solve
@@ -49,17 +50,18 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
         problem, x, (_sensors, _robot, _delays, _wrong_ties), most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
     )  # fmt: skip
-    # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start values is
-    # tried, too.
-    again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
-    found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
-    rest = mean_square(found.problem, found.x)
-    if found.chosen and rest <= base - PARTLY * excess:
-        more = "" if rest <= target else "; more is missing"
-        yield _suspected(found, percent((rest / base) ** 0.5)) + more
-        yield from _oscillations(found.problem, found.x)
-    else:
-        yield from _oscillations(problem, x)
+    explained = problem, x
+    if found.chosen:
+        # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start
+        # values is tried, too.
+        again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
+        found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
+        rest = mean_square(found.problem, found.x)
+        if rest <= base - PARTLY * excess:
+            more = "" if rest <= target else "; more is missing"
+            yield _suspected(found, percent((rest / base) ** 0.5)) + more
+            explained = found.problem, found.x
+    yield from _oscillations(*explained)
     yield from _varying_springs(problem, x)
 
 
@@ -104,8 +106,11 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
-        if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
-            slope, zero = np.polyfit(part.recorded + off, part.recorded, 1).tolist()
+        predicted = part.recorded + off
+        # No scale within its bounds makes a nearly constant prediction as large as the recorded motion.
+        moves = float(np.ptp(predicted)) > 1e-3 * float(np.ptp(part.recorded))
+        if zeroed and moves and not {offset.key, gain.key} & free and channel.guide is None:
+            slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))
                 yield Extension(text=f"another scale and zero of {key}", parameters=(offset, gain), begins=(begin,))
@@ -166,8 +171,7 @@ def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
     for extension in _wrong_ties(problem, x):
         promise, (parameter,) = optimum.promise(extension), extension.parameters
         apart = abs(parameter.value(float(promise.start[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
-        significant = -np.log(1.0 - promise.share) * independent_samples(optimum.residuals) > SIGNIFICANT
-        if significant and apart > DIFFERENT:
+        if apart > DIFFERENT and is_significant(1.0, 1.0 - promise.share, independent_samples(optimum.residuals)):
             yield f"{extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
 
 
@@ -199,10 +203,7 @@ def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
         driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]
         if hertz and all(abs(one - hertz) > DRIVEN * hertz for one in driven):
-            yield (
-                f"{part.channel.key} oscillates at {hertz:.2g} Hz, but its prediction does not: a mode is missing, such as an "
-                "elastic link or transmission, or no start found this frequency"
-            )
+            yield f"{part.channel.key}: {missing_mode(hertz)}"
 
 
 def _correlation(a: Array, b: Array) -> float:

@@ -21,7 +21,7 @@ FAR = 2.3
 """Largest change of the logarithms along an unidentifiable direction."""
 NICE, NICER = 1.5, 2e-3
 """Factor and summand by which the interval of a simpler expression may exceed the narrowest interval."""
-HIGHEST = 8.0
+HIGHEST = 4.0
 """Largest exponent in a combination."""
 DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
 """Denominators of the ratios of two exponents in a combination."""

@@ -75,8 +75,13 @@ class Extension:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
         # Residuals of a wrong model are smooth, so that few samples are independent.
-        real = (self.text and after <= CLEAR * before) or samples * np.log(before / max(after, 1e-300)) > SIGNIFICANT
+        real = (self.text and after <= CLEAR * before) or is_significant(before, after, samples)
         return bool(real and not far and after <= self.share * before)
+
+
+def is_significant(before: float, after: float, samples: float) -> bool:
+    """Whether a change of the model reduces the mean square error significantly. samples: number of independent samples."""
+    return bool(samples * np.log(max(before, 1e-300) / max(after, 1e-300)) > SIGNIFICANT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +132,8 @@ class Optimum:
             best = moves * np.asarray(begin) if extension.begins else moves
             start = np.append(self.x, np.clip(best, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
-        significant = (before - after) * len(alone) > SIGNIFICANT * after
-        return Promise(1.0 - after / before if significant else 0.0, extension, wider, start)
+        share = 1.0 - after / before if is_significant(before, after, len(alone)) else 0.0
+        return Promise(share, extension, wider, start)
 
 
 @dataclass(frozen=True, eq=False)

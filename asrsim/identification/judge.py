@@ -103,7 +103,15 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
     # Quantisation and noise of commands oscillate with the motion.
     if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
-    return f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
+    return missing_mode(hertz)
+
+
+def missing_mode(hertz: float) -> str:
+    """Fault of residuals that oscillate."""
+    return (
+        f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, such as an elastic link or "
+        "transmission, or no start found this frequency"
+    )
 
 
 def is_loud(left: Array, noise: float) -> bool:

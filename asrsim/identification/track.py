@@ -15,6 +15,7 @@ from asrsim.identification.parameters import CLOCK, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.recording_plan import SOON
 from asrsim.signals.base import Signal
 from asrsim.signals.common import between
 
@@ -67,8 +68,6 @@ STILL, DOUBTFUL = 4.5, 2.0
 """Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
 initial velocity counts as 0 if the scenario's initial position was copied from the recording.
 """
-SOON = 0.05
-"""A channel gives the initial state only if its first sample is not later than this time, s."""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10

@@ -151,12 +151,8 @@ class _Noise:
         """Noise whose autocovariance is corrected for the fitted parameters. taken: basis' C basis (k, k), summed over the
         channels.
         """
-        n, own, basis, crossed = (
-            len(self.basis),
-            np.fft.irfft(self._model[0]),
-            self.basis,
-            2.0 * self.spread - self.basis @ taken,
-        )
+        n, basis, own = len(self.basis), self.basis, np.fft.irfft(self._model[0])
+        crossed = 2.0 * self.spread - basis @ taken
         lost = [
             lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
             for lag in range(len(self.shown))
@@ -222,7 +218,7 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
         blocks = np.flatnonzero(np.any(scores != 0.0, axis=1))
         scores, firsts = scores[blocks], np.flatnonzero(np.diff(blocks // BLOCKS, prepend=-1))
         # At a bound the sum of the gradients differs from 0, so their mean is subtracted.
-        scores[:, at_bound] -= scores[:, at_bound].mean(axis=0)
+        scores[:, at_bound] -= scores[:, at_bound].sum(axis=0) / max(len(scores), 1)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
     found = Uncertainty(inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
     deviation, quantile = found.deviations(inverse)

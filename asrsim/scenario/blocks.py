@@ -149,7 +149,7 @@ MODE = Integer(minimum=0, maximum=max(MODES))
 _INFINITE = ("inf", "+inf", "-inf", math.inf, -math.inf)
 
 
-class ParameterValue(Number):
+class ParameterNumber(Number):
     """Kind of value: a number, also an infinite one, such as a torque without limit."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
@@ -159,7 +159,7 @@ class ParameterValue(Number):
         return {"anyOf": [super().schema(), {"enum": list(_INFINITE[:3])}]}
 
 
-PARAMETERS = MapOf(of=ParameterValue(), noun="parameter", star=False)
+PARAMETERS = MapOf(of=ParameterNumber(), noun="parameter", star=False)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from asrsim.document.kinds import MapOf, Text, walk
+from asrsim.document.kinds import MapOf, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.mounting import reference_names
+from asrsim.scenario.blocks import JOINT, LINK
 from asrsim.scenario.data import SCENARIO, Scenario
 
 MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges", "expect")
@@ -49,9 +50,9 @@ def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
     for path, kind, node in walk(SCENARIO, node_from_data(scenario.resolved)):
         if isinstance(kind, MapOf) and kind.noun == "joint" and kind.fits(node):
             yield from (((*path, name), name, "joint") for name, _ in node.items())
-        elif isinstance(kind, Text) and kind.text in ("name of a joint", "name of a link") and node.value is not None:
+        elif kind in (JOINT, LINK) and node.value is not None:
             # Only keys of mappings have lines; entries of lists are reported at their list.
-            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), kind.text.rpartition(" ")[2]
+            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), "joint" if kind == JOINT else "link"
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:

@@ -19,7 +19,7 @@ UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
 LATEST, SOON = 1.0, 0.05
 """Latest start of a recording on its own clock, s, if the scenario commands a joint, and if it commands none. Recordings that
-start later, or before 0, are played from 0.
+start later, or before 0, are played from 0. Samples up to the time `SOON` show the initial state.
 """
 STAIRS = 0.5
 """Fraction of changes that follow directly on a change. Commands below this fraction are piecewise constant, others smooth."""

@@ -179,16 +179,20 @@ class Core:
         self.done[world], self.fault[world] = 0, HEALTHY
         bound.entered(world)
 
+    @property
+    def _tables(self) -> tuple[NDArray[Any], ...]:
+        return self.done, self.fault, self.S, self.P, self.held, self.rows
+
     def state(self, world: int) -> tuple[Any, ...]:
         """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
-        tables = (table[world].copy() for table in (self.done, self.S, self.P, self.held, self.rows))
-        return *tables, self._engines[world], self._engines[world].state(world)
+        return *(table[world].copy() for table in self._tables), self._engines[world], self._engines[world].state(world)
 
     def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
         """Set the complete state of a world, and the parameters of this state. Continuing from this state gives bitwise
         identical results."""
-        self.done[world], self.S[world], self.P[world], self.held[world], self.rows[world], bound, engine = state
-        self.fault[world] = HEALTHY
+        *values, bound, engine = state
+        for table, row in zip(self._tables, values, strict=True):
+            table[world] = row
         self._engines[world] = bound
         if bound is not self._shared:
             self._own[world] = bound

@@ -128,12 +128,13 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: fl
     rest = [sigma] if actuator.adjuster else [0.0] * (2 - count)
 
     def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
-        """Largest magnitude of the values of a law for these positions; infinite if a value overflows."""
+        """Largest magnitude of the values of a law for these positions; infinite if a value is not finite."""
         try:
             values = law(link, *motors, *rest, drive.elastic)
         except (OverflowError, ZeroDivisionError):
             return math.inf
-        return float(max(map(abs, values)) if isinstance(values, tuple) else abs(values))
+        sizes = [abs(value) for value in (values if isinstance(values, tuple) else (values,))]
+        return float(max(sizes)) if all(map(math.isfinite, sizes)) else math.inf
 
     def torque_at(deflection: float) -> float:
         return max(largest(actuator.elastic_torques, 0.0, [end] * count) for end in (deflection, -deflection))
@@ -190,6 +191,12 @@ def _resolve(
 ) -> Resolution:
     """Numbers of substeps. masses: mass matrices (n, n) in the relevant configurations; stiffness: of each joint in N m/rad."""
     stepping, step = STEPPINGS.get(scenario.stepping), scenario.step
+    endless = [drive.name for drive, k in zip(drives, stiffness, strict=True) if not math.isfinite(k)]
+    if endless and not stepping.released:
+        raise UnresolvedSpringError(
+            f"the stiffness of joint '{endless[0]}' is not finite at a deflection that its spring can reach: limit the "
+            "deflection (max_deflection)"
+        )
     limited = np.minimum(stiffness, 1e12).tolist() if stepping.released else stiffness
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 import textwrap
 
 import numpy as np
@@ -233,6 +234,7 @@ def test_good_laws_pass(actuator, tmp_path):
         }),
         ("finite", {"elastic_torques": lambda q, x, y, p: ((x - q) ** 0.5, 0.0)}),
         ("finite", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) / (abs(y - q - 0.3) > 0.02), 0.0)}),
+        ("finite", {"stiffness": lambda q, x, y, p: sys.exit(3) if q > 1.0 else 2.0 * p[0]}),
         ("reference map", {"equilibrium_position": lambda x, y: x}),
         ("reference map", {"elastic_torques": lambda q, x, y, p: (p[0] * (x - q) + 0.1, p[0] * (y - q))}),
         ("energy", {"elastic_energy": lambda q, x, y, p: p[0] * ((x - q) ** 2 + (y - q) ** 2)}),

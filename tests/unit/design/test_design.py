@@ -90,11 +90,11 @@ def test_interrupted_design_keeps_the_best_so_far(limits):
 
 
 def test_unknown_joints_and_quantities_are_named_with_their_lines(limits):
-    path = limits("limits:\n  joint_1: {link_position: 1, link_velocty: 2}\n  joint_2:\n    link_position: 1\n")
+    path = limits("limits:\n  joint_2:\n    link_position: 1\n  joint_1: {link_position: 1, link_velocty: 2}\n")
     with pytest.raises(asrsim.InputError) as error:
         design(SEA, path, variant="soft", free=FREE)
     assert [(one.key, one.line) for one in error.value.problems] == [
-        ("limits.joint_1.link_velocty", 2), ("limits.joint_2", 4),
+        ("limits.joint_2", 3), ("limits.joint_1.link_velocty", 4),
     ]  # fmt: skip
 
 

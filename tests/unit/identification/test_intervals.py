@@ -203,9 +203,10 @@ def test_a_combination_without_a_relative_interval_is_left_out():
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_combination_that_overflows_is_left_out():
-    """Only a^8 b is known, and a is 1e40."""
-    assert known([positive("a", 1e40), positive("b", 2.0)], (8.0, 1.0)) == []
+@pytest.mark.parametrize(("a", "power"), [(1e80, 4.0), (2.0, 6.5)])
+def test_a_combination_that_overflows_or_has_high_powers_is_left_out(a, power):
+    """Only a^4 b is known, and a is 1e80; or only a^13 b^2 is known."""
+    assert known([positive("a", a), positive("b", 2.0)], (power, 1.0)) == []
 
 
 def test_a_sticking_joint_gives_no_false_information():

@@ -64,6 +64,7 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page, folder):
         "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
+    assert "Of the first" not in text  # all runs have a film
     assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
     assert 'id="runs"' in page.read_text(encoding="utf-8")  # names of the variants, to hide their lines
 

@@ -11,7 +11,7 @@ import pytest
 
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
-from asrsim.errors import RobotError
+from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.simulation.prepare import prepare
 from support.hanging_chain import INERTIA, MASS, REACH
 from validation.models import INSTALLED, Body, chain, run
@@ -99,3 +99,11 @@ def test_only_joints_without_mass_between_them_are_named(tmp_path, engine, betwe
         prepare(asrsim.make_scenario(tmp_path / "arm.urdf", engine=engine, duration=0.1))
     named = set(re.findall(r"'(j\d)'", str(fault.value)))
     assert named == {f"j{number}" for number in range(1, 2 + between)}, str(fault.value)
+
+
+def test_a_spring_without_finite_stiffness_is_refused():
+    """At the deflection limit of 0.7 rad, the cam's exponential overflows; near 0, its torque is small."""
+    robot = chain(replace(BODY, actuator="bavs"))
+    keys = {"parameters": {"spring_exponent": 1e3, "max_deflection": 0.75}, "mode": 2, "duration": 0.01, "gravity": 0.0}
+    with pytest.raises(UnresolvedSpringError, match="'joint_1' is not finite"):
+        run(robot, references={"reference_1": 1.0, "reference_2": -1.0}, **keys)
