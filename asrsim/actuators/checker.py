@@ -7,7 +7,7 @@ check reports the worst value, and the point at which this value occurs.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -29,6 +29,10 @@ INSIDE = 0.95
 """Multiple of the deflection limit up to which slopes are measured: at the limit the slope jumps."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
 """Steps of the differences, as fractions of the deflection limit. Near a corner of a law, the smaller steps are accurate."""
+
+
+Measured = tuple[Array, Callable[[int], str]]
+"""Values (n,) of a check, and a function that describes the point of value `i`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,17 +65,6 @@ class CheckReport:
         return all(check.passed for check in self.checks)
 
 
-CHECKS = {
-    "finite": ("torques and stiffness are finite over the range and beyond the limit", 0.0),
-    "stiffness": ("the stiffness is minus the derivative of the torque by q (relative error)", 1e-6),
-    "restoring": ("the stiffness is never negative inside the deflection limit (N m/rad)", 0.0),
-    "passive": ("the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4),
-    "energy": ("the derivatives of a declared energy by -q and by theta_i are the torques (relative error)", 1e-3),
-    "reference map": ("equilibrium_position inverts motor_references (rad), and there no torque acts on the link", 1e-9),
-}
-"""Conditions, and largest allowed values, by name of the check."""
-
-
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
     """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
     problems = declaration_problems(actuator)
@@ -82,32 +75,27 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
     return CheckReport(
         actuator=str(getattr(actuator, "name", actuator.__name__)),
         title=str(getattr(actuator, "title", actuator.__name__)),
-        checks=(declaration, *(() if problems else _law_checks(actuator))),
+        checks=(declaration, *(_run(*check, actuator) for check in (() if problems else CHECKS))),
     )
 
 
-def _law_checks(actuator: type[Actuator]) -> Iterator[Check]:
-    measures, failure = _measures(actuator), ""
-    for name, (doc, limit) in CHECKS.items():
-        check = Check(name=name, passed=False, doc=doc, limit=limit)
-        try:
-            with np.errstate(all="ignore"):
-                figures, text = next(measures)
-        except (Exception, SystemExit) as error:
-            # A generator ends at the first exception, so the checks after it have this exception as their reason, too.
-            failure = failure or f"raised {type(error).__name__}: {error}"
-            yield replace(check, detail=failure)
-            continue
-        if not np.isfinite(figures).all():
-            yield replace(check, detail=f"no finite number at {text(int(np.argmin(np.isfinite(figures))))}")
-            continue
-        worst = int(np.argmax(figures))
-        yield replace(check, passed=bool(figures[worst] <= limit), figure=float(figures[worst]), detail=text(worst))
+def _run(name: str, doc: str, limit: float, measure: Callable[[Points], Measured], actuator: type[Actuator]) -> Check:
+    check = Check(name=name, passed=False, doc=doc, limit=limit)
+    try:
+        with np.errstate(all="ignore"):
+            figures, text = measure(_points(actuator))
+    except (Exception, SystemExit) as error:
+        return replace(check, detail=f"raised {type(error).__name__}: {error}")
+    if not np.isfinite(figures).all():
+        return replace(check, detail=f"no finite number at {text(int(np.argmin(np.isfinite(figures))))}")
+    worst = int(np.argmax(figures))
+    return replace(check, passed=bool(figures[worst] <= limit), figure=float(figures[worst]), detail=text(worst))
 
 
 class Points(NamedTuple):
-    """Arguments of a law at n points."""
+    """Arguments of the laws of an actuator at n points."""
 
+    actuator: type[Actuator]
     positions: Array
     """Rows (1 + positions, n): position of the link (rad), positions of the motors (rad) and of an adjuster (in the unit of the
     second reference)."""
@@ -119,6 +107,15 @@ class Points(NamedTuple):
     def apply(self, law: Callable[..., Any]) -> Array:
         """Results (n,) of a law, or (results, n) of a law that returns several numbers."""
         return over_arrays(law)(*self.positions, self.parameters)
+
+    def results(self) -> Array:
+        """Torques of the springs, and the stiffness (results, n)."""
+        return np.vstack([self.apply(self.actuator.elastic_torques), self.apply(self.actuator.stiffness)])
+
+    def forces(self) -> Array:
+        """Torques (moving, n) of the springs on the link and the motors. An adjuster does not move."""
+        springs = self.apply(self.actuator.elastic_torques)
+        return np.vstack([springs.sum(axis=0), -springs])[: len(self.positions) - self.actuator.adjuster]
 
     def moved(self, row: int, shift: Array) -> Points:
         """The points with one of their positions shifted by `shift` (n,)."""
@@ -154,48 +151,78 @@ def _points(actuator: type[Actuator], reach: float = INSIDE) -> Points:
     q = source.uniform(-2.0, 2.0, count)
     motors = q + reach * limit * source.uniform(-1.0, 1.0, (actuator.positions() - actuator.adjuster, count))
     adjuster = actuator.typical_preset * source.uniform(0.5, 1.5, (int(actuator.adjuster), count))
-    return Points(np.vstack([q, motors, adjuster]), parameters, limit)
+    return Points(actuator, np.vstack([q, motors, adjuster]), parameters, limit)
 
 
-def _measures(actuator: type[Actuator]) -> Iterator[tuple[Array, Callable[[int], str]]]:
-    """For each of `CHECKS`: its values (n,), and a function that describes the point of value `i`."""
-    points, far = _points(actuator), _points(actuator, FAR)
-    springs, stiffness = points.apply(actuator.elastic_torques), points.apply(actuator.stiffness)
-    yield 0.0 * (far.apply(actuator.elastic_torques).sum(axis=0) + far.apply(actuator.stiffness)), far.text
+def _slopes(points: Points) -> Array:
+    """Derivatives (steps, moving, moving, n) of the forces by the positions: fourth-order differences with each of the steps
+    `DIFFERENCES`."""
 
-    slopes = [_slopes(actuator, points, part * points.limit) for part in DIFFERENCES]
-    by_q = np.array([-slope[0, 0] for slope in slopes])
+    def forces(row: int, shift: Array) -> Array:
+        return points.moved(row, shift).forces()
+
+    moving = range(len(points.forces()))
+    return np.array([
+        [(8.0 * (forces(i, h) - forces(i, -h)) - forces(i, 2.0 * h) + forces(i, -2.0 * h)) / (12.0 * h) for i in moving]
+        for h in np.outer(DIFFERENCES, points.limit)
+    ])  # fmt: skip
+
+
+def _pure(points: Points) -> Measured:
+    return np.abs(points.results() - points.results()).max(axis=0), points.text
+
+
+def _finite(points: Points) -> Measured:
+    far = _points(points.actuator, FAR)
+    return 0.0 * far.results().sum(axis=0), far.text
+
+
+def _stiffness(points: Points) -> Measured:
+    stiffness, slopes = points.apply(points.actuator.stiffness), -_slopes(points)[:, 0, 0]
     # At zero stiffness, a relative error is undefined. Errors are relative to at least a fraction of the largest stiffness.
     floor = max(1e-4 * np.abs(stiffness).max(), 1e-12)
-    errors = np.abs(stiffness - by_q) / np.maximum(np.maximum(np.abs(stiffness), np.abs(by_q)), floor)
+    errors = np.abs(stiffness - slopes) / np.maximum(np.maximum(np.abs(stiffness), np.abs(slopes)), floor)
     best = errors.argmin(axis=0)
-    yield errors.min(axis=0), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g}, slope {by_q[best[i], i]:.6g}"
-    yield np.maximum(0.0, -stiffness), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g} N m/rad"
-    # If the stiffness matrix is symmetric, the springs do no work round closed paths of link and motors.
-    sizes = [np.maximum(np.abs(slope).max(axis=(0, 1)), 1e-12) for slope in slopes]
-    asymmetries = [np.abs(slope - slope.swapaxes(0, 1)).max(axis=(0, 1)) for slope in slopes]
-    yield np.min(np.divide(asymmetries, sizes), axis=0), points.text
+    return errors.min(axis=0), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g}, slope {slopes[best[i], i]:.6g}"
 
+
+def _restoring(points: Points) -> Measured:
+    stiffness = points.apply(points.actuator.stiffness)
+    return np.maximum(0.0, -stiffness), lambda i: f"{points.text(i)}: stiffness {stiffness[i]:.6g} N m/rad"
+
+
+def _passive(points: Points) -> Measured:
+    # If the stiffness matrix is symmetric, the springs do no work round closed paths of link and motors.
+    slopes = _slopes(points)
+    sizes = np.maximum(np.abs(slopes).max(axis=(1, 2)), 1e-12)
+    return (np.abs(slopes - slopes.swapaxes(1, 2)).max(axis=(1, 2)) / sizes).min(axis=0), points.text
+
+
+def _energy(points: Points) -> Measured:
+    energy = points.actuator.elastic_energy
+    h, stiffness = 1e-4 * points.limit, points.apply(points.actuator.stiffness)
+    errors = [0.0 * stiffness]
     # An energy that is integrated from torques needs no check.
-    h, energy, errors = 1e-4 * points.limit, actuator.elastic_energy, [0.0 * stiffness]
-    torques = np.vstack([-springs.sum(axis=0), springs])[: len(slopes[0])]
-    for row, torque in enumerate(torques if energy is not Actuator.elastic_energy else ()):
+    for row, force in enumerate(points.forces() if energy is not Actuator.elastic_energy else ()):
         low, high = (points.moved(row, shift).apply(energy) for shift in (-h, h))
         # Where the torque is 0, errors are relative to its change over the step and to rounding errors of the energy.
-        scale = np.abs(torque) + h * np.abs(stiffness) + 1e-9 * np.maximum(np.abs(low), np.abs(high)) / h + 1e-12
-        errors.append(np.abs((high - low) / (2.0 * h) - torque) / scale)
-    yield np.max(errors, axis=0), points.text
+        scale = np.abs(force) + h * np.abs(stiffness) + 1e-9 * np.maximum(np.abs(low), np.abs(high)) / h + 1e-12
+        errors.append(np.abs((low - high) / (2.0 * h) - force) / scale)
+    return np.max(errors, axis=0), points.text
 
+
+def _reference(points: Points) -> Measured:
+    actuator = points.actuator
     # The first points have the default parameters.
     equilibrium, presets = points.positions[0, :SAMPLES], actuator.typical_preset * np.linspace(0.5, 1.0, SAMPLES)
     thetas = over_arrays(actuator.motor_references)(equilibrium, presets)
     back = over_arrays(actuator.equilibrium_position)(*thetas)
     defaults = tuple(values[:SAMPLES] for values in points.parameters)
-    unloaded = Points(np.vstack([equilibrium, thetas]), defaults, points.limit[:SAMPLES])
-    loads = unloaded.apply(actuator.elastic_torques)
-    rest = loads.sum(axis=0)
-    scale = np.maximum(np.abs(loads).max(axis=0), np.abs(unloaded.apply(actuator.stiffness)) * unloaded.limit + 1e-12)
-    yield (
+    unloaded = Points(actuator, np.vstack([equilibrium, thetas]), defaults, points.limit[:SAMPLES])
+    *loads, stiffness = unloaded.results()
+    rest = np.sum(loads, axis=0)
+    scale = np.maximum(np.abs(loads).max(axis=0), np.abs(stiffness) * unloaded.limit + 1e-12)
+    return (
         np.maximum(np.abs(back - equilibrium), np.abs(rest) / scale),
         lambda i: (
             f"{unloaded.text(i)}: the equilibrium comes back as {back[i]:.6g}, and {rest[i]:.3g} N m act on the unloaded link"
@@ -203,16 +230,13 @@ def _measures(actuator: type[Actuator]) -> Iterator[tuple[Array, Callable[[int],
     )
 
 
-def _slopes(actuator: type[Actuator], points: Points, h: Array) -> Array:
-    """Derivatives (moving, moving, n) of the torques on link and motors by their positions, by fourth-order differences with
-    the steps `h` (n,)."""
-    moving = len(points.positions) - actuator.adjuster
-
-    def torques(row: int, shift: Array) -> Array:
-        springs = points.moved(row, shift).apply(actuator.elastic_torques)
-        return np.vstack([springs.sum(axis=0), -springs])[:moving]
-
-    return np.array([
-        (8.0 * (torques(i, h) - torques(i, -h)) - torques(i, 2.0 * h) + torques(i, -2.0 * h)) / (12.0 * h)
-        for i in range(moving)
-    ])  # fmt: skip
+CHECKS = (
+    ("pure", "a second call with the same arguments gives the same torques and stiffness", 0.0, _pure),
+    ("finite", "torques and stiffness are finite over the range and beyond the limit", 0.0, _finite),
+    ("stiffness", "the stiffness is minus the derivative of the torque by q (relative error)", 1e-6, _stiffness),
+    ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
+    ("passive", "the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4, _passive),
+    ("energy", "the derivatives of a declared energy by -q and by theta_i are the torques (relative error)", 1e-3, _energy),
+    ("reference map", "equilibrium_position inverts motor_references (rad), without torque on the link", 1e-9, _reference),
+)
+"""Name, condition, largest allowed value and function of each check."""

@@ -163,14 +163,6 @@ class Reading:
         start, end = self.window or (None, None)
         return -math.inf if start is None else start, math.inf if end is None else end
 
-    @property
-    def items(self) -> list[str]:
-        """Columns and window of this document, as items of `--map`."""
-        ends = ["" if end is None else f"{end:.12g}" for end in self.window or ()]
-        unit = f" [{self.time.unit}]" if self.time.unit else ""
-        times = [f"{column}=time{unit}" for column in self.time.columns[:1]]
-        return [*times, *(f"{one.column}={one.text}" for one in self.maps), *([f"window={'..'.join(ends)}"] if ends else [])]
-
 
 READING = block_of(Reading, "reading")
 """Keys of the reading document."""

@@ -22,7 +22,7 @@ from asrsim.quantities import is_comparable
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.propose import propose
-from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
+from asrsim.recordings.reading import ENDING, is_document, reading_file
 from asrsim.robot import ActuatorBlock, Joint, Robot, with_actuators, with_overrides
 from asrsim.scenario.recording_plan import PlayedRecording, RecordingPlan, make_plan
 from asrsim.scenario.schema import schema_text
@@ -94,19 +94,26 @@ def write_from_recording(
     given_to = [joint for joint in joints if joint in given or "*" in given]
     loaded = with_actuators(loaded, {joint: (name, MOUNTED_MODE) for joint, name in given.items()}, {})
     plan = make_plan(loaded if mode is None else with_overrides(loaded, modes={"*": mode}), recording, step=STEP)
-    folder, called, items = out.parent, relative_path(experiment, out.parent), mapping
-    if any(map(is_document, mapping)):  # the document becomes items of `map`, so that the scenario does not need the document
-        items = resolve_reading(mapping, experiment).items
+    folder, called = out.parent, relative_path(experiment, out.parent)
+    # Items of `map` cannot state all that a document states, so the complete document is stored beside the recording.
+    documented = any(map(is_document, mapping))
     files = Files(
         scenario=out.name, robot=robot_key(robot, folder, arguments, packages), recording=called,
         commands=f"{out.stem}_commands.csv", plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
-        mapping=tuple(items), rate=rate,
+        mapping=() if documented else tuple(mapping), rate=None if documented else rate,
     )  # fmt: skip
     fit, schema = out.with_suffix(FIT), folder / SCHEMA_FILE
     tables = {folder / name: members for name, members in command_tables(plan, files.commands).items()}
     for path in (out, fit, *tables):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     check_output(schema, "schema")
+    documents: list[Path] = []
+    proposed = (experiment if documented else out).with_name(experiment.name + ENDING)
+    exists = proposed in map(Path, mapping) if documented else proposed.exists() or reading_file(experiment)
+    if not (exists or is_document(str(experiment))):
+        named = "" if documented else called
+        propose(experiment, proposed, mapping=mapping, rate=rate, joints=joints, called=named, force=force)
+        documents.append(proposed)
     for path, members in tables.items():
         write_new(path, command_text(plan, members), force=force)
     parameters = open_parameters(plan.robot, given_to)
@@ -119,10 +126,7 @@ def write_from_recording(
         parameters = {joint: {**values, **springs.get(joint, {})} for joint, values in parameters.items()}
     content = recording_data(plan, files, mode=mode, joints=given_to, parameters=parameters)
     write_new(out, yaml_text(*content, list(recording_heading(plan, files))), force=force)
-    written = [out, *tables]
-    proposed = out.with_name(experiment.name + ENDING)
-    if not (proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *mapping])):
-        written.append(propose(experiment, proposed, mapping=mapping, rate=rate, joints=joints, called=called)[0])
+    written = [out, *tables, *documents]
     if plan.compared:
         write_new(fit, fit_text(plan, files), force=force)
         written.append(fit)

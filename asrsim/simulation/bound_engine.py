@@ -38,9 +38,9 @@ class BoundEngine:
         """Address of the engine's step function."""
         return self._step
 
-    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
+    def borrow(self, pieces: int) -> tuple[Array, Any]:
         """The exchange array (pieces, joints, 5) and a record for one call of the kernel. pieces: largest number of pieces of a
-        kick; wrenches: number of wrenches."""
+        kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
@@ -87,7 +87,8 @@ class BoundEngine:
 class CalledEngine(BoundEngine):
     """Adapter for a compiled kernel and an engine whose step runs in Python."""
 
-    def __init__(self, engine: Engine, watch: Callable[[], None] | None = None) -> None:
+    def __init__(self, engine: Engine, wrenches: int, watch: Callable[[], None] | None = None) -> None:
+        """wrenches: number of wrenches of the scenario."""
         super().__init__(engine, watch)
         own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
 
@@ -97,13 +98,8 @@ class CalledEngine(BoundEngine):
                 engine._called(wrenches, lengths, pieces)
 
         self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(called)
-        self._wrenches = 0
-        self._raised: BaseException | None = None
-
-    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
-        """Exchange array and record for one call of the kernel; see `BoundEngine.borrow`."""
         self._wrenches = wrenches
-        return super().borrow(pieces, wrenches)
+        self._raised: BaseException | None = None
 
     @property
     def step(self) -> Any:
@@ -147,7 +143,7 @@ class NativeEngine(BoundEngine):
         """Address of the engine's step function."""
         return self._native.address
 
-    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
+    def borrow(self, pieces: int) -> tuple[Array, Any]:
         """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
         record = self._records.pop() if self._records else self._native.make_record()
         return np.zeros((pieces, len(self.engine.joints), 5)), record

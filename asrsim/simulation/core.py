@@ -128,7 +128,8 @@ class Core:
         self._start_engine(engine, prepared)
         native = engine.native if self.compiled else None
         if native is None or self._watch is not None:
-            return (CalledEngine if self.compiled else BoundEngine)(engine, self._watch)
+            wrenches = len(prepared.scenario.wrenches)
+            return CalledEngine(engine, wrenches, self._watch) if self.compiled else BoundEngine(engine, self._watch)
         if self._states is None:
             self._states = np.zeros((len(self.S), native.size))
         return NativeEngine(engine, native, self._states)
@@ -233,7 +234,7 @@ class Core:
 
     def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Run the compiled kernel."""
-        exchange, record = bound.borrow(self._pieces, given.wrenches.shape[2])
+        exchange, record = bound.borrow(self._pieces)
         self._run(
             which, first, count, self.prepared.resolution.substeps, self._watched, self.done, self.fault, self.S, self.P,
             self._kinds, self._z, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given, exchange,
@@ -245,7 +246,7 @@ class Core:
         """Run the kernel in Python, for one world."""
         ((world, *places),) = which.tolist()
         state = self.S[world].tolist()
-        exchange, _ = bound.borrow(self._pieces, given.wrenches.shape[2])
+        exchange, _ = bound.borrow(self._pieces)
         own = slice(world, world + 1)
         try:
             plain: Any = kernel.run

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.electric import Electric
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
@@ -80,11 +79,6 @@ class SteppedJoint:
         """Torque level (N m) and deflection length (rad) of the springs' hysteresis; None without hysteresis and in the
         released order."""
         return self.drive.hysteresis if self.drive and not self.stepping.released else None
-
-    def electric(self, index: int) -> Electric:
-        """Relation between command and torque of motor `index` (1, 2, ...), which has dynamics."""
-        assert self.drive is not None
-        return self.drive.electric[index - 1]
 
     @property
     def electric_motors(self) -> tuple[int, ...]:

@@ -148,11 +148,10 @@ def _motor(drive: SteppedJoint, index: int) -> list[float]:
                 row[column] = value
         return row
     assert drive.drive is not None
-    values, electric = drive.values, index in drive.electric_motors
+    own, values, electric = drive.drive, drive.values, index in drive.electric_motors
     constant = values[f"motor_{index}_torque_constant"] * values[f"motor_{index}_gear_ratio"] if electric else 0.0
-    names = ("min_position", "max_position", "max_velocity", "max_torque")
-    limits = [values[f"motor_{index}_{name}"] for name in names]
-    return [*drive.drive.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
+    limits = *own.motor_ranges[index - 1], own.max_velocity[index - 1], values[f"motor_{index}_max_torque"]
+    return [*own.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
 
 
 def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: float) -> list[float]:

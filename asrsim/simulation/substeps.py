@@ -117,9 +117,10 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: fl
     limit; they deflect the springs at most until the springs have absorbed the joint's kinetic energy at this speed, and the
     springs' torque is at most the motors' largest torque (with a safety factor) plus the load.
     """
-    actuator, mode = drive.actuator, drive.mode
-    if actuator is None or mode is None or not mode.spring:
+    own = drive.drive
+    if own is None or not own.mode.spring:
         return 0.0
+    actuator, mode = own.actuator, own.mode
     count, limit = actuator.motors, drive.values.get("max_deflection", math.pi)
     # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
@@ -144,15 +145,13 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: fl
     offset = abs(float(centre[0]) - drive.initial_position)
     change = float(np.max(np.abs(np.diff(centre)), initial=0.0))
     if mode.motor:
-        motors = range(1, count + 1)
-        pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
-        speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
+        pull, speed = max(own.max_torque), max(own.max_velocity)
         if mode.direct:
-            torques = [drive.electric(i).torque_of(np.abs(goals[i - 1])) for i in motors]
+            torques = [electric.torque_of(np.abs(goal)) for electric, goal in zip(own.electric, goals, strict=True)]
             pull = min(pull, float(np.max(torques)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
-            speed = min(fastest, OVERSHOOT * change / interval)
+            speed = min(speed, OVERSHOOT * change / interval)
         pretension = [spread, *[-spread] * (count - 1)]
         energy = energy_law(actuator)
         stored = largest(energy, 0.0, pretension)
@@ -302,12 +301,10 @@ def _motor_fading(drive: SteppedJoint) -> float:
 
 def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
     """Largest natural frequency of a motor in rad/s, from spring, controller and bristles, with a fixed link."""
-    frequency = 0.0
-    for index in range(1, drive.dynamic_motors + 1):
-        springs = stiffness
-        if drive.mode and drive.mode.controller:
-            springs += drive.electric(index).gain * drive.values[f"controller_{index}_proportional"]
-        if any(drive.values[f"motor_{index}_{name}"] for name in FRICTIONS):
-            springs += drive.values[f"motor_{index}_friction_stiffness"]
-        frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
+    frequency, own = 0.0, drive.drive
+    for i, inertia in enumerate(own.motor_inertia if own else ()):
+        springs = stiffness + (own.proportional[i] if own and own.mode.controller else 0.0)
+        if any(drive.values[f"motor_{i + 1}_{name}"] for name in FRICTIONS):
+            springs += drive.values[f"motor_{i + 1}_friction_stiffness"]
+        frequency = max(frequency, math.sqrt(max(springs, 0.0) / inertia))
     return frequency

@@ -4,6 +4,7 @@ import re
 import shutil
 import sys
 import textwrap
+from itertools import count
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from support.paths import ROOT
 from validation.models import Body, chain, column, run
 
 EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
+CALLS = count()
 DOCS = ROOT / "docs/actuators.md"
 LAWS = """
     @staticmethod
@@ -217,12 +219,13 @@ def test_good_laws_pass(actuator, tmp_path):
         (actuator,) = load_plugin_file(write(tmp_path, actuator))
     report = check_actuator(actuator)
     assert [check.name for check in report.checks if not check.passed] == []
-    assert len(report.checks) == 7
+    assert len(report.checks) == 8
 
 
 @pytest.mark.parametrize(
     ("failed", "laws"),
     [
+        ("pure", {"stiffness": lambda q, x, y, p: 2.0 * p[0] + 1e-9 * next(CALLS)}),
         ("stiffness", {"stiffness": lambda q, x, y, p: 2.001 * p[0]}),
         ("restoring", {
             "elastic_torques": lambda q, x, y, p: (p[0] * (q - x), p[0] * (q - y)), "stiffness": lambda q, x, y, p: -2.0 * p[0],
@@ -246,6 +249,14 @@ def test_each_fault_is_found_by_its_check(failed, laws):
     check = next(check for check in report.checks if check.name == failed)
     assert not check.passed
     assert check.detail
+
+
+def test_an_exception_fails_only_the_checks_of_its_law():
+    law = staticmethod(lambda q, x, y, p: {0.0: 0.0}[q])
+    (check,) = (
+        check for check in check_actuator(type("Faulty", (Linear,), {"elastic_energy": law})).checks if not check.passed
+    )
+    assert (check.name, check.detail[:15]) == ("energy", "raised KeyError")
 
 
 def test_the_command_printed_by_init_for_a_plugin_runs(tmp_path, asrsim_command):

@@ -45,6 +45,14 @@ def test_bristles_of_motor_friction_need_motor_substeps(kind):
     assert found[0.1].motor_substeps > found[0.0].motor_substeps == 1
 
 
+def test_derivative_action_counts_as_damping_of_the_link():
+    strong = {"controller_1_derivative": 300.0}
+    controlled = run(chain(BODY), mode=1, duration=0.001, parameters=strong, compiled=False).resolution
+    damped = run(chain(replace(BODY, damping=300.0)), mode=0, duration=0.001, compiled=False).resolution
+    assert controlled.link_implicitness == pytest.approx(damped.link_implicitness)
+    assert damped.link_implicitness > 0.6
+
+
 @pytest.mark.parametrize(("asked", "taken"), [(1, 1), (2, 3), (3, 3), (4, 5)])
 def test_the_number_of_motor_substeps_is_odd(asked, taken):
     """The middle one belongs to the time of the substep."""

@@ -48,6 +48,7 @@ def test_a_grid_has_every_combination_once():
     points = [tuple(study.point(run)[1].values()) for run in range(len(study))]
     assert len(study) == len(points) == 12
     assert set(points) == {(x, y, *zw) for x in (1.0, 10.0, 100.0) for y in (5, 6) for zw in ((1, 2), (3, 4))}
+    assert [study_of({"a": [[1], [2, 3]]}).point(run)[1] for run in (0, 1)] == [{"a": [1]}, {"a": [2, 3]}]
 
 
 @pytest.mark.parametrize("design", ["random", "lhs", "sobol"])
