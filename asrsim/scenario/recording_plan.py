@@ -89,7 +89,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
-    remarks = [*filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
+    remarks = [*filter(None, (_beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
     for block in robot.actuators:
@@ -137,7 +137,7 @@ def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[flo
     return (0.0 if 0.0 <= start <= latest and end > start else start), end
 
 
-def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
+def _beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
     """Question to the user if link positions without a stated unit exceed the joint's stops; None otherwise."""
     most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
     if column.quantity != "link_position" or column.stated or not len(values):
