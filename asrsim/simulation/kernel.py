@@ -30,6 +30,7 @@ from asrsim.simulation.layout import (
     CURRENT,
     D_CONSTANT,
     D_DAMPING,
+    D_DERIVATIVE,
     D_HIGH,
     D_INERTIA,
     D_LOW,
@@ -164,7 +165,7 @@ FASTEST = 1e4
 ENDLESS = 1e300
 """Torque above which a torque counts as infinite, N m."""
 AT_STOP = 1e-12
-"""Distance in rad or m from a stop below which a motor counts as being at the stop, as a margin for rounding."""
+"""Distance in rad or m from a stop below which a motor or a link counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
 """Residual of the energy balance, as a fraction of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
@@ -336,7 +337,7 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
             ahead = z[FIRST_DRIFT]
             lagging = s[m + MOTOR_VELOCITY]
             x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
-            gain = p[FIRST_DRIVE + i * PER_DRIVE + 2]
+            gain = p[FIRST_DRIVE + i * PER_DRIVE + D_DERIVATIVE]
         newest = int(s[ring + 2 * size])
         speed = (1.0 + ahead) * lagging - ahead * s[ring + 2 * ((newest + size - 1) % size) + 1]
         s[ring + 2 * newest], s[ring + 2 * newest + 1] = x, lagging

@@ -2,9 +2,10 @@
 
 A world has three tables with one row per joint: the state S and the parameters P, both of floats, and the integers K. S
 determines how the run continues, and contains the values of the last substep that are recorded. P is constant during a run. K
-gives the kind of each joint. A row begins with columns of the joint, followed by a block of columns for each motor. The parts
-without a fixed length are last: motor positions and torques of the spring's law, the memory of sensors, and the parameters of
-the spring's law.
+contains the kind of each joint, the addresses of its functions, and the lengths and first columns of the parts of its rows.
+
+A row of S or P begins with columns of the joint, followed by a block of columns for each motor. The parts without a fixed
+length are last: motor positions and torques of the spring's law, the memory of sensors, and the parameters of the spring's law.
 """
 
 from __future__ import annotations
@@ -193,11 +194,11 @@ LOGGED_OF_MOTORS = {
     THETAS, TORQUES, RINGS, RING, LAW,
 ) = range(14)  # fmt: skip
 """Columns of K. KIND: kind of the joint. MOTORS: number of positions that the spring's law takes. DYNAMIC: number of positions
-with motor dynamics; the others equal their references. SPRINGS: number of torques that the law gives. PLACED: number of
-positions that change the springs' energy. SPRING_LAW, JOINT_STEP: addresses of the actuator's laws and of the stepping's
-function for a joint, 0 if there is none. CONTROLLERS: number of controllers with sensors. ON_LINK: 1 if the sensors measure the
-link. THETAS, TORQUES, RINGS: first columns in S of the law's positions, of its torques and of the sensors' memory. RING: number
-of columns of one sensor's memory. LAW: first column in P of the law's parameters."""
+with motor dynamics; the others equal their references. SPRINGS: number of springs, one for each motor. PLACED:
+number of positions that change the springs' energy. SPRING_LAW, JOINT_STEP: addresses of the actuator's laws and of the
+stepping's function for a joint, 0 if there is none. CONTROLLERS: number of controllers with sensors. ON_LINK: 1 if the sensors
+measure the link. THETAS, TORQUES, RINGS: first columns in S of the law's positions, of its torques and of the sensors' memory.
+RING: number of columns of one sensor's memory. LAW: first column in P of the law's parameters."""
 KINDS = 14
 """Number of columns of K."""
 

@@ -50,10 +50,8 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
     if mode.mapped or not mode.spring:
         return low, high
     # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
-    least, most = (values.get(f"motor_{slot + 1}_{end}_position", math.nan) for end in ("min", "max"))
-    return max(low - spread, -math.inf if math.isnan(least) else least), min(
-        high + spread, math.inf if math.isnan(most) else most
-    )
+    least, most = (values[f"motor_{slot + 1}_{end}_position"] for end in ("min", "max"))
+    return max(low - spread, least), min(high + spread, most)
 
 
 def _torque(drive: SteppedJoint) -> Range:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.kernel import AT_STOP
 from asrsim.simulation.layout import (
     ANCHOR,
     CONTROLLED,
@@ -48,9 +49,6 @@ from asrsim.simulation.layout import (
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
-
-AT_STOP = 1e-12
-"""Distance in rad or m from a stop below which a link counts as being at the stop, as a margin for rounding."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def simulate(
         commands: References that are set during the run, in the order of time.
         duration: Duration in s, instead of the scenario's.
         alike: Number of similar runs, including this run. The loop is compiled if compiling saves time in all of these runs
-        together.
+            together.
 
     Raises:
         InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.

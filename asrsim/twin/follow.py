@@ -143,11 +143,11 @@ def follow(
             found = twin.step(row, {})
             rows.append(np.array([getattr(found, name) for name in FIELDS]))
             notes += [f"{at:.3f} s: {note}" for note in found.notes]
-    *estimates, alarm = np.array(rows).swapaxes(0, 1)
+    table = dict(zip(FIELDS, np.array(rows).swapaxes(0, 1), strict=True))
     return Followed(
         joints=tuple(names), prismatic=tuple(drive.joint.kind == "prismatic" for drive in ready.drives), time=time[: len(rows)],
-        alarm=alarm == 1.0, notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
-        **dict(zip(FIELDS, estimates, strict=False)),
+        notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
+        **{**table, "alarm": table["alarm"] == 1.0},
     )  # fmt: skip
 
 

@@ -75,8 +75,5 @@ class PendulumEngine(RigidEngine):
         room = self._room
         room.matrix[:], room.bias[:] = self.model.mass_matrix(room.qpos), self.model.bias(room.qpos, room.qvel)
 
-    def vary(self, robot):
-        return robot.links == self.robot.links
-
 
 ENGINES.add("pendulum", EngineEntry(make=lambda scenario, robot: (PendulumEngine(scenario, robot), ()), doc="a pendulum"))
