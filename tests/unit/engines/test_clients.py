@@ -1,7 +1,5 @@
 """Engines of one process do not affect each other; a kick that they cannot divide has the mean of its pieces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What C libraries print does not reach our streams, whenever they flush it and whoever else is at work."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Which MuJoCo runs: beside its own package `mujoco`, and where two versions overwrite each other."""
 
-from __future__ import annotations
-
 import re
 
 import mujoco

@@ -1,7 +1,5 @@
 """Coverage of 95 % intervals, on recordings from an independent integrator."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -36,7 +34,7 @@ def test_the_independent_integrator_is_exact_within_the_noise(joint):
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path, kind):
     """Fits of a qbMove and of a pendulum on an SEA, each with parameters that differ from the guess."""
-    held: dict[bool, list[bool]] = {True: [], False: []}
+    held = {True: [], False: []}
     for nominal in (QBMOVE, SEA):
         for seed in range(SEEDS):
             generator = np.random.default_rng(seed)

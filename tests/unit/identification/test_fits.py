@@ -1,7 +1,5 @@
 """`asrsim identify` on recordings with known true parameters."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

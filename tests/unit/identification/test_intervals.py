@@ -1,7 +1,5 @@
 """Intervals, derivatives and combinations of linear problems with known solutions; extensions of a model."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,11 +1,8 @@
 """Judgement of a fit, its texts, and its files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +18,7 @@ from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 NAN = float("nan")
-NUMBERS: dict[str, Any] = {
+NUMBERS = {
     "recording": "a", "key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 1.0, "held_before": 9.0,
     "held_after": 1.0, "correlation": 0.0, "explained": 0.9,
 }  # fmt: skip
@@ -149,7 +146,7 @@ def test_the_tables_have_as_many_digits_as_are_known():
 
 # -- files -------------------------------------------------------------------------------------------------------------------
 
-ENDINGS: dict[str, tuple[dict[str, Any], tuple[str, ...], int, set[str], str]] = {
+ENDINGS = {
     "fits": ({}, (), 0, {"fit.json", "robot", "picture"}, ""),
     "does not fit": ({"misfit": ("too large",)}, (), 1, {"fit.json", "picture"}, "no robot is written, since the model"),
     "all the same": ({"misfit": ("too large",)}, ("--all",), 1, {"fit.json", "robot", "picture"}, ""),

@@ -1,7 +1,5 @@
 """Noise, steps and swings of series; regression of parameters in which torques are linear."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -1,7 +1,5 @@
 """Torque-driven joints, differences between recordings, and bounds of parameters."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings with their simulations: initial states, effects of sensors, and derivatives on several threads."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -83,7 +81,7 @@ def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
 def test_derivatives_on_many_threads_equal_those_on_one(tmp_path, monkeypatch):
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal + noise(len(TIME)), "joint_1.link_position [rad]": goal**2}
-    found: dict[int | None, list[np.ndarray]] = {None: [], 3: [], 4: []}
+    found = {None: [], 3: [], 4: []}
     for threads in (1, 2):
         monkeypatch.setattr(door, "AT_ONCE", threads)
         with ExitStack() as stack:

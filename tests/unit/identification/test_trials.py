@@ -1,7 +1,5 @@
 """Recordings of kinds that laboratories have, from independent laws: benches, coarse encoders, unknown gains."""
 
-from __future__ import annotations
-
 import math
 import re
 
@@ -162,7 +160,7 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
 
 
 def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
-    numbers: dict[str, object] = {**SEA, "mode": 6}
+    numbers = {**SEA, "mode": 6}
     recording = record(
         write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv",
         ("link_position", "motor_1_position"),

@@ -1,7 +1,5 @@
 """The WebSocket for Foxglove: its protocol's own client from npm, and bytes that no client should send."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -1,7 +1,5 @@
 """Live runs without any network: what comes in is checked and recorded, what goes out is in the log, and that repeats it."""
 
-from __future__ import annotations
-
 import math
 import random
 import struct

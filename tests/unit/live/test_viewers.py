@@ -1,7 +1,5 @@
 """Layouts for viewers name what a log holds; the launch file starts the run and its helpers."""
 
-from __future__ import annotations
-
 import json
 from xml.etree import ElementTree
 

@@ -1,7 +1,5 @@
 """Killed writers, cut files, full disks, foreign and damaged files: nothing that was written is lost, nothing crashes."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource

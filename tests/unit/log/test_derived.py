@@ -1,7 +1,5 @@
 """Derived quantities against the laws they come from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

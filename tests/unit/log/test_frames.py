@@ -1,7 +1,5 @@
 """`/tf` and `/tf_static` of a log: where viewers see the links is where the engine has them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whatever writes a log: the log alone repeats the run bit for bit, and is judged by the claims that are its own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

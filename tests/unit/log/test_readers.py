@@ -1,11 +1,8 @@
 """The same numbers for every reader: the official one with CRC validation, mcap-ros2-support, and rosbags."""
 
-from __future__ import annotations
-
 import struct
 from collections import Counter
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +36,7 @@ def log_path(tmp_path_factory, samples):
 @pytest.fixture(scope="module")
 def decoded(log_path):
     """Topic -> (log time, message), by the official reader and mcap-ros2-support."""
-    found: dict[str, list[tuple[int, Any]]] = {}
+    found = {}
     with log_path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, message, value in reader.iter_decoded_messages():
@@ -211,7 +208,7 @@ def topics_of(path):
 
 def test_every_channel_comes_after_its_schema(log_path):
     """A reader that goes from the start, or a file that ends early, has no summary to find them in."""
-    known: set[int] = set()
+    known = set()
     channels = 0
     for record in StreamReader(log_path.open("rb")).records:
         if isinstance(record, Schema):

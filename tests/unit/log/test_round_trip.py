@@ -1,7 +1,5 @@
 """Samples and RunInfo go into a log and come out of it bit for bit, whole or in parts."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

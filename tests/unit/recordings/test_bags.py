@@ -1,10 +1,6 @@
 """ROS 1 and ROS 2 bags, MCAP, our own logs: read without ROS, with the definitions and the stamps in the file."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -156,7 +152,7 @@ def parts(stamp, whole, rest):
     return {whole: stamp // 10**9, rest: stamp % 10**9}
 
 
-SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
+SENT = {
     "ROS": lambda i, t: {"header": {"stamp": parts(t, "sec", "nanosec"), "frame_id": ""}},
     "ROS 1": lambda i, t: {"header": {"stamp": parts(t, "secs", "nsecs"), "seq": i}},
     "Foxglove": lambda i, t: {"timestamp": parts(t, "sec", "nsec")},

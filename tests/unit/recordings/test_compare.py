@@ -1,7 +1,5 @@
 """Lag, resampling and comparison of a simulation with a recording whose differences are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

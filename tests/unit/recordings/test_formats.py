@@ -1,7 +1,5 @@
 """Formats besides delimited text: one reader each, the same numbers from every one."""
 
-from __future__ import annotations
-
 import json
 import os
 import zipfile

@@ -1,7 +1,5 @@
 """What columns are by their names alone: certain ones are taken, doubtful ones are asked about, whatever stands beside them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The document beside a recording that says how it is read: what it states counts, and nothing else is taken from names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

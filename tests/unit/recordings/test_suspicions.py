@@ -1,7 +1,5 @@
 """Numbers that cannot be true together are said, with their cure, and never changed; those that can be are not mentioned."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """Delimited text as laboratories write it: every layout gives the same numbers, every oddity a finding with its line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -50,7 +48,7 @@ def check(path, **options):
 
 
 DEGREES = 180 / np.pi
-LAYOUTS: dict[str, list[str]] = {
+LAYOUTS = {
     "plain": ["time,q1,q2", *rows()],
     "semicolon and decimal comma": ["time;q1;q2", *rows(separator=";", decimal=",")],
     "spaces": ["  time   q1  q2", *rows(separator="   ")],

@@ -1,7 +1,5 @@
 """Engine of a test bench: links follow prescribed motions, and motors start at rest."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every recorded quantity has the same bits from a snapshot, compiled or not, and in every process."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,10 +1,7 @@
 """Shapes of links and objects in contact with the ground, and their inertia."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +41,7 @@ def test_a_floating_base_rests_on_its_shape(tmp_path, engine, name):
     assert asrsim.run(scenario).bodies["b"][-1, 2] == pytest.approx(height, abs=2e-3)
 
 
-RESTING: dict[str, tuple[dict[str, Any], float]] = {
+RESTING = {
     "box": ({"shape": "box", "size": [0.1, 0.2, 0.3]}, 0.15),
     "ball": ({"shape": "sphere", "size": 0.1}, 0.1),
     "cylinder": ({"shape": "cylinder", "size": [0.05, 0.2]}, 0.1),
@@ -114,7 +111,7 @@ def test_objects_have_the_inertia_of_their_shape(tmp_path):
     pytest.importorskip("mujoco")
     x, y, z = 0.1, 0.2, 0.4
     box = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0
-    shapes: dict[str, tuple[dict[str, Any], Any]] = {
+    shapes = {
         "box": ({"shape": "box", "size": [x, y, z]}, box),
         "mesh": ({"shape": "mesh", "mesh": "stone.stl", "size": [x, y, z], "inertia": [0.1, 0.2, 0.3]}, [0.05, 0.1, 0.15]),
         "ball": ({"shape": "sphere", "size": x}, np.full(3, 0.4 * x * x)),

@@ -1,7 +1,5 @@
 """Compiled loop: equal to the plain loop bit for bit, used when it saves time, and never required."""
 
-from __future__ import annotations
-
 import os
 from collections import OrderedDict
 from dataclasses import replace
@@ -16,7 +14,7 @@ from asrsim.actuators.parameters import Parameter
 from asrsim.errors import SimulationError
 from asrsim.kernel_cache import cache_file
 from asrsim.scenario import Scenario
-from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
+from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation.core import SECONDS_TO_LOAD
 from asrsim.simulation.run import simulate
 from validation.models import Body, chain
@@ -36,7 +34,7 @@ def arm(*actuators, mass=0.4, effort=100.0, damping=0.0):
 
 def make_scenario(robot, mode, **changes):
     """Both references move, one of them in jumps, and an external torque pushes."""
-    second: Signal = Constant(value=0.3) if MODES[mode].mapped else Sinusoid(amplitude=0.2, frequency=3.0)
+    second = Constant(value=0.3) if MODES[mode].mapped else Sinusoid(amplitude=0.2, frequency=3.0)
     scenario = Scenario(
         name="c", robot=robot.path, duration=0.12, substeps=1, motor_substeps=1, modes={"*": mode},
         references={"*": dict(zip(MODES[mode].references, (PULSES, second), strict=False))},

@@ -1,7 +1,5 @@
 """Wrong calls of simulations and worlds are refused with asrsim's errors before anything changes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -107,7 +105,7 @@ def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulat
         simulation.restore(kept)
 
 
-CALLS: dict[str, list[object]] = {
+CALLS = {
     "advance": [], "observe": [], "snapshot": [], "reset": [], "set_reference": ["elbow", "equilibrium_position", 0.3],
 }  # fmt: skip
 """Methods of simulations and worlds, and their arguments."""

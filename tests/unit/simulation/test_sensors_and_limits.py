@@ -1,7 +1,5 @@
 """Effects of sensors, and counts of the steps at a limit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

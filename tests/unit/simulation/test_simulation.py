@@ -1,7 +1,5 @@
 """One simulation: start, inputs that jump or are set from outside, observation, and release of the engine."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 from dataclasses import replace

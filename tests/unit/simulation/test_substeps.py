@@ -1,7 +1,5 @@
 """Number of substeps: it follows from the springs within reach, and a spring that becomes stiffer gives a warning."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import pairwise

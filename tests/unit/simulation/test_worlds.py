@@ -1,7 +1,5 @@
 """Many worlds at once: rollouts, states, and parameters of their own, equal to single runs bit for bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 import asrsim
 from asrsim import make_scenario
 from asrsim.errors import SimulationError
-from asrsim.signals import Signal, Sinusoid
+from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Start
 from asrsim.simulation.worlds import Worlds
@@ -62,7 +60,7 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
     push = {"joint_2": {"sinusoid": {"amplitude": 0.3, "frequency": 7.0}}}
     prepared = prepare(arm(duration=0.05, modes=3, substeps=2, external_torques=push))
     equilibria = {"joint_1": {"equilibrium_position": first}}
-    starts: list[tuple[dict[str, dict[str, Signal]], dict[str, Signal]]] = [
+    starts = [
         ({}, {}), ({}, {"joint_1": second}), (equilibria, {"joint_2": third}), (equilibria, {}),
     ]  # fmt: skip
     ends = set()

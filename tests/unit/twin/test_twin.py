@@ -1,7 +1,5 @@
 """Twins of an independently simulated robot that differs from its model; wrong measurements."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time
