@@ -119,12 +119,12 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=key, code="late-reference")
 
 
-def undersampled(scenario: Scenario, _robot: Robot | None = None) -> Iterator[Problem]:
+def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
     """Warnings: sines above half the rate of the substeps, which the substeps sample as a slower motion.
 
-    If the number of substeps is automatic, one substep in each step is assumed.
+    substeps: number of substeps in each step of the run.
     """
-    most = 0.5 * (scenario.substeps or 1) / scenario.step
+    most = 0.5 * substeps / scenario.step
     for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
         frequency = 0.0
         if isinstance(signal, Sinusoid):
@@ -137,7 +137,8 @@ def undersampled(scenario: Scenario, _robot: Robot | None = None) -> Iterator[Pr
             message = (
                 f"has {frequency:g} Hz, more than half the rate of the substeps ({most:g} Hz): they sample a slower motion"
             )
-            yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
+            hint = "Lower the frequency or the step"
+            yield scenario.placed(Problem(message, key=key, hint=hint, code="undersampled-sine"))
 
 
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
@@ -248,6 +249,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, undersampled, _beyond_limits,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits,
     _missing_references,
 )  # fmt: skip

@@ -80,9 +80,7 @@ def prepare(
             check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
         resolution = resolution_of(scenario, drives, engine.model)
         substep = scenario.step / resolution.substeps
-        # The scenario's reader warns of sines that one substep per step samples too coarsely; more substeps may resolve them.
-        sampled = {problem.key for problem in undersampled(replace(scenario, substeps=resolution.substeps))}
-        warnings = [problem for problem in warnings if problem.code != "undersampled-sine" or problem.key in sampled]
+        warnings += undersampled(scenario, resolution.substeps)
         drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:

@@ -137,3 +137,22 @@ def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
     assert "initial: equilibrium" in error.value.problems[0].hint
     path = limits("limits: {joint_1: {link_position: 1, motor_torque: 5}}\n")
     assert design(scenario, path, free=["joint_1.damping"], seconds=1.0, rounds=0, overrides=["initial=equilibrium"]).keys
+
+
+def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):
+    scenario = limits(
+        f"robot: {EXAMPLES / 'urdf' / 'dof1_qbmove_cube.urdf'}\nduration: 1\nactuators: {{joint_1: {{type: sea, mode: 6}}}}\n"
+        "initial: equilibrium\nparameters: {joint_1: {spring_stiffness: 8}}\n"
+    )
+    scenario = scenario.rename(scenario.with_name("lab.yaml"))
+
+    def designed(*gains):
+        text = "limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n"
+        path = limits(f"{text}choose: {{joint_1.controller_1_proportional: {list(gains)}}}\n")
+        return design(scenario, path, free=["joint_1.spring_stiffness"], seconds=1.0, rounds=0)
+
+    alone = {gain: designed(gain).intervals["design"] for gain in (5.0, 50.0)}
+    chosen = designed(5.0, 50.0)
+    assert chosen.gains == {"joint_1.controller_1_proportional": min(alone, key=alone.get)}
+    assert chosen.intervals["design"] == min(alone.values())
+    assert chosen.intervals["design"] < 0.5 * max(alone.values())

@@ -249,6 +249,26 @@ def test_noise_however_coloured_asks_for_no_extension(memory):
         assert extended(problem, np.zeros(3), propose, most=1, enough=lambda *_: False).chosen == ()
 
 
+@pytest.mark.parametrize(("noise", "adopted"), [(1.0, True), (3.0, False)])
+def test_a_badly_fitting_model_adopts_only_what_explains_much(noise, adopted):
+    """A fifth of the squared residuals is explained, at the level of the noise or at nine times its variance."""
+    slopes = np.random.default_rng(5).normal(size=(2000, 2))
+    problem, (propose,) = lacking_one(linear(slopes, noise * (slopes[:, 1] / 2.0 + np.random.default_rng(6).normal(size=2000))))
+    kinds = [lambda *_: [replace(one, excess=0.5) for one in propose()]]
+    assert bool(extended(problem, np.zeros(1), kinds, most=1, enough=lambda *_: False).chosen) == adopted
+
+
+@pytest.mark.parametrize(("other", "suspected"), [(1.0, True), (4.0, False)])
+def test_a_cause_is_suspected_beside_a_smaller_unknown_cause(other, suspected):
+    """A sine of amplitude 3 can be explained; a sine of another frequency remains, and its samples are not independent."""
+    time = np.linspace(0.0, 2.0 * math.pi, 2000)
+    slopes = np.stack([np.cos(40.0 * time), np.sin(3.0 * time)], axis=1)
+    problem, (propose,) = lacking_one(linear(slopes, 3.0 * slopes[:, 1] + other * np.sin(5.0 * time)))
+    for text, expected in (("a cause", suspected), ("", False)):
+        kinds = [lambda *_, text=text: [replace(one, text=text) for one in propose()]]
+        assert bool(extended(problem, np.zeros(1), kinds, most=1, enough=lambda *_: False).chosen) == expected
+
+
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])
 def test_fast_motions_show_no_plateaus_of_the_encoder(noise, told):
     time, quantum = np.arange(0.0, 6.0, 0.002), 2.0 * np.pi / 4096

@@ -10,10 +10,13 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.data import computed_columns
+from asrsim.identification.data import computed_columns, read_data
 from asrsim.identification.problem import solve
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.recordings.data import Column
+from asrsim.robot import load_robot
+from asrsim.scenario import load_scenario
+from support import soft_arm
 from support.identify_files import CHIRP, SEA, prepared, record, write
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
@@ -111,3 +114,15 @@ def test_a_torque_computed_from_a_deflection_is_no_measurement():
         for name, (values, quantity) in {**names, "tau": (-80.0 * deflection, "elastic_torque_1")}.items()
     ]
     assert computed_columns(columns, {"q", "tau"}) == {"tau": "phi"}
+
+
+def test_a_fit_lasts_until_the_end_of_the_longest_channel(tmp_path):
+    """The position of the motor was recorded for half of the time."""
+    scenario, path = soft_arm.SEA.write(tmp_path), soft_arm.record(soft_arm.SEA, tmp_path / "lab.csv", seed=0, duration=1.0)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:500] + [f"{line.rpartition(',')[0]}," for line in lines[500:]]) + "\n")
+    (loaded,) = load_scenario(scenario)
+    task = task_of(scenario, experiments=[path], free=["joint_1.damping"])
+    (data,) = read_data(task, loaded, load_robot(loaded.robot))
+    assert data.duration == pytest.approx(1.0)
+    assert sorted(round(float(channel.time[-1]), 1) for channel in data.channels) == [0.5, 1.0]

@@ -5,6 +5,7 @@ import yaml
 
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario.doubts import undersampled
 
 SCENARIOS = {
     "gravity": "gravity: [0, 0, -9810]",
@@ -47,6 +48,7 @@ def warned(tiny, more):
     tiny.scenario.write_text(text)
     errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
     assert not errors
+    warnings += undersampled(scenario, 1)
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given

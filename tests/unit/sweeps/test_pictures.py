@@ -8,6 +8,7 @@ from asrsim.errors import InputError
 from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
 from asrsim.sweeps.pictures import draw_sweep, figures
+from asrsim.sweeps.sensitivity import influences
 from support.overlaps import overlapping
 from support.paths import ROOT
 
@@ -27,15 +28,20 @@ def table(tmp_path_factory):
 def test_results_are_drawn_over_the_key_with_most_values(tmp_path):
     study = make_study(
         SCENARIO, {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"}, variants=["soft"],
-        overrides=["duration=0.05", "engine=mujoco", "compiled=false"],
+        overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
     )  # fmt: skip
     table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
     with styled():
-        axes = figures(table, ["joint_1.peak_deflection"])["results"].axes[0]
+        drawn = figures(table, ["joint_1.peak_deflection"])
+        axes = drawn["results"].axes[0]
         assert "link_2.mass" in axes.get_xlabel()
         assert axes.get_xlim() == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
         for line in axes.lines:
             assert axes.get_ylim()[0] <= np.min(line.get_ydata()) <= np.max(line.get_ydata()) <= axes.get_ylim()[1]
+        found = influences(table, "joint_1.peak_deflection")[::-1]
+        ends = [bar.get_x() + bar.get_width() for bar in drawn["sensitivity"].axes[0].patches]
+        assert ends == pytest.approx([*(one.low for one in found), *(one.high for one in found)])
+        assert len(set(ends)) == 4
 
 
 @pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
