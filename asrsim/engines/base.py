@@ -123,7 +123,8 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    `scene`, `native` and `close` have defaults for a robot on a fixed base without contacts, compiled step and resources.
+    The defaults of `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine that has no
+    compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]

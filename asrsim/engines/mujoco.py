@@ -155,7 +155,7 @@ class MujocoEngine(RigidEngine):
             merged = merge_fixed(robot).robot
             if not np.array_equal(self.centre, base_centre(self._scenario, merged)):
                 return False
-            self._set_inertials(merged.links, self._mujoco.MjData(self._m))
+            self._set_inertials(merged.links, self._d)
             self.model.forget()
         self.robot = robot
         return True

@@ -65,8 +65,8 @@ class Room(NamedTuple):
     diagonal: Numbers
     """Diagonal (v,) of the mass matrix with implicit damping, kg m^2."""
     parent: Numbers
-    """Index (v,) of the degree of freedom that carries this degree of freedom next; -1: none. The mass matrix is 0 for two
-    degrees of freedom of which none carries the other."""
+    """Parent (v,) of each degree of freedom: the index of the previous degree of freedom on the path from the base; -1: none.
+    The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
     velocity: Numbers
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""

@@ -38,7 +38,7 @@ class EnergyGuard:
     """
 
     def __init__(self, prepared: Prepared, model: Model | None) -> None:
-        """prepared: with the start of the run. model: model of the robot."""
+        """prepared: the scenario with the start of the run. model: model of the robot."""
         scenario, self._joints = prepared.scenario, prepared.drives
         # The released order is not passive and runs springs that the step does not resolve: it is not checked.
         self._active = model is not None and not prepared.stepping.released

@@ -87,7 +87,6 @@ from asrsim.simulation.layout import (
     LINK_WORK,
     LOAD,
     MEAN_VELOCITY,
-    MOTOR_ENERGY,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_SPEED_COUNT,
@@ -663,7 +662,6 @@ def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
     for i in range(k[DYNAMIC]):
         m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
         kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
-    s[MOTOR_ENERGY] = kinetic
     stored = s[SPRING_ENERGY] + kinetic
     if first:
         s[START_ENERGY] = stored

@@ -49,7 +49,6 @@ from __future__ import annotations
     WINDING_LOSS,  # heat of the windings, J
     HYSTERESIS_LOSS,  # energy lost in the springs' hysteresis, J
     SPRING_ENERGY,  # energy stored in the springs, J
-    MOTOR_ENERGY,  # kinetic energy of the motors, J
     START_ENERGY,  # energy of springs and motors at the start, J
     RESIDUAL,  # motor work - losses - change of the stored energy - link work, J
     NET_LINK_WORK,  # work of actuator and external torques on the link, minus the damping loss of the link, J
@@ -66,7 +65,7 @@ from __future__ import annotations
     DEFLECTION_COUNT,  # number of substeps with a spring beyond its largest deflection
     STOP_COUNT,  # number of substeps with the link at its position stop
     FIRST_MOTOR,  # column at which the block of the first motor begins
-) = range(53)
+) = range(52)
 PUSHES = 4
 """Number of columns in a block of torques that do work on the link: applied, torque, damping, push."""
 

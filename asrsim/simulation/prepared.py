@@ -165,8 +165,8 @@ class Prepared:
             found[drive.name] = j, {**columns, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
-    def started(self, start: Start) -> Prepared:
-        """A copy with the positions and velocities of a start. Raises InputError for wrong names and values."""
+    def check_start(self, start: Start) -> None:
+        """Raise InputError for wrong names and values in the positions and velocities of a start."""
         joints = {drive.name: drive for drive in self.drives}
         problems = []
         for what, given in (("initial", start.positions), ("velocities", start.velocities), ("motors", start.motors)):
@@ -178,6 +178,10 @@ class Prepared:
                     problems.append(Problem(message, key=f"{what}.{name}", value=value, code="start"))
         if problems:
             raise InputError(problems)
+
+    def started(self, start: Start) -> Prepared:
+        """A copy with the positions and velocities of a start. Raises InputError for wrong names and values."""
+        self.check_start(start)
         moved = {*start.positions, *start.velocities, *start.motors}
         drives = tuple(
             replace(

@@ -33,7 +33,7 @@ class RunRecording:
     def __init__(
         self, prepared: Prepared, engine: Engine, columns: RowColumns, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
-        """prepared: with the start of the run. columns: columns of the rows; last: substep of the last sample."""
+        """prepared: the scenario with the start of the run. columns: columns of the rows; last: substep of the last sample."""
         self._prepared, self._engine, self._columns = prepared, engine, columns
         self._sinks, self._last, self._keep = sinks, last, keep
         self.active = bool(keep or sinks)

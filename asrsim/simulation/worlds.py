@@ -337,7 +337,7 @@ class Worlds:
             raise InputError(message, key="start", value=len(starts), code="worlds")
         for one in starts:
             # Wrong positions and velocities are found before a world changes.
-            self.prepared.started(one)
+            self.prepared.check_start(one)
         for number, one in zip(numbers, starts, strict=True):
             world = self._world_of(one)
             if world.prepared is not self._worlds[number].prepared:
