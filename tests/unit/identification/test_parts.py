@@ -62,12 +62,13 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
     assert found == pytest.approx(list(LAWS[law].values()), rel=0.1 if law in ("stribeck", "load") else 0.02)
 
 
-def test_a_recording_too_short_for_its_torque_is_compared_by_position(tmp_path):
-    time = SWEEP[:40]
-    place = 0.5 * np.cos(9.0 * time) + 1e-3 * np.random.default_rng(0).normal(size=40)
+@pytest.mark.parametrize(("samples", "free"), [(40, "damping"), (None, "passive_stiffness=1")])
+def test_a_short_recording_or_a_sprung_joint_is_compared_by_position(samples, free, tmp_path):
+    time = SWEEP[:samples]
+    place = 0.5 * np.cos(2.0 * np.pi * (0.6 + 0.3 * time) * time) + 1e-5 * np.random.default_rng(0).normal(size=len(time))
     columns = {"time [s]": time, "joint_1.reference_1 [N m]": np.sin(9.0 * time), "joint_1.link_position [rad]": place}
     with ExitStack() as stack:
-        (channel,) = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=0).tracks[0].channels
+        (channel,) = prepared(stack, tmp_path, columns, [f"joint_1.{free}"], mode=0).tracks[0].channels
     assert channel.quantity == "link_position"
 
 
