@@ -94,6 +94,11 @@ def test_frequency_of_a_ringing(hertz, damping):
     assert measure("frequency", TIME, q) == pytest.approx(hertz, rel=5e-4)
 
 
+def test_frequency_of_two_tones_is_that_of_the_louder():
+    q = np.sin(2 * np.pi * 3.37 * TIME) + 0.8 * np.sin(2 * np.pi * 8.53 * TIME + 1.0)
+    assert measure("frequency", TIME, q, end=4.0) == pytest.approx(3.37, rel=1e-4)
+
+
 @pytest.mark.parametrize(("length", "decay"), [(4, 3), (10, 6)])
 def test_frequency_of_a_hardening_ringing(length, decay):
     # Rest, a step, a ringing whose crossings are uneven: the transform falls from 0 Hz on, and its flank is no oscillation.
