@@ -164,7 +164,6 @@ def numbers_reader(count: int) -> Any:
 
         return kinds.UniTuple(kinds.float64, count)(kinds.intp), generate
 
-    # The digest of a calling function contains only the name of this function: the name must contain `count`.
     read.__name__ = f"read_{count}_numbers"
     return intrinsic(read)
 
@@ -275,6 +274,8 @@ def _marked(
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     """Plain values that identify a function for the digest: code, defaults, closure, and the globals that it uses."""
+    # An intrinsic of Numba wraps the function that generates its machine code.
+    function = getattr(function, "_defn", function)
     if not isinstance(function, types.FunctionType):
         return function.tobytes().hex() if hasattr(function, "tobytes") else repr(function)
     if id(function) in seen:

@@ -44,3 +44,21 @@ def test_readers_of_integers_and_of_floats_are_compiled_apart(compiled):
         compiled(first, (number.ctypes.data,), bound=compiling.row_at(kind))(number.ctypes.data) for kind in (False, True)
     )
     assert (floats, integers) == (1.0, number.view(np.int64)[0])
+
+
+def test_intrinsics_that_differ_only_in_their_code_are_compiled_apart(compiled):
+    from numba.extending import intrinsic
+
+    def make(more):
+        def add(typing, value):
+            def generate(context, builder, signature, arguments):
+                return builder.fadd(arguments[0], arguments[0].type(more))
+
+            return value(value), generate
+
+        return intrinsic(add)
+
+    def outer(x):
+        return bound(x)  # type: ignore[name-defined]  # noqa: F821
+
+    assert [compiled(outer, (1.0,), bound=make(more))(1.0) for more in (2.0, 3.0, 2.0)] == [3.0, 4.0, 3.0]
