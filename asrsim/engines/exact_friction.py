@@ -107,10 +107,9 @@ def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
         b = parent[a]
         while b >= 0:
             factor = square[a, b] * inverse
-            c = b
-            while c >= 0:
+            # A loop over all columns is faster than one along the branch: its loads do not wait for each other.
+            for c in range(b + 1):
                 square[b, c] -= factor * square[a, c]
-                c = parent[c]
             square[a, b] = factor
             values[b] -= factor * values[a]
             b = parent[b]
