@@ -112,7 +112,8 @@ def next_input(
             ended = verdict(problem, trials, settings, prepared.law)
             twin, ratio = None, 0.0
             if ended is None:
-                inputs, twin, ratio = _proposed(prepared, trials, _changes(folder))
+                # The previous twin of a replaced trial was fitted to a recording that was read wrongly.
+                inputs, twin, ratio = _proposed(prepared, trials, None if again else _changes(folder))
             else:
                 inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
