@@ -70,7 +70,10 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
         mode, values, actuator = MODES[block.mode], block.values(), ACTUATORS.get(block.actuator)
         if mode.spring:
             unloaded = actuator.motor_references(0.0, actuator.typical_preset)
-            stiffness = actuator.stiffness(0.0, *unloaded, actuator.law_values(values))
+            try:
+                stiffness = actuator.stiffness(0.0, *unloaded, actuator.law_values(values))
+            except OverflowError:  # impossible parameters, which other checks report
+                stiffness = math.inf
             natural = math.sqrt(max(stiffness, 0.0) * mobility) / math.tau
         elif mode.controller:
             link_gain = step * (values["controller_1_derivative"] + joint.damping) * mobility
