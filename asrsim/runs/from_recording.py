@@ -108,10 +108,14 @@ def write_from_recording(
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     check_output(schema, "schema")
     documents: list[Path] = []
-    proposed = (experiment if documented else out).with_name(experiment.name + ENDING)
-    exists = proposed in map(Path, mapping) if documented else proposed.exists() or reading_file(experiment)
-    if not (exists or is_document(str(experiment))):
-        named = "" if documented else called
+    if documented:
+        proposed = experiment.with_name(experiment.name + ENDING)
+        exists = proposed in map(Path, mapping)
+    else:
+        proposed = out.with_name(experiment.name + ENDING)
+        exists = proposed.exists() or reading_file(experiment) is not None
+    if not exists and not is_document(str(experiment)):
+        named = relative_path(experiment, proposed.parent)
         propose(experiment, proposed, mapping=mapping, rate=rate, joints=joints, called=named, force=force)
         documents.append(proposed)
     for path, members in tables.items():
