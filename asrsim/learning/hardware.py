@@ -112,8 +112,7 @@ def next_input(
             ended = verdict(problem, trials, settings, prepared.law)
             twin, ratio = None, 0.0
             if ended is None:
-                # The previous twin of a replaced trial was fitted to a recording that was read wrongly.
-                inputs, twin, ratio = _proposed(prepared, trials, None if again else _changes(folder))
+                inputs, twin, ratio = _proposed(prepared, trials, _start(folder, again=again))
             else:
                 inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
@@ -135,7 +134,7 @@ def next_input(
 
 
 def _proposed(
-    prepared: PreparedLearning, trials: Sequence[Trial], start: Mapping[str, float] | None
+    prepared: PreparedLearning, trials: Sequence[Trial], start: Mapping[str, float]
 ) -> tuple[Array, LearningTwin, float]:
     """Next inputs (n, joints), twin, and ratio of the largest predicted error to that of the best trial."""
     problem = prepared.problem
@@ -194,13 +193,15 @@ def _digests(folder: Path) -> list[str]:
         raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
-def _changes(folder: Path) -> dict[str, float] | None:
-    """Relative changes of the parameters of the previous trial's twin; None if there is no previous twin."""
+def _start(folder: Path, *, again: bool) -> dict[str, float]:
+    """Relative changes of parameters from which the fit of the next twin starts: those of the last twin. If the last trial is
+    replaced (`again`), the last twin was fitted to a wrong recording, so the start of its fit is used again.
+    """
     try:
         data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
-        return {str(name): float(value) for name, value in data["identified"]["changes"].items()}
+        return {str(name): float(value) for name, value in data["identified"]["start" if again else "changes"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
+        return {}
 
 
 def smoothed(outputs: Array, step: float) -> Array:
@@ -216,5 +217,8 @@ def _write_numbers(
     rows = [{**trial_data(trial, joints), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(trials).number}
     if twin is not None:
-        data["identified"] = {"changes": dict(twin.changes), "residual": twin.residual, "residual_before": twin.before}
+        data["identified"] = {
+            "start": dict(twin.start), "changes": dict(twin.changes), "residual": twin.residual,
+            "residual_before": twin.before,
+        }  # fmt: skip
     write_json(folder / NUMBERS, data)

@@ -49,6 +49,8 @@ class LearningTwin:
     """A plant fitted to the robot, and the uncertainty of the fit."""
 
     plant: Plant = field(repr=False)
+    start: Mapping[str, float]
+    """Changes of an earlier twin, where the fit started; empty: it started at the unchanged plant."""
     changes: Mapping[str, float]
     """Relative change of each group of parameters, by name of the group; `delay`: change in s."""
     residual: float
@@ -111,8 +113,8 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
     steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
     changes = {name: float(np.expm1(value)) for name, value in zip(groups, found.x, strict=False)}
     return LearningTwin(
-        plant=plant_of(found.x), changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual, before=before,
-        likely=tuple(plant_of(found.x + step) for step in steps),
+        plant=plant_of(found.x), start=given, changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual,
+        before=before, likely=tuple(plant_of(found.x + step) for step in steps),
     )  # fmt: skip
 
 
