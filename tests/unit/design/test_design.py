@@ -135,7 +135,6 @@ def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
         design(scenario, path, free=["joint_1.damping"], seconds=1.0)
     assert error.value.problems[0].key == "limits.joint_1.motor_1_torque"
     assert "initial: equilibrium" in error.value.problems[0].hint
-    path = limits("limits: {joint_1: {link_position: 1, motor_torque: 5}}\n")
     assert design(scenario, path, free=["joint_1.damping"], seconds=1.0, rounds=0, overrides=["initial=equilibrium"]).keys
 
 

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 from asrsim import identify
+from asrsim.identification.causes import contradicted_ties
 from asrsim.identification.combinations import combinations
 from asrsim.identification.extensions import Extension, extended, presliding
 from asrsim.identification.noise import quantum_of
@@ -104,6 +105,21 @@ def test_blocks_that_disagree_widen_the_intervals(met):
     assert found.deviation[1] == pytest.approx(ordinary if met else 20 * 0.3 / 200 * math.sqrt(10 * 10 / 9), rel=1e-5)
     # Each tenth alone moves the first number by 0.4, which is the deviation for an accepted model.
     assert found.of_a_block.deviation[0] == pytest.approx(0.4, rel=1e-5)
+
+
+def test_a_parameter_on_which_tenths_disagree_has_this_reason():
+    """Estimates of the tenths are -1 and 3 in turn, so the half width is 2.26 * 2 / 3."""
+    problem = linear(np.ones((400, 1)), np.repeat(np.tile([2.0, -2.0], 5), 40))
+    ((one,), _) = estimates(problem, np.zeros(1), uncertainty(problem, np.zeros(1)))
+    assert "parts of the recordings disagree" in one.reason
+
+
+def test_a_contradicted_tie_may_have_the_value_0():
+    slopes = np.random.default_rng(0).normal(size=(40, 2))
+    a, b = (Parameter(key=key, unit="", start=0.0) for key in "ab")
+    problem = modelled(lambda x: slopes @ (x - [0.0, 1.0]), [a, b], 40)
+    tied = replace(problem, layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}]))
+    assert list(contradicted_ties(tied, np.zeros(1))) == ["b is not a, to which it is tied: they differ by 100 %"]
 
 
 def test_a_tenth_does_not_identify_what_nothing_distinguishes():

@@ -1,5 +1,6 @@
 """Judgement of a fit, its texts, and its files."""
 
+import re
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
 from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
-from asrsim.identification.write import chosen_values, draw
+from asrsim.identification.write import draw, write_robot
 from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
@@ -144,6 +145,11 @@ def test_the_tables_have_as_many_digits_as_are_known():
     assert errors[5][1] == ["1", "-"]
 
 
+def test_a_model_that_does_not_fit_never_explains_100_percent():
+    texts = [text for text, _ in show.judgement(result(fits=False, explained=1.0 - 1e-9))]
+    assert "  it explains at least 99.99 % of the variance of each channel" in texts
+
+
 # -- files -------------------------------------------------------------------------------------------------------------------
 
 ENDINGS = {
@@ -176,6 +182,8 @@ def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
     paths = draw(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
     assert [path.name for path in paths] == ["overlay_1_a.png", "overlay_2_a.png"]
     # Only together do the parameters of an accepted model explain the recording.
-    for accepted in (False, True):
-        faint = [replace(one, verdict="no effect") for one in found.estimates]
-        assert bool(chosen_values(replace(found, estimates=faint, accepted=accepted), everything=False)) == accepted
+    (one,) = found.estimates
+    both = one, replace(one, key="joint_1.friction", verdict="weak")
+    for accepted, left in ((True, []), (False, ["joint_1.friction"])):
+        _, said = write_robot(replace(found, estimates=both, accepted=accepted), tmp_path / "fits")
+        assert re.findall("not written, since not identified: (.*) \\(", "".join(said)) == left

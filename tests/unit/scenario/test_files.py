@@ -340,7 +340,7 @@ def test_the_start_may_be_states_or_the_equilibrium(tmp_path):
     resting = make_scenario(tmp_path / "arm.urdf", duration=1.0, initial="equilibrium")
     assert resting.initial_equilibrium
     assert resting.initial_positions == {}
-    for wrong in ("equilibrum", {"a": {"speed": 1}}, {"a": {"motor_positions": []}}, {"a": "fast"}):
+    for wrong in ({"a": {"speed": 1}}, {"a": {"motor_positions": []}}, {"a": "fast"}):
         with pytest.raises(ScenarioError):
             make_scenario(tmp_path / "arm.urdf", duration=1.0, initial=wrong)
 
@@ -348,7 +348,7 @@ def test_the_start_may_be_states_or_the_equilibrium(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "world: {objects: {'*': {shape: sphere, size: 1}}}", "references: {a: {'*': 1}}", "parameters: {a: {'*': 1}}",
+        "world: {objects: {'*': {shape: sphere, size: 1}}}", "parameters: {a: {'*': 1}}",
         "reference_ranges: {a: {'*': [0, 1]}}",
         "ilc: {trajectory: {a: 1}, tolerance: 1, joint_gains: {'*': 0.1}}",
         "expect: [{joint: a, quantity: link_position, measure: final, value: 0, options: {'*': 1}}]",
