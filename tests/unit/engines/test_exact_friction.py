@@ -28,10 +28,12 @@ def tree_of(parent, source):
 @pytest.mark.parametrize("size", [1, 7, 40])
 @pytest.mark.parametrize("branches", [1, 4])
 def test_changes_on_a_tree_solve_its_equations(size, branches):
-    """One room for several steps with other states of friction and stops; damping is added to the diagonal."""
+    """One room, also used by a run that diverged, for several steps with other states of friction and stops; damping is added
+    to the diagonal."""
     source = np.random.default_rng(size)
     parent = np.array([max(i - source.integers(1, branches + 1), -1) for i in range(size)])
     room = make_room(Jointless(), qpos=np.zeros(size), qvel=np.zeros(size), joint_q=[], joint_v=[], free=False, parent=parent)
+    room.square[:] = np.nan
     for states in ([POSITIVE], range(AT_LOWER, AT_UPPER + 1), [POSITIVE]):
         room.matrix[:] = tree_of(parent, source)
         room.diagonal[:] = room.matrix.diagonal() + source.uniform(0.0, 1.0, size)
