@@ -147,7 +147,7 @@ class Layout:
                     elif column.kind != "text":
                         column.add(texts, numbers, self.decimal)
         kept = [(place, column) for place, column in enumerate(columns, start=1) if column.blocks]
-        if not kept:
+        if all(column.kind == "joint" for _, column in kept):
             raise RecordingError("contains no row of numbers", code="no-numbers")
         findings = []
         if ragged:
