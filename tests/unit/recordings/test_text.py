@@ -276,6 +276,14 @@ def test_lines_above_a_stated_header_do_not_count(tmp_path):
     check(path)
 
 
+def test_a_header_of_numbers_is_stated(tmp_path):
+    path = write(tmp_path / "lab.csv", ["time,1,2", *rows()])
+    with pytest.raises(RecordingError, match="none of the columns is a time: column_1"):
+        read_recording(path)
+    (tmp_path / "lab.csv.yaml").write_text("header: 1\nmap: {'1': joint_1.link_position, '2': joint_2.link_position}\n")
+    check(path)
+
+
 def test_a_row_of_units_is_asked_about(tmp_path):
     path = write(tmp_path / "lab.csv", ["time,q1,q2", "s,deg,deg", *rows(scale=DEGREES)])
     assert not read_recording(path).joints
