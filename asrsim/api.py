@@ -190,7 +190,7 @@ def run(
             `cross_check` if another engine is installed.
         cross_check: Repeat the run in another engine; the differences are in `.summary.cross_check`.
         progress: Called with the simulated time in s.
-        stop: Called about every 2000 substeps; True ends the run cleanly.
+        stop: Called every few thousand substeps; True ends the run cleanly.
 
     Returns:
         Result; results of the claims (`expect:`) are in `.summary.claims`. A claim that does not hold raises no error.

@@ -68,7 +68,6 @@ def compile_function(
             return entry(*values)
 
         call.owner = dispatcher  # type: ignore[attr-defined]
-        call.entry = entry  # type: ignore[attr-defined]
         return call
 
     return _through_cache(compiled, function, dict(names or {}), f"{version}\n{signature}", inline)

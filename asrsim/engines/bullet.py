@@ -180,7 +180,7 @@ class BulletContacts(BulletEngine):
         """Velocities before the last kick."""
         self._rotation = np.eye(3)
         """Rotation matrix (3, 3) of the base link."""
-        self._torques = Calculation(find_torques, self._room)
+        self._calculation = Calculation(find_torques, self._room)
         self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
         """Arguments of `find_torques`."""
 
@@ -256,7 +256,7 @@ class BulletContacts(BulletEngine):
         rotation = self._rotation if room.free else None
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
         self.look(forces, self._forces)
-        self._torques(*self._arrays)
+        self._calculation(*self._arrays)
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[model.free :])
         self._before[:] = now
         if fraction != 1.0:

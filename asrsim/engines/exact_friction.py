@@ -107,7 +107,8 @@ def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
         b = parent[a]
         while b >= 0:
             factor = square[a, b] * inverse
-            # A loop over all columns is faster than one along the branch: its loads do not wait for each other.
+            # A loop over all columns is faster than one along the branch, since its loads do not wait for each other. The
+            # results outside the branch are 0, or NaN after a run that diverged, and have no effect.
             for c in range(b + 1):
                 square[b, c] -= factor * square[a, c]
             square[a, b] = factor

@@ -53,7 +53,8 @@ def write_ranges(fit: Fit, compiled: Callable[[dict[str, float]], Any], path: Pa
     for i, key in enumerate(fit.keys):
         ends = [float(row[i]) for row in rows]
         models = [compiled({name: value for name, value in fit.assign(row).items() if name in fit.groups[i]}) for row in rows]
-        model, fields = models[0], dict[str, dict[str, list[Any]]]()
+        model = models[0]
+        fields: dict[str, dict[str, list[Any]]] = {}
         for kind, names in FIELDS.items():
             for field in names:
                 below, above = (getattr(each, field) for each in models)

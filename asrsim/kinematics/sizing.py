@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -115,8 +115,10 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
     return np.stack(goals), goals[0] if actuator.motors < 2 else over_arrays(actuator.equilibrium_position)(*goals)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Largest sag of each joint over time, found by overdamped relaxation from the position of its references."""
+    """Largest sag of each joint over time, found by overdamped relaxation from the position of its references. The sag is NaN
+    if the torques of opposing springs overflow."""
     chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
     time = _instants(scenario, blocks)
     wanted = {
@@ -347,8 +349,8 @@ def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float
     """Stiffness of the springs in N m/rad at the last references, and change of the references during the run in rad."""
     drive = drive_of(block)
     motors, goal = goals_of(scenario, block, np.array([0.0, scenario.duration]))
-    law: Any = drive.actuator.stiffness
-    return float(law(float(goal[-1]), *(float(motor[-1]) for motor in motors), drive.elastic)), float(np.ptp(goal))
+    stiffness = over_arrays(drive.actuator.stiffness)(goal, *motors, drive.elastic)
+    return float(stiffness[-1]), float(np.ptp(goal))
 
 
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
@@ -376,14 +378,14 @@ def _scaled(block: ActuatorBlock, *, spring: float = 1.0, gain: float = 1.0, lim
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
     """Names of the spring parameters with N in their units, if the torque is proportional to them; else empty."""
     names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
-    point = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
+    point = np.array([0.0, *actuator.motor_references(0.1, actuator.typical_preset)])[:, None]
     once, twice = (
-        actuator.elastic_torques(
+        over_arrays(actuator.elastic_torques)(
             *point, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
         )
         for factor in (1.0, 2.0)
     )
-    linear = any(once) and all(math.isclose(b, 2.0 * a, rel_tol=1e-9, abs_tol=1e-12) for a, b in zip(once, twice, strict=True))
+    linear = once.any() and np.allclose(0.5 * twice, once, rtol=1e-9, atol=0.5e-12)
     return names if linear else ()
 
 

@@ -16,6 +16,8 @@ from asrsim.samples import Array
 
 EPOCH = 1e9
 """Times above this value are Unix times (September 2001 and later), s."""
+LARGEST = 1e30
+"""Largest magnitude of a measured value, SI units; squares and slopes of larger values would overflow."""
 
 
 def places_text(noun: str, numbers: Iterable[int]) -> str:
@@ -27,7 +29,10 @@ def places_text(noun: str, numbers: Iterable[int]) -> str:
 def unique(name: str, seen: Counter[str]) -> str:
     """Name that was not used before: `q` at first, then `q#2`, `q#3`, ... seen: number of uses of each name."""
     seen[name] += 1
-    return name if seen[name] == 1 else f"{name}#{seen[name]}"
+    while seen[name] > 1:
+        name = f"{name}#{seen[name]}"
+        seen[name] += 1
+    return name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -71,7 +71,7 @@ def content_of(path: Path, reading: Reading) -> Content:
         reader = READERS.get(name)
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
         return replace(found, format=name)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         raise RecordingError(f"cannot be read: {error}", code="no-file") from None
 
 

@@ -78,7 +78,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
 
     joints: joints of the simulation; None: the name states the joint.
     """
-    plain = re.sub(r"#\d+$", "", split_header(name)[0])
+    plain = split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
     if dot and ALIASES.get(last, last) in KNOWN:
         return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)

@@ -16,7 +16,7 @@ import numpy as np
 from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
-from asrsim.recordings.data import Column, Content, RawColumn, Recording
+from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import KNOWN, DoubtError, find_raw, joint_of, meaning_of, stated_unit
@@ -26,8 +26,6 @@ from asrsim.recordings.times import with_times
 from asrsim.recordings.units import Unit, fits
 from asrsim.samples import Array
 
-LARGEST = 1e30
-"""Largest magnitude of a measured value, SI units; squares and slopes of larger values would overflow."""
 _TURNS = 20.0
 """Whole numbers above this magnitude are encoder counts or degrees, not angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
@@ -169,7 +167,7 @@ def _meanings(
     raw: Sequence[RawColumn], explicit: Mapping[int, ColumnMap], reading: Reading, joints: Sequence[str] | None
 ) -> Iterator[ColumnMap]:
     """Meaning of each column, by its mapping, or else by the file or the column's name."""
-    names = [re.sub(r"#\d+$", "", column.name) for column in raw]
+    names = [re.sub(r"(#\d+)+$", "", column.name) for column in raw]
     uses = Counter(names)
     for i, (column, name) in enumerate(zip(raw, names, strict=True)):
         if i in explicit:
@@ -178,7 +176,7 @@ def _meanings(
             yield ColumnMap(origin=f"not used: missing in {reading.document}")
         else:
             try:
-                joint, quantity = _meaning(column, joints)
+                joint, quantity = _meaning(column, name, joints)
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 if joints and quantity and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts from 0 fits only a robot that does so
@@ -191,16 +189,19 @@ def _meanings(
             yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
-def _meaning(raw: RawColumn, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
-    """Joint and quantity that the file states for a column, or else that its name implies. Raises DoubtError."""
-    unit = stated_unit(raw.name)
+def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
+    """Joint and quantity that the file states for a column, or else that its name implies. Raises DoubtError.
+
+    name: name of the column without the number that distinguishes equal names, such as `#2`.
+    """
+    unit = stated_unit(name)
     if raw.quantity is not None:
-        place = re.search(r"\[(\d+)\]$", raw.name)
+        place = re.search(r"\[(\d+)\]$", name)
         return raw.joint or joint_of(int(place[1]) if place else None, joints, indexed=True), raw.quantity
     if raw.joint is None:
-        joint, quantity = meaning_of(raw.name, unit, joints)
+        joint, quantity = meaning_of(name, unit, joints)
     else:  # the file states the joint, so the array index is not a joint number
-        name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", raw.name)
+        name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", name)
         joint, quantity = raw.joint, meaning_of(name, unit, [raw.joint])[1]
     if quantity is None or unit is not None:
         return joint, quantity

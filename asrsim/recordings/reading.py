@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -136,8 +135,8 @@ class Reading:
         problems: list[Problem] = []
         if self.encoding is not None:
             try:
-                codecs.lookup(self.encoding)
-            except LookupError:
+                "a".encode(self.encoding)
+            except (LookupError, ValueError):
                 problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
         if self.span[0] >= self.span[1]:
             problems.append(Problem("must be a start and a later end", key="window", value=self.window, code="range"))

@@ -147,7 +147,7 @@ class Layout:
                     elif column.kind != "text":
                         column.add(texts, numbers, self.decimal)
         kept = [(place, column) for place, column in enumerate(columns, start=1) if column.blocks]
-        if not kept:
+        if all(column.kind == "joint" for _, column in kept):
             raise RecordingError("contains no row of numbers", code="no-numbers")
         findings = []
         if ragged:
@@ -230,7 +230,9 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
     # Some programs end each row, but not the header, with a separator.
     blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
     widths = (columns, columns - blank)
-    fitting = [row for row in above if len(row[1]) in widths and share_of_values(kinds_of(row[1], decimal)) < 0.5]
+    fitting = [
+        row for row in above if len(row[1]) in widths and (reading.header or share_of_values(kinds_of(row[1], decimal)) < 0.5)
+    ]
     header, names = fitting[-1] if fitting else (0, [""] * columns)
     if place and not fitting and reading.header is None and len(rows[place - 1][1]) not in (1, 2, columns):
         line, names = rows[place - 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, counted, listed
 from asrsim.plain import one_or_more
-from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
+from asrsim.recordings.data import EPOCH, LARGEST, Content, RawColumn, RawTable, unique
 from asrsim.recordings.names import find_raw, tokens_of
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
@@ -27,6 +28,8 @@ FASTEST, SLOWEST = 3e-5, 0.5
 """Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
 _DIGITS = 9
 """Decimals of a second to which stamps are compared; slopes over shorter steps would overflow."""
+_MOST_JOINTS = 1000
+"""Largest number of joints that a column may name row by row."""
 _GAP = 1.7
 """Ratio to the usual time step above which a step contains missing samples."""
 
@@ -38,6 +41,7 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
     """
     faults: list[Problem] = []
     tables: list[RawTable] = []
+    seen: Counter[str] = Counter()
     for prefix, part in [part for table in content.tables for part in _by_joint(table, reading.joint)]:
         try:
             timed = _cleaned(_timed(part, reading, findings), findings)
@@ -45,7 +49,8 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
             faults += error.problems
             continue
         if timed.columns:
-            tables.append(replace(timed, columns=tuple(replace(one, name=prefix + one.name) for one in timed.columns)))
+            columns = tuple(replace(one, name=unique(prefix + one.name, seen)) for one in timed.columns)
+            tables.append(replace(timed, columns=columns))
     if not tables:
         message = "has only a time column; expected a time and at least one signal"
         hint = "For a signal without a time give the sampling rate with --rate"
@@ -59,7 +64,8 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
 def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
     """Table of each joint that the column `name` names row by row, and the prefix of its columns' names, such as `elbow.`.
 
-    Without a name the table itself, with the prefix "". Raises RecordingError if there is no such column.
+    Without a name the table itself, with the prefix "". Raises RecordingError if there is no such column, or if it names too
+    many joints, as a column of numbers does.
     """
     if name is None:
         return [("", table)]
@@ -67,9 +73,16 @@ def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
     if name not in names:
         raise RecordingError("the file has no such column", key=f"joint: {name}", choices=tuple(names[:12]), code="no-joint")
     joints = table.columns[names.index(name)].values
+    different = dict.fromkeys(joints.tolist())
+    if len(different) > min(_MOST_JOINTS, len(joints) // 4):
+        rows = counted(len(joints), "row")
+        message = (
+            f"names {counted(len(different), 'joint')} in {rows}; expected up to {_MOST_JOINTS} joints with many rows each"
+        )
+        raise RecordingError(message, key=f"joint: {name}", code="no-joint")
     others = replace(table, columns=tuple(one for one in table.columns if one.name != name), time=np.zeros(len(joints)))
     parts = []
-    for joint in dict.fromkeys(joints.tolist()):
+    for joint in different:
         label = str(joint).removesuffix(".0")
         parts.append((f"joint_{label}." if label.isdecimal() else f"{label}.", others.selected(joints == joint)))
     return parts
@@ -160,7 +173,7 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
 
     Unix times count from the first time. alone: Whether this column is the whole time, not one of two columns that are added.
     """
-    name, values = column.name, column.values
+    name, values = column.name, np.where(np.abs(column.values) < LARGEST, column.values, np.nan)
     if column.zero is not None:
         return values, column.zero, ""
     if not np.isfinite(values).any():
@@ -225,7 +238,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
             raise RecordingError(message, key=name, line=line, hint="Split the file, or give --rate", code=code)
         findings.append(Problem(f"{message}, left out: {table.places(bad)}", key=name, code=code, line=line))
 
-    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "non-numeric time stamp", "bad-time", 1.0, "")
+    leave_out(np.flatnonzero(~np.isfinite(time)), "non-numeric time stamp", "bad-time", 1.0, "")
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]

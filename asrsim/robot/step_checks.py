@@ -72,7 +72,7 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
             unloaded = actuator.motor_references(0.0, actuator.typical_preset)
             try:
                 stiffness = actuator.stiffness(0.0, *unloaded, actuator.law_values(values))
-            except OverflowError:  # impossible parameters, which other checks report
+            except ArithmeticError:  # impossible parameters, which `law_fault` reports
                 stiffness = math.inf
             natural = math.sqrt(max(stiffness, 0.0) * mobility) / math.tau
         elif mode.controller:

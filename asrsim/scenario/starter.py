@@ -8,7 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.document.kinds import File, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
@@ -109,7 +112,8 @@ class StarterJoint:
     def _load(self, preset: float) -> float:
         """Torque of the springs on the motors at rest, as a fraction of the largest motor torque."""
         values, actuator = self.block.values(), self.actuator
-        torques = actuator.elastic_torques(0.0, *actuator.motor_references(0.0, preset), actuator.law_values(values))
+        positions = np.array([0.0, *actuator.motor_references(0.0, preset)])[:, None]
+        torques = over_arrays(actuator.elastic_torques)(*positions, actuator.law_values(values))[:, 0].tolist()
         limits = (values[f"motor_{i}_max_torque"] for i in range(1, actuator.motors + 1))
         return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
 
@@ -284,7 +288,7 @@ def write_starter(
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
     changed = with_actuators(loaded, given, {})
     starter = Starter(
-        robot=changed if mode is None else with_overrides(changed, modes={"*": mode}),
+        robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
         given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),

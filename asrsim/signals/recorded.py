@@ -29,8 +29,8 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
         RecordingError: The column is missing, cells are empty or not numbers, rows have another length, or times do not
             increase. Each problem states file, line and column.
     """
+    from asrsim.recordings.data import LARGEST
     from asrsim.recordings.names import find_raw
-    from asrsim.recordings.read import LARGEST
 
     content, recording = _read(path, time_column)
     columns = [(table, raw) for table in content.tables for raw in table.columns]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 from weakref import finalize
 
@@ -68,11 +69,14 @@ class Core:
             self._run = code.compiled_run()
         self._owners: list[Any] = []
         """Functions that the kernel calls by address, which must stay alive."""
+        # Joints with the same actuator share its laws: each call computes a digest and checks files in the cache.
+        bound_law: Any = cache(code.bound_law)
+        bound_step: Any = cache(code.bound_step)
         for k, drive in zip(self._kinds, drives, strict=True):
             if k[KIND] == SPRUNG:
-                k[SPRING_LAW] = self._address(code.bound_law(drive.actuator, drive.positions))
+                k[SPRING_LAW] = self._address(bound_law(drive.actuator, drive.positions))
             if stepping.joint_step is not None:
-                k[JOINT_STEP] = self._address(code.bound_step(stepping.joint_step))
+                k[JOINT_STEP] = self._address(bound_step(stepping.joint_step))
         self.S = np.zeros((worlds, len(drives), self.shape.state))
         """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)

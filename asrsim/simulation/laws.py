@@ -48,13 +48,13 @@ def numbers(p: Any, at: int) -> Any:
 
 
 def bound_step(function: Callable[..., None]) -> Any:
-    """What `joint_step` calls for the function of a stepping."""
+    """The function of a stepping in the form that `joint_step` calls."""
     return function
 
 
 @cache
 def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
-    """What `spring_law` calls for an actuator's laws. The result is NaN if a law has no finite value.
+    """Function that `spring_law` calls to evaluate an actuator's laws. The torque is NaN if a law has no finite value.
 
     motors: number of positions that the laws take, at least 2.
     """

@@ -1,4 +1,4 @@
-"""What callers see of a simulation between steps: states, counts of limits, and snapshots from which it can be restored."""
+"""Data that a simulation returns between steps: states, counts of limits, and snapshots that can be restored."""
 
 from __future__ import annotations
 

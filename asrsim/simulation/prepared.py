@@ -68,7 +68,11 @@ Signals = Mapping[str, Mapping[str, Signal]]
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Start of a world; values that are not given come from the scenario."""
+    """Start of a world; values that are not given come from the scenario.
+
+    If the scenario starts at equilibrium, the start is the equilibrium for the parameters given here, but for the scenario's
+    references: `references` do not change the start.
+    """
 
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
@@ -166,7 +170,7 @@ class Prepared:
         return found
 
     def check_start(self, start: Start) -> None:
-        """Raise InputError for wrong names and values in the positions and velocities of a start."""
+        """Raise InputError for wrong names and values in the positions, velocities and motors of a start."""
         joints = {drive.name: drive for drive in self.drives}
         problems = []
         for what, given in (("initial", start.positions), ("velocities", start.velocities), ("motors", start.motors)):
@@ -180,7 +184,7 @@ class Prepared:
             raise InputError(problems)
 
     def started(self, start: Start) -> Prepared:
-        """A copy with the positions and velocities of a start. Raises InputError for wrong names and values."""
+        """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
         self.check_start(start)
         moved = {*start.positions, *start.velocities, *start.motors}
         drives = tuple(
@@ -198,7 +202,8 @@ class Prepared:
 
     def with_references(self, signals: Signals) -> Prepared:
         """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
-        again; substeps and start are unchanged.
+        again; substeps and start are unchanged. Only `vary`, or a reset with other parameters, computes a start at equilibrium
+        again, then for the new signals.
 
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals.

@@ -100,7 +100,8 @@ class RunRecording:
             self._scenes[substep] = self._engine.scene()
 
     def _samples(self, first: int, rows: Array, every: int) -> Samples:
-        """Samples of every so many rows, with poses and contacts; `first`: number of the first row."""
+        """Samples of the rows whose number is a multiple of `every`, with poses and contacts. first: number of the first
+        row."""
         part = slice((-first) % every, None, every)
         time = grid(first, len(rows), self._prepared.scenario.step)[part]
         samples = Samples(time=time, joints=self._engine.joints, values=self._columns.values(rows[part]))

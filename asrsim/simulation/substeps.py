@@ -62,9 +62,8 @@ class Resolution:
 
     substeps: int
     motor_substeps: int
-    frequency: float
-    """Largest natural frequency omega of the links on their springs, rad/s."""
     motor_frequency: float
+    """Largest natural frequency of a motor with a fixed link, rad/s."""
     omega_h: float
     """Largest natural frequency of the links on their springs, multiplied by the substep."""
     stiffness: tuple[float, ...]
@@ -238,7 +237,6 @@ def _resolve(
     return Resolution(
         substeps=substeps,
         motor_substeps=motor_substeps + 1 - motor_substeps % 2,
-        frequency=frequency,
         motor_frequency=motor_frequency,
         omega_h=frequency * step / substeps,
         stiffness=tuple(float(k) for k in stiffness),

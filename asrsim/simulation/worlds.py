@@ -326,7 +326,8 @@ class Worlds:
         the scenario or of `start`.
 
         start: one start for all worlds, or a start for each world. Raises InputError and RobotError for unknown names, and for
-        values that are not finite or beyond limits.
+        values that are not finite or beyond limits. Wrong positions, velocities and motors are found before any world changes;
+        if a start has wrong parameters or references, the worlds before it are already reset.
         """
         self.check_open()
         numbers = self._numbers(worlds).tolist()
@@ -336,8 +337,9 @@ class Worlds:
             message = f"needs one start for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
         for one in starts:
-            # Wrong positions and velocities are found before a world changes.
             self.prepared.check_start(one)
+        # The other checks need an engine with the inertias of the start. PyBullet needs a new engine for this, which the world
+        # then uses; with all starts checked first, each of these engines would be built twice.
         for number, one in zip(numbers, starts, strict=True):
             world = self._world_of(one)
             if world.prepared is not self._worlds[number].prepared:

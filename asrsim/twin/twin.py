@@ -154,12 +154,12 @@ class Twin:
         begins = self._steps == 0 or bool((lost & np.isfinite(positions)).any())
         state = self.worlds.observe()
         distances = positions - state.link_position[0]
-        for joint, distance in () if begins else zip(self.joints, distances.tolist(), strict=True):
-            if abs(distance) > JUMP:
-                why = "another robot, a motor that is off, or a wrong command?"
-                text = f"the robot is {distance:+.2g} from its twin ({why}): the twin is set to the robot's position"
-                self._note(f"{joint}: {text}", notes)
-        if begins or (np.abs(distances) > JUMP).any():
+        jumped = [] if begins else np.flatnonzero(np.abs(distances) > JUMP).tolist()
+        for j in jumped:
+            why = "another robot, a motor that is off, or a wrong command?"
+            text = f"the robot is {distances[j]:+.2g} from its twin ({why}): the twin is set to the robot's position"
+            self._note(f"{self.joints[j]}: {text}", notes)
+        if begins or jumped:
             self._place(positions)
             state = self.worlds.observe()
         error = positions - state.link_position

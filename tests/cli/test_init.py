@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import asrsim
 from asrsim.cli.app import app
-from asrsim.errors import OutputError, RobotError
+from asrsim.errors import OutputError, RobotError, ScenarioError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.starter import SCHEMA_FILE, write_starter
@@ -80,6 +80,17 @@ def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     with pytest.raises(RobotError, match="no moving joint"):
         write_starter(robot, tmp_path / "start.yaml", actuators={"*": "qbmove"})
     assert not (tmp_path / "start.yaml").exists()
+
+
+def test_a_spring_that_overflows_at_rest_is_an_error(tmp_path):
+    """At the typical preset, sinh(a 0.2) overflows for a = 5000, but not for a = 2000."""
+    robot = write_robot(tmp_path, {"name": "j"})
+    plain = robot.read_text()
+    robot.write_text(plain.replace("<pub_eltau>", "<spring_a1>2000</spring_a1><pub_eltau>"))
+    write_starter(robot, tmp_path / "s.yaml")
+    robot.write_text(plain.replace("<pub_eltau>", "<spring_a1>5000</spring_a1><pub_eltau>"))
+    with pytest.raises(ScenarioError, match=r"arm\.urdf:.*cannot be worked out"):
+        write_starter(robot, tmp_path / "t.yaml")
 
 
 @pytest.mark.parametrize("mode", [5, 6])

@@ -105,7 +105,7 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed, tmp_path):
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
-def test_equilibrium_is_recomputed_for_new_parameters(parameters, engine):
+def test_equilibrium_is_recomputed_for_new_parameters_but_not_for_references(parameters, engine):
     robot = chain(*[Body(actuator="sea", **ARM)] * 2)
     scenario = Scenario(
         name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
@@ -120,6 +120,10 @@ def test_equilibrium_is_recomputed_for_new_parameters(parameters, engine):
         assert not np.array_equal(simulation.observe().link_position, before)
         simulation.advance(50)
         np.testing.assert_allclose(simulation.observe().link_position, fresh.observe().link_position, atol=1e-8)
+    moved = {"joint_1": {"equilibrium_position": Constant(value=FIRST + 0.2)}}
+    with asrsim.Worlds(given, 2) as worlds:
+        worlds.reset([asrsim.Start(parameters=parameters, references=references) for references in ({}, moved)])
+        assert np.array_equal(*worlds.observe().link_position)
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])

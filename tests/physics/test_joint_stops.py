@@ -13,7 +13,6 @@ from support.pinocchio_model import PinocchioModel
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEPS = (1e-3, 2.5e-4)
-Pair = tuple[float, float]
 
 
 def limit(lower, upper):

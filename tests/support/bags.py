@@ -1,20 +1,16 @@
 """ROS bags made of given messages."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 START = 1_700_000_000_000_000_000
 """Time of recording of the first message, ns."""
 STATE, NUMBER = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64"
-Make = Callable[[Any, int, int], Any]
-"""Function of the message classes, the number of the message, and its time in ns that returns a message."""
 
 
 def write_bag(path, kind, topics, times, *, definitions=None, version=9):
-    """Write a bag. kind: ros1, sqlite3 or mcap. topics: type and maker of the messages, by topic. definitions: texts of further
-    message types, by name."""
+    """Write a bag. kind: ros1, sqlite3 or mcap. topics: by topic, the type of the messages, and a function that makes
+    a message from the message classes, the message's number and its time in ns. definitions: texts of further message types, by
+    name."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2

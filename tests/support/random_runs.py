@@ -116,7 +116,6 @@ def random_run(
     seed: int,
     *,
     moving: int = 4,
-    fixed_links: int = 3,
     fixed: bool = True,
     jumps: bool = True,
     friction: bool = False,
@@ -129,7 +128,7 @@ def random_run(
     passive: fraction of joints without actuator; friction: whether motors have Dahl friction; extras: see `_with_extras`.
     """
     source = np.random.default_rng([seed, 77])
-    text = random_urdf(seed, moving=moving, fixed=fixed_links)
+    text = random_urdf(seed, moving=moving, fixed=3)
     found = re.findall(r'<joint name="(\w+)" type="(\w+)">', text)
     grid = float(source.integers(80, 120)) * 1e-3
     times = (grid, grid + 0.0507 + float(source.uniform(0.0, 0.9)) * 1e-3) if jumps else ()

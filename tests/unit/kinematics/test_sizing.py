@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import warnings
 
 import numpy as np
 import pytest
@@ -122,6 +123,20 @@ def test_weak_motors_are_distinguished_from_soft_springs(tmp_path):
     assert problems
     assert all("motors are too weak" in problem.message for problem in problems)
     assert all("motor_1_max_torque" in values for values in judged(scenario).proposal.values())
+
+
+@pytest.mark.parametrize("preset", [0.2, 0.75])
+def test_springs_whose_torques_overflow_are_not_too_soft(tmp_path, preset):
+    """sinh(1000 * 0.75) overflows at rest; sinh(1000 * 0.2) overflows only far from rest."""
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, effort=1e6),
+        actuators={"*": {"type": "qbmove", "mode": 3}},
+        parameters={"*": {"spring_a_1": 1e3, "spring_a_2": 1e3}},
+        references={"*": {"equilibrium_position": 0.5, "stiffness_preset": preset}},
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not judged(scenario).weak
 
 
 def test_joints_without_springs_are_not_judged(tmp_path):

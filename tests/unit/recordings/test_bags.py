@@ -87,13 +87,10 @@ def test_unknown_message_types_without_definition(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["lab.bag", "lab.mcap", "lab.db3"])
-def test_damaged_and_empty_bags(tmp_path, name):
+def test_a_damaged_bag_is_refused(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"no bag at all" * 50)
     with pytest.raises(RecordingError, match="no bag at all"):
-        read_recording(path)
-    path.write_bytes(b"")
-    with pytest.raises(RecordingError, match="empty"):
         read_recording(path)
 
 

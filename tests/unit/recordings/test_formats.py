@@ -149,11 +149,12 @@ def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path):
 
 
 def test_the_time_of_a_matrix_is_stated(tmp_path):
-    np.savez(tmp_path / "lab.npz", M=np.column_stack([TIME, Q1, 2 * Q1]))
+    np.savez(tmp_path / "lab.npz", M=np.column_stack([TIME, Q1, 2 * Q1]), M_2=Q2)
     with pytest.raises(RecordingError, match="none of the columns is a time: M_1, M_2"):
         read_recording(tmp_path / "lab.npz")
     recording = read_recording(tmp_path / "lab.npz", mapping=["M_1=time", "M_2=elbow.link_position"])
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
+    np.testing.assert_array_equal(recording.channels["M_2#2"].values, Q2)
     np.testing.assert_allclose(read_recording(tmp_path / "lab.npz", rate=500.0).time, 0.002 * np.arange(50))
 
 

@@ -92,8 +92,8 @@ def test_a_number_that_may_count_otherwise_is_asked_about(tmp_path, names, joint
 
 
 def test_columns_of_one_name_are_all_asked_about(tmp_path):
-    recording = read(tmp_path, ["Position", "Position", "dq1"])
-    assert [column.source for column in recording.asked] == ["Position", "Position#2"]
+    recording = read(tmp_path, ["Position#2", "Position", "Position", "dq1"])
+    assert [column.source for column in recording.asked] == ["Position#2", "Position", "Position#2#2"]
     assert recording.channels["dq1"].quantity == "link_velocity"
 
 

@@ -202,7 +202,8 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path):
         (["time,q1", *[f"{t},1" for t in [0.0, 0.1, 0.2, 1.7e9, 1.7e9 + 0.1, 1.7e9 + 0.2]]], "two time bases"),
         (["time,q1", *[f"{0.1 * (i // 3)},1" for i in range(30)]], "20 repeated time stamps.*too few digits"),
         (["time,q1", *[f"{738000 + i * 1e-7:.9f},{i}" for i in range(50)]], "1e-07 units apart.*State the unit"),
-        (["time,q1,q2", *rows(time_scale=1e3)], "10 units apart.*State the unit"),
+        (["time,q1,q2", *rows(time_scale=1e6, zero=200)], "10000 units apart.*State the unit"),
+        (["time,q1", *["1e308,1"] * 9], "time column has no number"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
         (["m:", "  a: q [deg] - 0.01", "  b:"], "no row of numbers"),
@@ -256,14 +257,30 @@ def test_rows_of_joints_that_take_turns_become_columns(tmp_path, names):
     path = write(tmp_path / "lab.csv", ["time,name,position", *lines])
     (tmp_path / "lab.csv.yaml").write_text("joint: name\n")
     check(path)
-    (tmp_path / "lab.csv.yaml").write_text("joint: motor\n")
-    with pytest.raises(RecordingError, match="joint: motor"):
-        read_recording(path)
+    for column, words in (("motor", "no such column"), ("time", "names 50 joints in 100 rows")):
+        (tmp_path / "lab.csv.yaml").write_text(f"joint: {column}\n")
+        with pytest.raises(RecordingError, match=f"joint: {column}: .*{words}"):
+            read_recording(path)
+
+
+def test_rows_of_joints_without_numbers_are_refused(tmp_path):
+    path = write(tmp_path / "lab.csv", ["name,position", "elbow,1", *["elbow,up"] * 9])
+    (tmp_path / "lab.csv.yaml").write_text("joint: name\n")
+    with pytest.raises(RecordingError, match="no row of numbers"):
+        read_recording(path, rate=50)
 
 
 def test_lines_above_a_stated_header_do_not_count(tmp_path):
     path = write(tmp_path / "lab.csv", [*["7;1"] * 180, "time,q1,q2", *rows()])
     (tmp_path / "lab.csv.yaml").write_text("header: 181\n")
+    check(path)
+
+
+def test_a_header_of_numbers_is_stated(tmp_path):
+    path = write(tmp_path / "lab.csv", ["time,1,2", *rows()])
+    with pytest.raises(RecordingError, match="none of the columns is a time: column_1"):
+        read_recording(path)
+    (tmp_path / "lab.csv.yaml").write_text("header: 1\nmap: {'1': joint_1.link_position, '2': joint_2.link_position}\n")
     check(path)
 
 
@@ -276,7 +293,7 @@ def test_a_row_of_units_is_asked_about(tmp_path):
     check(path)
 
 
-@pytest.mark.parametrize(("missing", "words"), [(1, "1 missing sample;"), (2, "2 missing samples;"), (5, "5 missing samples;")])
+@pytest.mark.parametrize(("missing", "words"), [(1, "1 missing sample;"), (5, "5 missing samples;")])
 def test_every_missing_sample_is_counted(tmp_path, missing, words):
     time = np.delete(np.arange(100) * 0.01, range(40, 40 + missing))
     found = read_recording(write(tmp_path / "gap.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings

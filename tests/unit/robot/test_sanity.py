@@ -5,7 +5,7 @@ import math
 import pytest
 
 from asrsim.errors import RobotError, ScenarioError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed, with_overrides
+from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_figures, with_overrides
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
 from asrsim.scenario import check_against_robot, load_scenario
@@ -143,17 +143,28 @@ def test_parameters_that_cannot_be_calculated_with_are_refused(tag, value, tiny)
         with_overrides(robot, parameters={"elbow": {tag: float(value)}})
 
 
-@pytest.mark.parametrize(("actuator", "tag"), [("qbmove", "spring_a1"), ("qbmove", "spring_a2"), ("bavs", "spring_k_e")])
-def test_a_law_that_divides_by_zero_is_an_error(actuator, tag, tiny):
-    block = f"<{tag}>0</{tag}>"
+@pytest.mark.parametrize(
+    ("actuator", "tag", "value"),
+    [
+        ("qbmove", "spring_a1", 0.0),
+        ("qbmove", "spring_a2", 0.0),
+        ("bavs", "spring_k_e", 0.0),
+        ("qbmove", "spring_a1", 2e6),
+        ("awas_ii", "spring_L", 0.01),
+    ],
+)
+def test_a_law_that_divides_by_zero_or_overflows_is_an_error(actuator, tag, value, tiny):
+    block = f"<{tag}>{value}</{tag}>"
     text = tiny.robot.read_text().replace("libsea", f"lib{actuator}").replace("<spring_k>10</spring_k>", block)
     tiny.robot.write_text(text)
     with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be worked out"):
         with_overrides(load_robot(tiny.robot))
+    (figures,) = step_figures(load_robot(tiny.robot), step=1e-3)
+    assert figures.natural == math.inf or value == 0.0
     robot = changed(tiny, (block, ""))
     assert all(law_fault(block) is None for block in robot.actuators)
     with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be worked out"):
-        with_overrides(robot, parameters={"*": {tag: 0.0}})
+        with_overrides(robot, parameters={"*": {tag: value}})
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from asrsim.errors import SimulationError
 from asrsim.kernel_cache import cache_file
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
+from asrsim.simulation import native
 from asrsim.simulation.core import SECONDS_TO_LOAD
 from asrsim.simulation.run import simulate
 from validation.models import Body, chain
@@ -157,6 +158,14 @@ def test_a_kernel_serves_other_robots_with_the_same_actuators():
     simulate(replace(scenario, parameters={"joint_1": {"spring_stiffness": 20.0}}, motor_substeps=3), robot)
     simulate(make_scenario(other, 3, compiled=True), other)
     assert kernels() == kept
+
+
+def test_joints_share_the_compiled_laws_of_an_actuator(monkeypatch):
+    bound, law = [], native.bound_law
+    monkeypatch.setattr(native, "bound_law", lambda *arguments: bound.append(arguments) or law(*arguments))
+    robot = arm("sea", "qbmove", "sea")
+    simulate(make_scenario(robot, 6, compiled=True), robot)
+    assert len(bound) == 2
 
 
 def test_a_changed_law_is_compiled_again(monkeypatch):
