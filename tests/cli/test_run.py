@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -22,18 +21,6 @@ LOAD = "external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"
 """Torque that makes every joint diverge."""
 LIMIT = 60.0
 """Time limit for a subprocess on a slow machine, s."""
-
-
-def start(tiny, *arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "asrsim.cli.app", *map(str, arguments)],
-        cwd=tiny.folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        **options,
-    )
 
 
 def log_of(tiny, variant="default"):
@@ -240,18 +227,6 @@ def test_interrupts_end_with_a_message_at_any_time(tiny, place):
         assert (done.returncode, done.stderr) == (0, "")
     else:
         assert (done.returncode, done.stderr) == (130, "asrsim: aborted\n")
-
-
-def test_a_full_disk_gives_one_error_and_a_readable_log(tiny):
-    def little_room():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
-
-    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER, preexec_fn=little_room)
-    _, err = process.communicate(timeout=LIMIT)
-    assert process.returncode == 1
-    assert "cannot write the log" in err
-    assert "Traceback" not in err
-    assert len(read_log(log_of(tiny)).samples.time) > 1000
 
 
 def test_certify_reports_the_numerical_error(tiny, asrsim_command):

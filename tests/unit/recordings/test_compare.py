@@ -139,14 +139,6 @@ def test_resampling_makes_no_overshoot_at_a_step():
     assert np.nanmax(result) <= 1.0
 
 
-def test_unmarked_degrees_are_suspected_in_a_comparison(tmp_path):
-    path = laboratory(tmp_path, scale=180 / np.pi)
-    result = compare(simulation(), read(path))
-    assert {f.key for f in result.findings if f.code == "suspected-unit"} == {"elbow.link_position", "elbow.reference_1"}
-    cured = compare(simulation(), read(path, mapping=["elbow_pos=elbow.link_position [deg]"]))
-    assert {f.key for f in cured.findings if f.code == "suspected-unit"} == {"elbow.reference_1"}
-
-
 def test_clocks_without_overlap_are_aligned_by_motion_or_refused(tmp_path):
     t = 100 + np.arange(0, 5, 0.01)
     fits, noise = motion(t - 100.3), np.random.default_rng(1).normal(size=len(t))

@@ -66,7 +66,7 @@ def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path, kind):
 def test_only_factors_of_units_are_suspected(tmp_path, factor, words):
     samples = Samples(time=TIME, joints=("joint_1",), values={"link_position": Q[:, None]})
     found = compare(samples, read(tmp_path, "q1", (factor * Q,)), lag="off").findings
-    assert [str(words) in one.message for one in found] == [True] * (words is not None)
+    assert [(one.key, str(words) in one.message) for one in found] == [("joint_1.link_position", True)] * (words is not None)
 
 
 @pytest.mark.parametrize("bits", [8, 16, 32])

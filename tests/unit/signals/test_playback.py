@@ -24,12 +24,6 @@ def test_csv_is_interpolated_and_holds_its_ends(tmp_path):
     assert signal.jumps(0.0, 2.0).size == 0
 
 
-def test_csv_held_jumps_at_its_samples(tmp_path):
-    signal = play(tmp_path, CSV, column="q1", interpolation="hold")
-    assert signal.values(np.array([0.49, 0.5, 0.99, 1.0])).tolist() == [0, 1, 1, 0]
-    assert signal.jumps(0.0, 2.0).tolist() == [0.5, 1.0]
-
-
 def test_unit_of_the_header_is_converted(tmp_path):
     assert play(tmp_path, CSV, column="q2 [deg]").values(np.array([1.0])) == pytest.approx([math.pi])
     scaled = play(tmp_path, CSV, column="q2", scale=-2, offset=1)
