@@ -274,9 +274,6 @@ def test_the_command_ends_by_its_duration(asrsim_command, tiny):
     done = asrsim_command("live", tiny.scenario, "--on", "none", "--speed", "max", "--duration", 0.2, "--set", "compiled=false")
     assert done.code == 0, done.err
     assert "asrsim rerun" in done.out
-    again = asrsim_command("rerun", next(tiny.folder.glob("out/**/log.mcap")))
-    assert again.code == 0
-    assert "identical, bit for bit" in again.out
 
 
 @pytest.mark.parametrize(

@@ -174,14 +174,6 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path):
         assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
 
 
-def test_claims_about_objects_are_judged_from_the_log(tmp_path):
-    from asrsim.log import open_log
-    from asrsim.plots.claims import logged_claims
-
-    info = open_log(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.02)).info
-    assert {claim.body for claim in logged_claims(info, tmp_path)} == {"box"}
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("lasting", "flattens"), [(0.002, False), (0.004, True)])
 def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(sign, lasting, flattens):
