@@ -20,7 +20,7 @@ from asrsim.recordings.reading import Reading
 
 _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
-_LONGEST = 64
+LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 NAMES = ("name", "names", "joint_names")
 """Message fields that name the entries of the other arrays in the message."""
@@ -75,7 +75,7 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
             continue
         path = f"{prefix}{key}"
         array = isinstance(value, np.ndarray | list | tuple)
-        if array and len(value) > _LONGEST:
+        if array and len(value) > LONGEST:
             raise NoSignal
         fitting = array and len(names) == len(value)
         items = [(f"{path}[{names[i] if fitting else i}]", item) for i, item in enumerate(value)] if array else [(path, value)]

@@ -15,13 +15,11 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.arrays import of_tree
-from asrsim.recordings.bags import NAMES
+from asrsim.recordings.bags import LONGEST, NAMES
 from asrsim.recordings.data import Content
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
 
-_LONGEST = 64
-"""Largest number of entries of a signal list in a record; longer lists are pictures or scans."""
 _START = re.compile(rb"\s*(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*\{)")
 
 
@@ -92,13 +90,13 @@ def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:
         start = f"{prefix}." if prefix else ""
         names: list[Any] = next((data[key] for key in NAMES if isinstance(data.get(key), list)), [])
         for key, value in data.items():
-            if isinstance(value, list) and len(value) == len(names) <= _LONGEST and value is not names:
+            if isinstance(value, list) and len(value) == len(names) <= LONGEST and value is not names:
                 for name, item in zip(names, value, strict=True):
                     yield from _flat(item, f"{start}{name}.{key}")
             else:
                 yield from _flat(value, f"{start}{key}")
     elif isinstance(data, list):
-        for i, value in enumerate(data if len(data) <= _LONGEST else ()):
+        for i, value in enumerate(data if len(data) <= LONGEST else ()):
             yield from _flat(value, f"{prefix}[{i}]")
     else:
         yield prefix, "" if data is None else str(int(data)) if isinstance(data, bool) else str(data)
