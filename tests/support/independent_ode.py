@@ -191,7 +191,7 @@ def motor_torque(joint: JointSpec, number: int, command: float, omega: float) ->
     return constant * clip(current, of("max_current", np.inf))
 
 
-def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11) -> dict[str, Array]:
+def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: float = np.inf) -> dict[str, Array]:
     """Joint positions (n, joints), base poses (n, 7) and motor positions at `times`."""
     truth = Truth(run)
     state = truth.start()
@@ -205,8 +205,9 @@ def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11) -> dict[str
             return truth.rate(t, y, after=t < end)
 
         found: Any = solve_ivp(
-            rate, (begin, end), state, method="DOP853", t_eval=np.unique([*times[inside], end]), rtol=tolerance, atol=tolerance
-        )
+            rate, (begin, end), state, method="DOP853", t_eval=np.unique([*times[inside], end]), rtol=tolerance, atol=tolerance,
+            max_step=longest,
+        )  # fmt: skip
         if not found.success:
             raise ArithmeticError(found.message)
         picked = np.isin(found.t, times[inside])
