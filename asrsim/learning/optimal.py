@@ -73,8 +73,8 @@ class InputSplines:
 def lift(linear: Linearised, band: InputSplines, delays: Sequence[float], *, from_rest: bool = False) -> Array:
     """Lifted matrix (rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
 
-    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change. from_rest: whether
-    the motion starts at the equilibrium of the first inputs, which then determine the initial state.
+    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change. from_rest:
+    whether the motion starts at the equilibrium of the first inputs, which then determine the initial state.
     """
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
