@@ -25,6 +25,7 @@ from asrsim.kinematics.drive_inverse import (
     model_time,
     smooth_motion,
 )
+from asrsim.kinematics.engine_model import inverse_dynamics
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
 from asrsim.robot.model import Joint, Robot
@@ -32,7 +33,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
 
 if TYPE_CHECKING:
-    from asrsim.kinematics.engine_model import EngineModel
+    from asrsim.engines.base import Model
 
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
@@ -115,7 +116,7 @@ class SoftArm:
 
     scenario: Scenario
     robot: Robot
-    model: EngineModel
+    model: Model
 
     def __post_init__(self) -> None:
         check_two_motors(self.robot, "inverse dynamics")
@@ -166,7 +167,7 @@ class SoftArm:
             message = "its controller has no proportional gain: no reference can move the joint"
             raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
-        rigid = self.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
+        rigid = inverse_dynamics(self.model, motion.positions, motion.velocities, motion.accelerations)
         found, torques, demands = [], [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)

@@ -13,9 +13,9 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.drive_inverse import equilibria_for_loads
-from asrsim.kinematics.engine_model import EngineModel, model_of
+from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
-from asrsim.kinematics.path import JointPath, NDArrayBool, PoseTrajectory, follow
+from asrsim.kinematics.path import JointPath, PoseTrajectory, follow
 from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianTask, for_joint
@@ -23,6 +23,7 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
+    from asrsim.engines.base import Model
     from asrsim.robot.model import Robot
     from asrsim.scenario.data import Scenario
 
@@ -59,7 +60,8 @@ class PlannedReferences:
 
 def plan(
     task: CartesianTask,
-    model: EngineModel,
+    model: Model,
+    stops: Array,
     drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
@@ -68,8 +70,8 @@ def plan(
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
-    drives: drives of the actuated joints. A joint that the task does not move stays at its initial position; with gravity
-    compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
+    stops: lower and upper stops (2, n) of the model's joints, rad or m. drives: drives of the actuated joints. A joint that the
+    task does not move stays at its initial position; with gravity compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
     duration: length of the run, s. presets: second references by joint; default: the preset of the task, or else the typical
     preset of the actuator.
     Raises ScenarioError for paths that the robot cannot follow (the error names the time), and for loads
@@ -77,23 +79,15 @@ def plan(
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
-    moving = np.array([joint in driven for joint in model.joints])
-    trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
+    # Joints that do not move have equal bounds.
+    stops = np.where([joint in driven for joint in model.joints], stops, start)
+    trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.link_point(task.link, task.point, start)[:2])
     count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
-    path = follow(
-        model,
-        task.link,
-        task.point,
-        trajectory,
-        start,
-        time,
-        moving=moving,
-        gain=task.gain,
-        damping=task.damping,
-    )
-    _check_path(task, model, trajectory, path, moving)
-    loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None
+    path = follow(model, task.link, task.point, trajectory, start, time, stops, gain=task.gain, damping=task.damping)
+    _check_path(task, model, trajectory, path, stops)
+    still = np.zeros(len(start))
+    loads = np.array([model.bias(positions, still) for positions in path.positions]) if task.gravity_compensation else None
     references = {}
     for drive in drives:
         index = model.joints.index(drive.joint)
@@ -105,16 +99,14 @@ def plan(
     return PlannedReferences(path=path, references=references)
 
 
-def _check_path(
-    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
-) -> None:
+def _check_path(task: CartesianTask, model: Model, trajectory: PoseTrajectory, path: JointPath, stops: Array) -> None:
     """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
-        position, _ = model.pose(path.positions[0], task.link, task.point)
+        position = model.link_point(task.link, task.point, path.positions[0])[0]
         first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
-        starts = [np.clip(path.positions[0] + bend * moving, model.lower, model.upper) for bend in BENDS]
+        starts = [np.clip(path.positions[0] + bend, *stops) for bend in BENDS]
         times = np.arange(200.0)
-        reached = [follow(model, task.link, task.point, first, start, times, moving=moving) for start in starts]
+        reached = [follow(model, task.link, task.point, first, start, times, stops) for start in starts]
         still = min(reached, key=lambda one: float(one.position_error[-1]))
         wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, still.positions[-1], strict=True))
         close = still.position_error[-1] <= task.tolerance
@@ -252,4 +244,5 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
             presets[drive.joint] = given[names[1]]
     initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
     with model_of(scenario, robot) as model:
-        return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)
+        stops = np.reshape([robot.joint(name).stops for name in model.joints], (-1, 2)).T
+        return plan(scenario.task, model, stops, drives, initial, scenario.duration, presets=presets)

@@ -19,8 +19,8 @@ def test_the_planned_tip_stays_on_the_path():
     planned = plan_task(scenario, robot)
     assert planned.path.position_error.max() < 1e-4
     with model_of(scenario, robot) as model:
-        start, _ = model.pose(planned.path.positions[0], "link_5", (0.094, 0.0, 0.0))
-        goal, _ = model.pose(planned.path.positions[-1], "link_5", (0.094, 0.0, 0.0))
+        start = model.link_point("link_5", (0.094, 0.0, 0.0), planned.path.positions[0])[0]
+        goal = model.link_point("link_5", (0.094, 0.0, 0.0), planned.path.positions[-1])[0]
     assert start == pytest.approx([0.30, -0.10, 0.1565], abs=1e-4)
     assert goal == pytest.approx([0.30, 0.10, 0.1565], abs=1e-6)
 

@@ -175,9 +175,9 @@ def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
         table = {joint: postures[:, column] for column, joint in enumerate(model.joints)}
         loads, poses = chain.gravity_load(table, scenario.gravity), chain.poses(table)
         for row, posture in enumerate(postures):
-            assert [loads[joint][row] for joint in model.joints] == pytest.approx(-model.gravity_torques(posture), abs=1e-9)
+            assert [loads[joint][row] for joint in model.joints] == pytest.approx(-model.bias(posture, 0.0 * posture), abs=1e-9)
             for link in model.links:
-                position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
+                position, rotation, _ = model.link_point(link, (0.0, 0.0, 0.0), posture)
                 assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
                 assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)
 
