@@ -71,9 +71,9 @@ def plan(
     """References that move the task's point along its poses.
 
     stops: lower and upper stops (2, n) of the model's joints, rad or m. drives: drives of the actuated joints. A joint that the
-    task does not move stays at its initial position; with gravity compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
-    duration: length of the run, s. presets: second references by joint; default: the preset of the task, or else the typical
-    preset of the actuator.
+    task does not move stays at its initial position; with gravity compensation, its references account for the weight.
+    initial: link positions at the start by joint, 0 by default. duration: length of the run, s. presets: second references by
+    joint; default: the preset of the task, or else the typical preset of the actuator.
     Raises ScenarioError for paths that the robot cannot follow (the error names the time), and for loads
     that a spring or motor cannot hold.
     """
