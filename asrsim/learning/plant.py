@@ -79,9 +79,6 @@ class Plant:
                 for joint, name, column in zip(self.joints, self.names(), inputs.T, strict=True)
             }
         )
-        if self.scenario.initial_equilibrium:
-            # The initial state of a run depends on the first references.
-            prepared = prepared.vary({})
         return simulate(prepared, alike=TRIALS)
 
     def outputs(self, inputs: Array) -> Array:

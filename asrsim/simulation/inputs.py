@@ -79,10 +79,10 @@ class Inputs:
         own, names = drive.drive, drive.references
         if own is None or slot >= len(names):
             return REST
-        # By default motors and controllers hold the joint's start position; torques and voltages are 0.
+        # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
         mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
         moved = position and mode.number != 0 and not mode.direct
-        rest = Constant(value=drive.initial_position) if moved else REST
+        rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
         signal = scenario.references_of(drive.name).get(names[slot], rest)
         effects = for_joint(scenario.command_effects, drive.name)
         return through(signal, effects, step=scenario.step, seed=(scenario.seed, j, slot))

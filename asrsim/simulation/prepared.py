@@ -68,11 +68,8 @@ Signals = Mapping[str, Mapping[str, Signal]]
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Start of a world; values that are not given come from the scenario.
-
-    If the scenario starts at equilibrium, the start is the equilibrium for the parameters given here, but for the scenario's
-    references: `references` do not change the start.
-    """
+    """Start of a world; values that are not given come from the scenario. If the scenario starts at equilibrium, a world starts
+    at the equilibrium for its own parameters and references."""
 
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
@@ -186,7 +183,8 @@ class Prepared:
     def started(self, start: Start) -> Prepared:
         """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
         self.check_start(start)
-        moved = {*start.positions, *start.velocities, *start.motors}
+        if not (start.positions or start.velocities or start.motors):
+            return self
         drives = tuple(
             replace(
                 drive,
@@ -194,20 +192,21 @@ class Prepared:
                 initial_velocity=float(start.velocities.get(drive.name, drive.initial_velocity)),
                 motor_positions=tuple(map(float, start.motors.get(drive.name, ()))) or drive.motor_positions,
             )
-            if drive.name in moved
-            else drive
             for drive in self.drives
         )
-        return replace(self, drives=drives) if moved else self
+        return replace(self, drives=drives)
 
     def with_references(self, signals: Signals) -> Prepared:
         """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
-        again; substeps and start are unchanged. Only `vary`, or a reset with other parameters, computes a start at equilibrium
-        again, then for the new signals.
+        again; the substeps are unchanged. A start at equilibrium is computed again.
 
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
-        for values that are not signals.
+        for values that are not signals; ScenarioError for an arm without equilibrium.
         """
+        return self.with_signals(signals)._at_rest()
+
+    def with_signals(self, signals: Signals) -> Prepared:
+        """A copy with other signals, as `with_references` makes it, but with unchanged start values."""
         references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
         for joint, table in signals.items():
             for name, signal in table.items():
@@ -228,11 +227,14 @@ class Prepared:
         at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
         arm without equilibrium.
         """
-        varied = self.with_numbers(parameters)
+        return self.with_numbers(parameters)._at_rest()
+
+    def _at_rest(self) -> Prepared:
+        """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
         if not self.scenario.initial_equilibrium:
-            return varied
-        engine = varied.make_engine()
-        return replace(varied.settled(engine.model), _spare=[engine])
+            return self
+        engine = self.make_engine()
+        return replace(self.settled(engine.model), _spare=[engine])
 
     def settled(self, model: Model | None) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
