@@ -11,7 +11,7 @@ from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
-from asrsim.simulation.effects import Sensor, sensor_of
+from asrsim.simulation.effects import Noise, Sensor
 from asrsim.simulation.steppings import Stepping
 
 
@@ -154,10 +154,13 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
 
 
 def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: float) -> tuple[SteppedJoint, ...]:
-    """The joints with their sensors. substep: length of a substep in s."""
+    """The joints with the sensors of their controllers, if the sensors are imperfect. substep: length of a substep in s."""
     found = []
-    for index, drive in enumerate(drives):
-        effects = for_joint(scenario.sensor_effects, drive.name)
-        sensor = sensor_of(drive.drive, effects, substep=substep, index=index, seed=scenario.seed)
+    for j, drive in enumerate(drives):
+        effects, sensor = for_joint(scenario.sensor_effects, drive.name), None
+        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
+            encoders = range(max(drive.dynamic_motors, 1))
+            noises = tuple(Noise((scenario.seed, j, 2 + i), effects.noise) if effects.noise else None for i in encoders)
+            sensor = Sensor(effects, round(effects.delay / substep), not drive.mode.motor, noises)
         found.append(replace(drive, sensor=sensor))
     return tuple(found)

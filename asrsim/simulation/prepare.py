@@ -1,4 +1,4 @@
-"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps."""
+"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps, describe the run."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
+from asrsim.robot.poses import quaternion
+from asrsim.samples import Array, Frame, JointInfo, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.ranges import ranges_of
-from asrsim.simulation.steppings import STEPPINGS
-from asrsim.simulation.substeps import resolution_of
+from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.substeps import Resolution, resolution_of
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
+WORLD, MAP = "world", "map"
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -74,9 +76,9 @@ def prepare(
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
-        if scenario.initial_equilibrium and engine.model is not None:
-            drives = at_equilibrium(scenario, drives, engine.model)
         if engine.model is not None:
+            if scenario.initial_equilibrium:
+                drives = at_equilibrium(scenario, drives, engine.model)
             check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
         resolution = resolution_of(scenario, drives, engine.model)
         substep = scenario.step / resolution.substeps
@@ -125,3 +127,78 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
             hint="Give the links between them inertias",
             code="massless-motion",
         )
+
+
+def describe(
+    scenario: Scenario, robot: Robot, drives: Sequence[SteppedJoint], stepping: Stepping, resolution: Resolution, engine: str
+) -> RunInfo:
+    """Description of the run for its log. engine: library and version of the engine."""
+    from asrsim import __version__
+    from asrsim.versions import version
+
+    joints = tuple(
+        JointInfo(
+            name=drive.name,
+            actuator=drive.actuator.name if drive.actuator else "rigid",
+            mode=drive.mode.number if drive.mode else None,
+            namespace=drive.block.namespace if drive.block else "",
+            motors=drive.placed,
+            prismatic=drive.joint.kind == "prismatic",
+            quantities=recorded_quantities(drive),
+        )
+        for drive in drives
+    )
+    order = {name: index for index, name in enumerate(scenario.joint_order)}
+    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
+    return RunInfo(
+        robot=robot.name,
+        joints=joints,
+        step=scenario.step,
+        log_every=scenario.log_every,
+        variant=scenario.variant,
+        urdf=robot.text,
+        urdf_path=str(robot.path),
+        scenario=scenario.text,
+        scenario_path=str(scenario.path or ""),
+        resolved={
+            "scenario": dict(scenario.resolved),
+            "parameters": {drive.name: dict(drive.values) for drive in drives if drive.values},
+        },
+        metadata={
+            "asrsim": __version__,
+            "numpy": version("numpy"),
+            "engine": scenario.engine,
+            "engine_version": engine,
+            "stepping": stepping.name,
+            "order": str(stepping.order),
+            "step": repr(scenario.step),
+            "substeps": str(resolution.substeps),
+            "motor_substeps": str(resolution.motor_substeps),
+            "omega_h": f"{resolution.omega_h:.4g}",
+            "seed": str(scenario.seed),
+            "gravity": repr(tuple(scenario.gravity)),
+        },
+        attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
+        frames=link_frames(scenario, robot),
+        frame_rate=scenario.tf_rate,
+    )
+
+
+def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
+    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
+    listed among the bodies instead."""
+    frames = [
+        Frame(
+            parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
+            joint=joint.name if joint.moves else "", axis=joint.axis, prismatic=joint.kind == "prismatic",
+        )
+        for joint in robot.joints
+    ]  # fmt: skip
+    if scenario.fixed_base:
+        root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
+        # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless moved.
+        if root != WORLD or any((*position, *rpy)):
+            frames.append(
+                Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))
+            )
+    return tuple(frames)

@@ -15,8 +15,8 @@ from asrsim.errors import InputError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.inputs import LONGEST, chunk_at
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare

@@ -21,10 +21,9 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.chunks import chunk_at, longest_chunk
 from asrsim.simulation.core import make_core
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.inputs import Given, Inputs, joined
+from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
