@@ -19,7 +19,7 @@ from asrsim.signals.sampled import Sampled
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.simulation.drives import SteppedJoint
-    from asrsim.simulation.prepared import Prepared
+    from asrsim.simulation.prepare import Prepared
     from asrsim.simulation.run import Run
 
 TRIALS = 10

@@ -20,10 +20,9 @@ from asrsim.engines.base import Model
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.steppings import STEPPINGS
 
 SAMPLES = 2000

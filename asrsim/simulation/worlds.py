@@ -26,8 +26,7 @@ from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import check_inertia, prepare
-from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.prepare import Prepared, Start, check_inertia, prepare
 from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256

@@ -15,9 +15,9 @@ from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
+from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.inputs import LONGEST_NUMBERS
-from asrsim.simulation.prepared import Prepared, Start
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.prepare import Prepared, Start
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
