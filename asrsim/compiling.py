@@ -233,6 +233,7 @@ def _through_cache(
     import numba
     from numba.core import config
 
+    settings: Any = config
     _without_algebra()
     ingredients = [
         repr((inline, NUMERIC, VECTORISED)),
@@ -247,14 +248,14 @@ def _through_cache(
     if key in _loaded:
         _loaded.move_to_end(key)
         return _loaded[key]  # type: ignore[no-any-return]
-    usual, config.LOOP_VECTORIZE = config.LOOP_VECTORIZE, VECTORISED
+    usual, settings.LOOP_VECTORIZE = settings.LOOP_VECTORIZE, VECTORISED
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
         # The cache may be damaged or read-only: compile without the cache.
         made = compiled(_marked(function, names, digest, None, inline), False)
     finally:
-        config.LOOP_VECTORIZE = usual
+        settings.LOOP_VECTORIZE = usual
     _loaded[key] = made
     if len(_loaded) > LOADED:
         _loaded.popitem(last=False)
