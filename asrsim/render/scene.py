@@ -12,10 +12,10 @@ import numpy as np
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.solids import Mesh, box, capsule, cylinder, flat, sphere
 from asrsim.robot import Robot
-from asrsim.robot.chain import Chain
 from asrsim.robot.model import Vector
-from asrsim.robot.poses import rotation_matrix
+from asrsim.robot.poses import frame, rotation_matrix
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario, World
 
 GREY = (0.55, 0.58, 0.63)
@@ -45,7 +45,7 @@ class RenderScene:
         self.notes: list[str] = []
         self.base = _rpy_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
-        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+        self._model = robot_model(scenario, robot)
         self.joints = robot.outward_joints
         """Joints sorted so that a parent's joint precedes its children's."""
         self.origins = {joint.name: _rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
@@ -64,10 +64,7 @@ class RenderScene:
         of a floating base.
         """
         root = _pose_frame(poses[self.root]) if self.root in poses else self.base
-        links = self._chain.poses(
-            {name: np.array([at]) for name, at in positions.items()}, (root[None, :3, :3], root[None, :3, 3])
-        )
-        frames = {link: _frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
+        frames = self._model.poses([positions.get(joint, 0.0) for joint in self._model.joints], root)
         for name, at_start in self.objects.items():
             frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
@@ -109,23 +106,16 @@ class RenderScene:
 _ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}
 
 
-def _frame(position: Array, rotation: Array) -> Array:
-    """Homogeneous frame (4, 4) at a position (3,) in m."""
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = rotation, position
-    return result
-
-
 def _rpy_frame(position: Vector, rpy: Vector) -> Array:
     """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
-    return _frame(np.array(position), rotation_matrix(rpy))
+    return frame(np.array(position), rotation_matrix(rpy))
 
 
 def _pose_frame(pose: Array) -> Array:
     """Frame (4, 4) of a logged pose: x y z (m), quaternion x y z w."""
     from scipy.spatial.transform import Rotation
 
-    return _frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))
+    return frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))
 
 
 def _placed(mesh: Mesh, origin: Array) -> Mesh:

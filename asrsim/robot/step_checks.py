@@ -10,10 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import electric_of
 from asrsim.errors import Problem
-from asrsim.robot.inertia import effective_inertia, zero_pose_matrix
+from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.inertia import effective_inertia
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 
 UNSTABLE = 2.0
@@ -43,7 +46,7 @@ class StepFigures:
 
 def step_figures(robot: Robot, *, step: float) -> tuple[StepFigures, ...]:
     """Figures of all moving joints at a step in s, in file order."""
-    effective = effective_inertia(zero_pose_matrix(robot)).tolist()
+    effective = effective_inertia(RobotModel(robot).mass_matrix(np.zeros(len(robot.moving_joints)))).tolist()
     blocks = {block.joint: block for block in robot.actuators}
     joints = zip(robot.moving_joints, effective, strict=True)
     return tuple(_figures(joint, blocks.get(joint.name), inertia, step) for joint, inertia in joints)

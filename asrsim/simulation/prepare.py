@@ -17,7 +17,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
-from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.prepared import Prepared, dynamics_of, make_engine
 from asrsim.simulation.ranges import ranges_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import resolution_of
@@ -73,12 +73,13 @@ def prepare(
 
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
+    model = dynamics_of(scenario, robot)
     try:
-        if scenario.initial_equilibrium and engine.model is not None:
-            drives = at_equilibrium(scenario, drives, engine.model)
-        if engine.model is not None:
-            check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
-        resolution = resolution_of(scenario, drives, engine.model)
+        if model is not None:
+            if scenario.initial_equilibrium:
+                drives = at_equilibrium(scenario, drives, model)
+            check_inertia(drives, model.mass_matrix([drive.initial_position for drive in drives]))
+        resolution = resolution_of(scenario, drives, model)
         substep = scenario.step / resolution.substeps
         warnings += undersampled(scenario, resolution.substeps)
         drives = with_sensors(drives, scenario, substep)
@@ -93,6 +94,7 @@ def prepare(
         drives=drives,
         resolution=resolution,
         info=info,
+        model=model,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
         _spare=[engine],
     )

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines import ENGINES
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
@@ -27,14 +30,17 @@ from asrsim.simulation.substeps import Resolution, resolution_of
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
-    from asrsim.engines import ENGINES
-
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
+
+
+def dynamics_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
+    """Model of the robot on its base; None if the scenario's engine prescribes the motion of the links."""
+    return None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
 
 
 def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
@@ -96,6 +102,8 @@ class Prepared:
     resolution: Resolution
     info: RunInfo
     warnings: tuple[Problem, ...]
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
 
@@ -137,11 +145,7 @@ class Prepared:
 
         Raises UnresolvedSpringError.
         """
-        engine = self.make_engine()
-        try:
-            return resolution_of(self.scenario, self.drives, engine.model)
-        finally:
-            engine.close()
+        return resolution_of(self.scenario, self.drives, self.model)
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
         """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
@@ -228,20 +232,18 @@ class Prepared:
         at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
         arm without equilibrium.
         """
-        varied = self.with_numbers(parameters)
-        if not self.scenario.initial_equilibrium:
-            return varied
-        engine = varied.make_engine()
-        return replace(varied.settled(engine.model), _spare=[engine])
+        return self.with_numbers(parameters).settled()
 
-    def settled(self, model: Model | None) -> Prepared:
-        """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
-        if model is None or not self.scenario.initial_equilibrium:
+    def settled(self) -> Prepared:
+        """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
+        if not self.scenario.initial_equilibrium or self.model is None:
             return self
-        return replace(self, drives=at_equilibrium(self.scenario, self.drives, model))
+        return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
     def with_numbers(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
         robot = varied_robot(self.robot, parameters)
         drives = make_drives(robot, self.stepping, self.scenario)
-        return replace(self, robot=robot, drives=with_sensors(drives, self.scenario, self.substep), _spare=[])
+        drives = with_sensors(drives, self.scenario, self.substep)
+        model = self.model if robot.links == self.robot.links else dynamics_of(self.scenario, robot)
+        return replace(self, robot=robot, drives=drives, model=model, _spare=[])

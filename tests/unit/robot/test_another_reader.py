@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from asrsim.robot import load_robot
-from asrsim.robot.chain import Chain
+from asrsim.robot.dynamics import RobotModel
 from support.paths import ROOT
 from support.random_robots import random_urdf
 
@@ -18,13 +18,11 @@ def check(path):
     source = np.random.default_rng(1)
     positions = {joint.name: float(source.uniform(-0.5, 0.5)) for joint in robot.moving_joints}
     other.update_cfg({name: positions[name] for name in other.actuated_joint_names})
-    chain = Chain(robot=robot, base_position=(0.0, 0.0, 0.0), base_rpy=(0.0, 0.0, 0.0))
+    model = RobotModel(robot)
     masses = {link.name: link.mass or 0.0 for link in robot.links}
-    poses = chain.poses({name: np.array([value]) for name, value in positions.items()})
-    for link, (rotation, position) in poses.items():
+    for link, pose in model.poses([positions[name] for name in model.joints]).items():
         expected = other.get_transform(link, robot.root.name)
-        np.testing.assert_allclose(position[0], expected[:3, 3], atol=1e-12)
-        np.testing.assert_allclose(rotation[0], expected[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(pose, expected, atol=1e-12)
         inertial = other.link_map[link].inertial
         assert masses[link] == (inertial.mass if inertial else 0.0)
 
