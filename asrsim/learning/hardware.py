@@ -18,7 +18,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem
 from asrsim.learning.model import learning_model
-from asrsim.learning.optimal import Lifted, NormOptimal, rehearsed, standing
+from asrsim.learning.optimal import NormOptimal, rehearsed, standing
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_inputs, write_playback
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
@@ -149,8 +149,7 @@ def _proposed(
     if not isinstance(prepared.law, NormOptimal):
         inputs = prepared.law.propose(trials)
         return inputs, twin, foretold(inputs)
-    model = learning_model(twin.plant)
-    lifted = Lifted(problem.time, model.linear, model.delays)
+    lifted = learning_model(twin.plant).lifted
     change = rehearsed(problem, lifted, best, rho, forecasts[0]) - best.inputs
     for share in SHARES:
         inputs = best.inputs + share * change

@@ -12,6 +12,7 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import resting_motors
 from asrsim.kinematics.inverse import InverseDynamics, SoftArm
 from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
+from asrsim.learning.optimal import Lifted
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -66,6 +67,11 @@ class ArmModel:
                 springs[:, j] = spring_slopes(drive, position, motors[j])
         damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
         return linearise_along(self.arm.model, self.drives, motion, springs, damping)
+
+    @property
+    def lifted(self) -> Lifted:
+        """Lifted models of the arm along the desired motion."""
+        return Lifted(self.plant.time, self.linear, self.delays, from_rest=self.plant.scenario.initial_equilibrium)
 
 
 def learning_model(plant: Plant) -> ArmModel:

@@ -212,7 +212,7 @@ def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
     """Cells with the results of a run. Raises ScenarioError for claims that cannot be evaluated."""
-    summary = judged(run.scenario, run, collector, None, samples=0)
+    summary = judged(run.scenario, run, collector, samples=0)
     cells: dict[str, Any] = {
         "status": summary.status,
         "reason": summary.message or None,

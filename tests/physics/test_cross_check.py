@@ -11,7 +11,7 @@ from asrsim.engines import mujoco as mujoco_engine
 from asrsim.engines.base import FRICTION, EngineEntry
 from asrsim.errors import SimulationError
 from asrsim.robot import load_robot
-from asrsim.simulation.crosscheck import LIMIT, other_engine
+from asrsim.simulation.accuracy import LIMIT, other_engine
 from support.paths import ROOT
 
 EXAMPLES = ROOT / "examples" / "scenarios"

@@ -40,7 +40,7 @@ def weaker(arm, factor):
     return arm.scaled(lambda name: factor if name == "motor_1_max_torque" else 1.0)
 
 
-@pytest.mark.parametrize("seed", [5, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 10, 17))])
+@pytest.mark.parametrize("seed", [5, 10, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 6, 17))])
 def test_arms_that_can_follow_do_without_tuning(seed, tmp_path):
     prepared, result = learned(plant_of(tmp_path, *random_arm(seed)))
     assert prepared.reach(result) == "within reach"

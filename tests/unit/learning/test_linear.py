@@ -102,6 +102,14 @@ def test_input_splines_have_knots_every_30_ms_including_the_tail():
     assert np.diff(knots) == pytest.approx(0.03, rel=0.02)
 
 
+@pytest.mark.parametrize("mode", [3, 6])
+def test_a_motion_from_rest_starts_at_the_equilibrium_of_its_first_input(mode):
+    """Under a constant input, the pendulum stays where spring and gravity balance."""
+    linear = linear_at(sea(mode))
+    moved = lift(linear, InputSplines.over(2.0, 0.0), [0.0], from_rest=True).sum(axis=2)
+    assert moved == pytest.approx(response(linear, 0.0).real, rel=1e-6)
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input changes the motion of arms without friction as predicted, within 3 %."""

@@ -58,12 +58,12 @@ def test_a_floating_base_lightens_the_joints(tmp_path):
     """Mass matrix of the joints with a free base, by the equations of motion of the whole robot."""
     path = tmp_path / "robot.urdf"
     path.write_text(random_urdf(4, moving=4, fixed=2))
-    model, truth = RobotModel(load_robot(path), floating=True), pinocchio.buildModelFromUrdf(str(path), pinocchio.JointModelFreeFlyer())
+    model = RobotModel(load_robot(path), floating=True)
+    truth = pinocchio.buildModelFromUrdf(str(path), pinocchio.JointModelFreeFlyer())
     q = np.random.default_rng(3).normal(size=len(model.joints))
-    data, order = truth.createData(), [truth.joints[truth.getJointId(joint)].idx_v for joint in model.joints]
-    configuration = pinocchio.integrate(truth, pinocchio.neutral(truth), np.concatenate([np.zeros(6), np.zeros(truth.nv - 6)]))
-    velocity = np.zeros(truth.nv)
-    velocity[order] = q
-    configuration = pinocchio.integrate(truth, configuration, velocity)
-    inverse = np.linalg.inv(pinocchio.crba(truth, data, configuration))
+    order = [truth.joints[truth.getJointId(joint)].idx_v for joint in model.joints]
+    turn = np.zeros(truth.nv)
+    turn[order] = q
+    configuration = pinocchio.integrate(truth, pinocchio.neutral(truth), turn)
+    inverse = np.linalg.inv(pinocchio.crba(truth, truth.createData(), configuration))
     assert model.mass_matrix(q) == pytest.approx(np.linalg.inv(inverse[np.ix_(order, order)]), rel=1e-9, abs=1e-12)

@@ -8,7 +8,8 @@ import pytest
 
 from asrsim.robot import engine_urdf, load_robot, step_figures, step_findings, with_overrides
 from asrsim.robot.engine_text import usable_shapes
-from asrsim.robot.inertia import effective_inertia, zero_pose_matrix
+from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.inertia import effective_inertia
 
 
 def pendulum(extra="", *, block="", inertia=1e-6, dynamics="", body=""):
@@ -94,7 +95,7 @@ def test_mass_matrix_and_effective_inertia_of_a_double_pendulum(read):
         '<link name="m"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
         '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
     )
-    matrix = zero_pose_matrix(read(pendulum(second)))
+    matrix = RobotModel(read(pendulum(second))).mass_matrix(np.zeros(2))
     # M11, M12, M22 by hand.
     m22 = 0.01 + 0.1**2
     m11, m12 = 1e-6 + 0.2 * 0.04**2 + 0.01 + 0.2**2, 0.01 + 0.1 * 0.2
@@ -105,7 +106,7 @@ def test_mass_matrix_and_effective_inertia_of_a_double_pendulum(read):
 def test_a_link_without_inertia_is_a_point_mass(read):
     robot = read(pendulum())
     points = replace(robot, links=tuple(replace(link, inertia=None) for link in robot.links))
-    assert zero_pose_matrix(points) == pytest.approx(np.array([[0.2 * 0.04**2]]))
+    assert RobotModel(points).mass_matrix(np.zeros(1)) == pytest.approx(np.array([[0.2 * 0.04**2]]))
 
 
 # -- the step ----------------------------------------------------------------------------------------------------------
