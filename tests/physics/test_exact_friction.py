@@ -5,7 +5,7 @@ import pytest
 
 from asrsim.engines import ENGINES
 from asrsim.engines.base import FRICTION, TORQUE, VELOCITY
-from asrsim.scenario.data import Scenario
+from asrsim.scenario import Scenario, robot_model
 from validation.models import Body, chain
 
 STEP = 1e-5

@@ -43,8 +43,7 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
         arm, motion, duration = random_arm(seed)
         model = learning_model(plant_of(tmp_path / str(seed), arm, motion, duration))
         scores = [
-            max(d.score for d in model.inverse.demands if d.joint == j and d.what == "motor torque")
-            for j in model.plant.joints
+            max(d.score for d in model.inverse.demands if d.joint == j and d.what == "motor torque") for j in model.plant.joints
         ]
         factor = np.random.default_rng(seed).uniform(0.6, 1.3)
         limits = arm.values("motor_1_max_torque") * np.array(scores) * factor

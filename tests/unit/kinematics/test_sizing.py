@@ -1,7 +1,6 @@
 """Sag under the arm's own weight, compared with simulations; proposed parameters."""
 
 import re
-import shutil
 import warnings
 
 import numpy as np
@@ -11,7 +10,6 @@ import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.starter import write_starter
-from support.paths import ROOT
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from asrsim.robot import engine_urdf, load_robot, step_figures, step_findings, with_overrides
-from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import effective_inertia
 
 
