@@ -63,7 +63,7 @@ def write_report(
         "objects": object_plots(worlds, grid.time),
     }
     tell("film strip", 0.9)
-    films = read_films(logs, labels) if film else Films(strips={})
+    films = read_films(logs) if film else Films(strips={})
     text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside))
     make_folder(page.parent)
     write_text(page, text, "page")

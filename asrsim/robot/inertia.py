@@ -8,20 +8,6 @@ from asrsim.robot.model import Link, Vector
 from asrsim.robot.poses import roll_pitch_yaw, rotation_matrix
 
 
-def effective_inertia(matrix: np.ndarray) -> np.ndarray:
-    """Effective inertia (n,) of each joint while all other joints are free, 1 / (M^-1)_ii of the mass matrix M.
-
-    It is 0 for joints that make the matrix singular (massless ends of chains).
-    """
-    scale = np.sqrt(np.diag(matrix))
-    alive = np.flatnonzero(scale > 0.0)
-    result = np.zeros(len(scale))
-    values, vectors = np.linalg.eigh(matrix[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive]))
-    # An eigenvalue below 1e-12 is zero to double precision: motion in its direction moves no mass.
-    result[alive] = scale[alive] ** 2 / ((vectors**2) @ (1.0 / np.maximum(values, 1e-12)))
-    return result
-
-
 def inertia_tensor(link: Link) -> np.ndarray:
     """Inertia tensor (3, 3) about the centre of mass, along the axes of the link's frame, kg m^2."""
     turned = rotation_matrix(link.inertial_rpy)

@@ -53,7 +53,6 @@ def prepare(
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
-    from asrsim.scenario.doubts import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
@@ -81,7 +80,6 @@ def prepare(
             check_inertia(drives, model.mass_matrix([drive.initial_position for drive in drives]))
         resolution = resolution_of(scenario, drives, model)
         substep = scenario.step / resolution.substeps
-        warnings += undersampled(scenario, resolution.substeps)
         drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:

@@ -83,17 +83,6 @@ def test_quantities_that_no_joint_can_record_are_refused(tiny):
             make(tiny.scenario, names=["link_positon"])
 
 
-@pytest.mark.parametrize(("substeps", "warned"), [(1, True), (2, False)])
-def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned):
-    scenario = asrsim.make_scenario(
-        tiny.robot,
-        duration=0.1,
-        substeps=substeps,
-        external_torques={"elbow": {"sinusoid": {"amplitude": 0.1, "frequency": 700}}},
-    )
-    assert [found.code for found in asrsim.prepare(scenario).warnings].count("undersampled-sine") == warned
-
-
 def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulation, tiny):
     kept = simulation.snapshot()
     other = asrsim.Simulation(tiny.scenario, overrides={"engine": simulation.scenario.engine})
