@@ -19,7 +19,7 @@ from asrsim.simulation import kernel, laws
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTHY, JOINT_STEP, KIND, LINK_IMPLICITNESS, SPRING_LAW, SPRUNG, STEP
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import RowShape, shape_of, start_of, tables
 

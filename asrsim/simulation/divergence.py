@@ -10,7 +10,7 @@ from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.kernel import SHARE
 from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3

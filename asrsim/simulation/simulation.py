@@ -16,12 +16,11 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.inputs import LONGEST, chunk_at
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Numbers, Prepared, Start
+from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Worlds, whole_steps
 
