@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.rest import resting_integrals, resting_motors
-from asrsim.engines.base import Model
 from asrsim.errors import ScenarioError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.drives import SteppedJoint
@@ -32,7 +32,7 @@ ROUNDS = 200
 """Largest number of steps of Newton's method."""
 
 
-def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
+def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
     Newton's method minimises the potential energy over the link positions. Each motor stands where its controller torque equals
@@ -47,13 +47,12 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
     q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
-    still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
         """Torques of gravity (joints,) in N m. The torques are 0 for a robot in free fall; a robot on the ground has a fixed
         base."""
         falls = not scenario.fixed_base and scenario.world.empty
-        return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
+        return np.zeros(len(drives)) if falls else model.gravity_torques(positions)
 
     @cache
     def pull(j: int, position: float) -> float:

@@ -14,12 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines import ENGINES
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, Frame, JointInfo, RunInfo
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
@@ -37,14 +40,17 @@ WORLD, MAP = "world", "map"
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
-    from asrsim.engines import ENGINES
-
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
+
+
+def dynamics_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
+    """Model of the robot on its base; None if the scenario's engine prescribes the motion of the links."""
+    return None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
 
 
 def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
@@ -103,6 +109,8 @@ class Prepared:
     resolution: Resolution
     info: RunInfo
     warnings: tuple[Problem, ...]
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
 
@@ -144,11 +152,7 @@ class Prepared:
 
         Raises UnresolvedSpringError.
         """
-        engine = self.make_engine()
-        try:
-            return resolution_of(self.scenario, self.drives, engine.model)
-        finally:
-            engine.close()
+        return resolution_of(self.scenario, self.drives, self.model)
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
         """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
@@ -213,7 +217,7 @@ class Prepared:
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals; ScenarioError for an arm without equilibrium.
         """
-        return self.with_signals(signals)._at_rest()
+        return self.with_signals(signals).settled()
 
     def with_signals(self, signals: Signals) -> Prepared:
         """A copy with other signals, as `with_references` makes it, but with unchanged start values."""
@@ -237,26 +241,21 @@ class Prepared:
         at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
         arm without equilibrium.
         """
-        return self.with_numbers(parameters)._at_rest()
+        return self.with_numbers(parameters).settled()
 
-    def _at_rest(self) -> Prepared:
+    def settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
-        if not self.scenario.initial_equilibrium:
+        if self.model is None or not self.scenario.initial_equilibrium:
             return self
-        engine = self.make_engine()
-        return replace(self.settled(engine.model), _spare=[engine])
-
-    def settled(self, model: Model | None) -> Prepared:
-        """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
-        if model is None or not self.scenario.initial_equilibrium:
-            return self
-        return replace(self, drives=at_equilibrium(self.scenario, self.drives, model))
+        return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
     def with_numbers(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
         robot = varied_robot(self.robot, parameters)
         drives = make_drives(robot, self.stepping, self.scenario)
-        return replace(self, robot=robot, drives=with_sensors(drives, self.scenario, self.substep), _spare=[])
+        drives = with_sensors(drives, self.scenario, self.substep)
+        model = self.model if robot.links == self.robot.links else dynamics_of(self.scenario, robot)
+        return replace(self, robot=robot, drives=drives, model=model, _spare=[])
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -305,12 +304,13 @@ def prepare(
 
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
+    model = dynamics_of(scenario, robot)
     try:
-        if engine.model is not None:
+        if model is not None:
             if scenario.initial_equilibrium:
-                drives = at_equilibrium(scenario, drives, engine.model)
-            check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
-        resolution = resolution_of(scenario, drives, engine.model)
+                drives = at_equilibrium(scenario, drives, model)
+            check_inertia(drives, model.mass_matrix([drive.initial_position for drive in drives]))
+        resolution = resolution_of(scenario, drives, model)
         substep = scenario.step / resolution.substeps
         drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
@@ -324,6 +324,7 @@ def prepare(
         drives=drives,
         resolution=resolution,
         info=info,
+        model=model,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
         _spare=[engine],
     )

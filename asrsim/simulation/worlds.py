@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError, SimulationError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -291,10 +292,10 @@ class Worlds:
         return self.columns.values(rows, names)
 
     @property
-    def model(self) -> Model | None:
+    def model(self) -> RobotModel | None:
         """Kinematics and dynamics of the scenario's robot; None if the engine prescribes the motion of the links."""
         self.check_open()
-        return self.core.model
+        return self.prepared.model
 
     def counts(self, world: int) -> Counts:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
@@ -378,12 +379,11 @@ class Worlds:
         prepared = self._variants.get(key) if key else self.prepared
         if prepared is None:
             varied = self.prepared.with_numbers(start.parameters)
-            model = self.core.model_of(varied)
-            if model is not None and model is not self.core.model:
-                check_inertia(varied.drives, model.mass_matrix(varied.initial_positions))
+            if varied.model is not None and varied.model is not self.prepared.model:
+                check_inertia(varied.drives, varied.model.mass_matrix(varied.initial_positions))
             if len(self._variants) >= VARIANTS_KEPT:
                 self._variants.clear()
-            prepared = self._variants[key] = varied.settled(model)
+            prepared = self._variants[key] = varied.settled()
         inputs, started = self._home_inputs, prepared
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
@@ -393,7 +393,7 @@ class Worlds:
                 self._signals = signals, other.scenario, self._inputs_of(other)
             _, scenario, inputs = self._signals
             if scenario.initial_equilibrium:
-                started = replace(prepared, scenario=scenario).settled(self.core.model_of(prepared))
+                started = replace(prepared, scenario=scenario).settled()
         return World(start, prepared, inputs, started.started(start))
 
     def _note(self, number: int, world: World) -> None:
@@ -450,7 +450,7 @@ class Worlds:
         if the worlds are not watched."""
         self._check_watched()
         self._numbers(world)
-        guard = EnergyGuard(self._worlds[world].started, self.core.engine_of(world).model)
+        guard = EnergyGuard(self._worlds[world].started)
         return bool(self.healthy[world]) and guard.look(self.core.S[world]) is None
 
     def prepared_of(self, world: int) -> Prepared:
