@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,15 +24,13 @@ from asrsim.kinematics.drive_inverse import (
     model_time,
     smooth_motion,
 )
-from asrsim.kinematics.engine_model import inverse_dynamics
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
-
-if TYPE_CHECKING:
-    from asrsim.engines.base import Model
 
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
@@ -116,10 +113,14 @@ class SoftArm:
 
     scenario: Scenario
     robot: Robot
-    model: Model
 
     def __post_init__(self) -> None:
         check_two_motors(self.robot, "inverse dynamics")
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """Rigid-body model of the robot on its base."""
+        return robot_model(self.scenario, self.robot)
 
     @cached_property
     def drives(self) -> dict[str, Drive]:
@@ -167,7 +168,7 @@ class SoftArm:
             message = "its controller has no proportional gain: no reference can move the joint"
             raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
-        rigid = inverse_dynamics(self.model, motion.positions, motion.velocities, motion.accelerations)
+        rigid = self.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
         found, torques, demands = [], [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)

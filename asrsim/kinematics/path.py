@@ -7,12 +7,13 @@ springs, and the references would drift without end.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.engines.base import Model, Point
+from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.model import Vector
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
@@ -106,25 +107,27 @@ class JointPath:
 
 
 def follow(
-    model: Model,
+    model: RobotModel,
     link: str,
-    point: Point,
+    point: Vector,
     trajectory: PoseTrajectory,
     start: Array,
     time: Array,
-    stops: Array,
     *,
+    moving: Sequence[bool] = (True,),
     gain: float = 10.0,
     damping: float = 1e-3,
 ) -> JointPath:
     """Joint positions that move the point along the trajectory, beginning at `start` (joints,).
 
-    time: ascending times (n,), s; the loop takes one step per entry. stops: lower and upper bounds (2, joints), rad or m; a
-    joint with equal bounds does not move. gain: gain on position and orientation errors, 1/s. damping: damping factor of the
-    least squares, in m for position rows and in rad for orientation rows.
+    time: ascending times (n,), s; the loop takes one step per entry. moving: whether each joint may move.
+    gain: gain on position and orientation errors, 1/s. damping: damping factor of the least squares, in m for position rows
+    and in rad for orientation rows.
     A joint that would pass its stop is placed at the stop; the other joints take over as much of the motion as they can.
     """
     wanted, turned = trajectory.at(time)
+    # A joint with equal bounds does not move.
+    stops = np.where(moving, [model.lower, model.upper], start)
 
     def missing(index: int, position: Array, rotation: Array | None) -> Array:
         """Displacement and rotation vector from a pose to the trajectory's pose at an index; 3 numbers if only the position is
@@ -137,8 +140,7 @@ def follow(
     q = np.array(start, dtype=float)
     positions, errors = np.empty((len(time), len(q))), np.zeros((len(time), 2))
     for index in range(len(time)):
-        position, rotation, jacobian = model.link_point(link, point, q)
-        error = missing(index, position, rotation)
+        error = missing(index, *model.pose(q, link, point))
         positions[index] = q
         errors[index] = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
         if index + 1 == len(time):
@@ -147,7 +149,8 @@ def follow(
         # Feedforward of the trajectory's own displacement: without it, the loop would lag by velocity / gain at any step.
         displacement = missing(index + 1, wanted[index], None if turned is None else turned[index])
         displacement += min(gain * step, 1.0) * error
-        q = q + bounded_step(jacobian[: len(error)], displacement, stops - q, damping)
+        jacobian = model.jacobian(q, link, point)[: len(error)]
+        q = q + bounded_step(jacobian, displacement, stops - q, damping)
     return JointPath(time=time, positions=positions, position_error=errors[:, 0], orientation_error=errors[:, 1])
 
 

@@ -19,9 +19,8 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.engines.base import Model
 from asrsim.kinematics.drive_inverse import DesiredMotion, reference_map
-from asrsim.kinematics.engine_model import inverse_dynamics
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 
 POSTURES = 101
@@ -137,7 +136,7 @@ def _rho(drive: Drive) -> Array:
 
 
 def linearise_along(
-    model: Model,
+    model: RobotModel,
     drives: Sequence[Drive],
     motion: DesiredMotion,
     springs: Array,
@@ -156,8 +155,8 @@ def linearise_along(
         columns = []
         for nudge in small:
             ahead, behind = (
-                inverse_dynamics(
-                    model, *(values + sign * nudge if place == of else values for place, values in enumerate((q, v, a)))
+                model.inverse_dynamics(
+                    *(values + sign * nudge if place == of else values for place, values in enumerate((q, v, a)))
                 )
                 for sign in (1.0, -1.0)
             )
@@ -165,8 +164,8 @@ def linearise_along(
         return np.stack(columns, axis=2)
 
     still = np.zeros_like(q)
-    weight = inverse_dynamics(model, q, still, still)
-    mass = np.stack([(inverse_dynamics(model, q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2)
+    weight = model.inverse_dynamics(q, still, still)
+    mass = np.stack([(model.inverse_dynamics(q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2)
     rates = slope(1) + np.diag(damping)
     between = _interpolated(motion.time[rows], motion.time)
     return Linearised(

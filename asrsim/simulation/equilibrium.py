@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.rest import resting_integrals, resting_motors
-from asrsim.engines.base import Model
 from asrsim.errors import ScenarioError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
@@ -32,7 +32,7 @@ ROUNDS = 200
 """Largest number of steps of Newton's method."""
 
 
-def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
+def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
     Newton's method minimises the potential energy over the link positions. Each motor stands where its controller torque equals
@@ -40,22 +40,19 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
     positions. Raises ScenarioError that names a joint without an equilibrium.
     """
-    inputs = Inputs(scenario, drives)
-    sampled = np.ascontiguousarray(inputs.sample(np.zeros(1)).T)
-    goals: list[tuple[float, ...]] = []
-    for j, drive in enumerate(drives):
-        goals.append(tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()))
+    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.zeros(1)).T)
+    goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
     sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
-    q = np.array([_unloaded(drive, goals[j]) for j, drive in enumerate(drives)])
+    stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
+    q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
-    still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
         """Torques of gravity (joints,) in N m. The torques are 0 for a robot in free fall; a robot on the ground has a fixed
         base."""
         falls = not scenario.fixed_base and scenario.world.empty
-        return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
+        return np.zeros(len(drives)) if falls else model.gravity_torques(positions)
 
     @cache
     def pull(j: int, position: float) -> float:
@@ -131,12 +128,12 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
 
 
-def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
-    """Position in rad (m) at which the unloaded joint rests, within its stops; the start position if no spring or controller
-    acts."""
+def _unloaded(drive: SteppedJoint, goals: tuple[float, ...], stated: float) -> float:
+    """Position in rad (m) at which the unloaded joint rests, within its stops; the start position `stated` in the scenario if
+    no spring or controller acts."""
     own = drive.drive
     if not (_gives_way(drive) or _holds(drive)) or (own is None and drive.joint.spring_stiffness == 0.0):
-        return drive.initial_position
+        return stated
     rest = drive.joint.spring_reference
     if own is not None and (own.mode.spring or own.mode.controller):
         rest = own.actuator.equilibrium_position(*goals) if own.mode.spring else goals[0]

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from asrsim.actuators.base import MOST_MOTORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
 
-EXTERNAL_TORQUE = "external_torque"
-"""Name under which callers set the external torque on a link, like a reference."""
 WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
 """Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -21,27 +22,38 @@ A, B = 0.3, 0.2
 ORIGIN = (0.0, 0.0, 0.0)
 
 
-STOPS = np.array([[-math.pi, -math.pi], [math.pi, math.pi]])
-
-
+@dataclass
 class Planar2R:
-    """Two links in the x-y plane, axes along z; gravity pulls along -y with a weight of 2 N at the elbow and 1 N at the tip."""
+    """Two links in the x-y plane, axes along z; gravity pulls along -y with weight[i] (N) at the end of link i."""
 
-    joints = ("one", "two")
+    limit: float = math.pi
+    weight: tuple[float, float] = (2.0, 1.0)
+    joints: tuple[str, ...] = ("one", "two")
+    links: tuple[str, ...] = ("tip",)
+    lower: np.ndarray = field(init=False)
+    upper: np.ndarray = field(init=False)
 
-    def link_point(self, link, point, positions):
+    def __post_init__(self):
+        self.lower, self.upper = np.full(2, -self.limit), np.full(2, self.limit)
+
+    def pose(self, positions, link, point):
         first, last = positions[0], positions[0] + positions[1]
         c, s = math.cos(last), math.sin(last)
         place = np.array([A * math.cos(first) + B * c, A * math.sin(first) + B * s, 0.0])
-        jacobian = np.zeros((6, 2))
-        jacobian[0] = [-A * math.sin(first) - B * s, -B * s]
-        jacobian[1] = [A * math.cos(first) + B * c, B * c]
-        jacobian[5] = 1.0
-        return place, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), jacobian
+        return place, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
-    def bias(self, positions, velocities):
-        inner = B * math.cos(positions[0] + positions[1])
-        return np.array([3.0 * A * math.cos(positions[0]) + inner, inner])
+    def jacobian(self, positions, link, point):
+        first, last = positions[0], positions[0] + positions[1]
+        jacobian = np.zeros((6, 2))
+        jacobian[0] = [-A * math.sin(first) - B * math.sin(last), -B * math.sin(last)]
+        jacobian[1] = [A * math.cos(first) + B * math.cos(last), B * math.cos(last)]
+        jacobian[5] = 1.0
+        return jacobian
+
+    def gravity_torques(self, positions):
+        first, last = positions[..., 0], positions[..., 0] + positions[..., 1]
+        inner = self.weight[1] * B * np.cos(last)
+        return np.stack([(self.weight[0] + self.weight[1]) * A * np.cos(first) + inner, inner], axis=-1)
 
 
 def elbow(x, y):
@@ -61,7 +73,7 @@ def qbmove(joint, mode=3, **changes):
 def test_the_loop_tracks_the_closed_form_solution():
     trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1), (2.0, 0.2, 0.3)), "minimum_jerk")
     time = np.arange(0, 2.5, 2e-3)
-    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.35, 0.1), time, STOPS)
+    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.35, 0.1), time)
     wanted, _ = trajectory.at(time)
     exact = np.array([elbow(x, y) for x, y, _ in wanted])
     assert np.abs(path.positions - exact).max() < 1e-4
@@ -72,19 +84,20 @@ def test_the_loop_tracks_the_closed_form_solution():
 def test_an_initial_error_decays_with_the_gain():
     trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1)), "minimum_jerk")
     time = np.arange(0, 1.0, 1e-3)
-    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.349, 0.1), time, STOPS, gain=5.0, damping=1e-6)
+    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.349, 0.1), time, gain=5.0, damping=1e-6)
     assert np.allclose(path.position_error, 1e-3 * np.exp(-5.0 * time), atol=5e-6)
 
 
 def test_stops_are_never_passed_and_the_free_joint_takes_over():
-    model, start = Planar2R(), elbow(0.35, 0.1)
-    stops = np.array([STOPS[0], [math.pi, start[1] + 0.02]])
+    model = Planar2R()
+    start = elbow(0.35, 0.1)
+    model.upper = np.array([math.pi, start[1] + 0.02])
     trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1), (1.0, 0.1, 0.25)), "linear")
-    path = follow(model, "tip", ORIGIN, trajectory, start, np.arange(0, 3.0, 2e-3), stops)
-    assert path.positions[:, 1].max() <= stops[1, 1]
-    assert path.positions[-1, 1] == pytest.approx(stops[1, 1])
+    path = follow(model, "tip", ORIGIN, trajectory, start, np.arange(0, 3.0, 2e-3))
+    assert path.positions[:, 1].max() <= model.upper[1]
+    assert path.positions[-1, 1] == pytest.approx(model.upper[1])
     # The first joint ends where the tip is closest to the goal on its circle: in the goal's direction.
-    tip = model.link_point("tip", ORIGIN, path.positions[-1])[0]
+    tip, _ = model.pose(path.positions[-1], "tip", ORIGIN)
     assert math.atan2(tip[1], tip[0]) == pytest.approx(math.atan2(0.25, 0.1), abs=1e-6)
 
 
@@ -104,12 +117,7 @@ def initial(q):
 def test_a_path_out_of_reach_names_where_the_reach_ends():
     with pytest.raises(ScenarioError, match=r"beyond (.*) s") as error:
         plan(
-            task((0.0, 0.35, 0.1), (1.0, 0.6, 0.6)),
-            Planar2R(),
-            STOPS,
-            [qbmove("one"), qbmove("two")],
-            initial(elbow(0.35, 0.1)),
-            1.0,
+            task((0.0, 0.35, 0.1), (1.0, 0.6, 0.6)), Planar2R(), [qbmove("one"), qbmove("two")], initial(elbow(0.35, 0.1)), 1.0
         )
     (problem,) = error.value.problems
     assert problem.code == "unreachable"
@@ -119,11 +127,11 @@ def test_a_path_out_of_reach_names_where_the_reach_ends():
 
 def test_a_robot_off_the_path_gets_a_start_proposed():
     with pytest.raises(ScenarioError) as error:
-        plan(task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2)), Planar2R(), STOPS, [qbmove("one"), qbmove("two")], {}, 1.0)
+        plan(task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2)), Planar2R(), [qbmove("one"), qbmove("two")], {}, 1.0)
     (problem,) = error.value.problems
     assert problem.code == "start-off-path"
     start = np.array([float(angle) for angle in re.findall(r"(?:one|two): (-?[\d.]+)", problem.hint)])
-    assert Planar2R().link_point("tip", ORIGIN, start)[0] == pytest.approx([0.35, 0.1, 0.0], abs=1e-3)
+    assert Planar2R().pose(start, "tip", ORIGIN)[0] == pytest.approx([0.35, 0.1, 0.0], abs=1e-3)
 
 
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
@@ -132,14 +140,13 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     planned = plan(
         task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2), gravity_compensation=True, preset={"*": 0.2}),
         model,
-        STOPS,
         drives,
         initial(elbow(0.35, 0.1)),
         1.0,
     )
     for row in range(0, len(planned.time), 50):
         q = planned.path.positions[row]
-        loads = model.bias(q, np.zeros(2))
+        loads = model.gravity_torques(np.asarray(q))
         for index, drive in enumerate(drives):
             references = planned.references[drive.joint]
             motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])
@@ -152,7 +159,6 @@ def test_plans_of_motor_reference_modes_give_motor_positions():
     planned = plan(
         task((0.0, 0.35, 0.1), preset={"*": 0.3}),
         Planar2R(),
-        STOPS,
         [qbmove("one", mode=2), qbmove("two", mode=3)],
         initial(elbow(0.35, 0.1)),
         0.1,
@@ -166,11 +172,10 @@ def test_plans_of_motor_reference_modes_give_motor_positions():
 
 def test_joints_outside_the_task_do_not_move():
     start = elbow(0.35, 0.1)
-    goal = Planar2R().link_point("tip", ORIGIN, start + np.array([0.1, 0.0]))[0]
+    goal, _ = Planar2R().pose(start + np.array([0.1, 0.0]), "tip", ORIGIN)
     planned = plan(
         task((0.0, 0.35, 0.1), (1.0, goal[0], goal[1]), joints=("one",), tolerance=0.02),
         Planar2R(),
-        STOPS,
         [qbmove("one"), qbmove("two")],
         initial(start),
         2.0,

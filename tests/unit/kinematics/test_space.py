@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
@@ -21,19 +23,34 @@ AXES = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0
 OFFSETS = np.array([[0, 0, 0.2], [0, 0, 0], [0, 0, 0.3], [0.25, 0, 0], [0, 0, 0], [0.08, 0, 0]], dtype=float)
 
 
+@dataclass
 class SixJoints:
     """An arm with a wrist: each joint turns what follows about its axis."""
 
-    joints = tuple("abcdef")
+    joints: tuple[str, ...] = tuple("abcdef")
+    links: tuple[str, ...] = ("tool",)
+    lower: np.ndarray = field(default_factory=lambda: np.full(6, -np.pi))
+    upper: np.ndarray = field(default_factory=lambda: np.full(6, np.pi))
 
-    def link_point(self, link, point, positions):
+    def frames(self, positions):
         place, turned, frames = np.zeros(3), np.eye(3), []
         for axis, offset, angle in zip(AXES, OFFSETS, positions, strict=True):
             place = place + turned @ offset
             frames.append((place, turned @ axis))
             turned = turned @ Rotation.from_rotvec(angle * axis).as_matrix()
+        return frames, place, turned
+
+    def pose(self, positions, link, point):
+        _, place, turned = self.frames(positions)
+        return place + turned @ np.asarray(point), turned
+
+    def jacobian(self, positions, link, point):
+        frames, place, turned = self.frames(positions)
         tip = place + turned @ np.asarray(point)
-        return tip, turned, np.array([[*np.cross(axis, tip - origin), *axis] for origin, axis in frames]).T
+        return np.array([[*np.cross(axis, tip - origin), *axis] for origin, axis in frames]).T
+
+    def gravity_torques(self, positions):
+        return np.zeros(6)
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
@@ -59,15 +76,15 @@ def test_an_arm_of_six_joints_reaches_the_orientation():
     knots = {1.0: (0.6, 0.2, 0.9, -0.1, 0.9, 0.7), 1.8: (-0.1, 0.5, 0.5, -0.6, 1.3, -0.4), 3.0: (0.3, 0.6, 0.4, 0.2, 1.0, -0.9)}
     poses = []
     for time, angles in knots.items():
-        place, turned, _ = model.link_point("tool", point, np.array(angles))
+        place, turned = model.pose(np.array(angles), "tool", point)
         poses.append(CartesianPose(time=time, position=tuple(map(float, place)), rpy=roll_pitch_yaw(turned)))
-    trajectory = PoseTrajectory.through(tuple(poses), "minimum_jerk", model.link_point("tool", point, start)[:2])
-    worst, stops = [], np.pi * np.outer([-1.0, 1.0], np.ones(6))
+    trajectory = PoseTrajectory.through(tuple(poses), "minimum_jerk", model.pose(start, "tool", point))
+    worst = []
     for step in (4e-3, 2e-3):
         time = np.arange(0.0, 3.3, step)
-        path = follow(model, "tool", point, trajectory, start, time, stops, damping=1e-5)
+        path = follow(model, "tool", point, trajectory, start, time, damping=1e-5)
         wanted, rotations = trajectory.at(time)
-        reached = [model.link_point("tool", point, q)[:2] for q in path.positions]
+        reached = [model.pose(q, "tool", point) for q in path.positions]
         error = np.array([np.r_[p - w, (r - m).ravel()] for (p, r), w, m in zip(reached, wanted, rotations, strict=True)])
         worst.append(np.abs(error).max())
         # Away from singular postures, only one posture near the previous posture has the pose.
