@@ -6,7 +6,8 @@ A prepared scenario is immutable; simulations and worlds are made from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -45,6 +46,16 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
+
+
+@contextmanager
+def closed_on_error(engine: Engine) -> Iterator[None]:
+    """Close the engine if the block raises an error."""
+    try:
+        yield
+    except BaseException:
+        engine.close()
+        raise
 
 
 def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
@@ -244,7 +255,8 @@ class Prepared:
         if not self.scenario.initial_equilibrium:
             return self
         engine = self.make_engine()
-        return replace(self.settled(engine.model), _spare=[engine])
+        with closed_on_error(engine):
+            return replace(self.settled(engine.model), _spare=[engine])
 
     def settled(self, model: Model | None) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
@@ -305,7 +317,7 @@ def prepare(
 
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
-    try:
+    with closed_on_error(engine):
         if engine.model is not None:
             if scenario.initial_equilibrium:
                 drives = at_equilibrium(scenario, drives, engine.model)
@@ -314,9 +326,6 @@ def prepare(
         substep = scenario.step / resolution.substeps
         drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
-    except BaseException:
-        engine.close()
-        raise
     return Prepared(
         scenario=scenario,
         robot=robot,

@@ -26,7 +26,7 @@ from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, check_inertia, prepare
+from asrsim.simulation.prepare import Prepared, Start, check_inertia, closed_on_error, prepare
 from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
@@ -111,7 +111,7 @@ class Worlds:
         self.chunk = longest_chunk(len(self.joints) * count, chunk)
         self._options = names, watched
         engine, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
-        try:
+        with closed_on_error(engine):
             self.core, self.slow_because = make_core(
                 scenario, engine, compiled=compiled, substeps=substeps, worlds=count, watch=watch
             )
@@ -127,9 +127,6 @@ class Worlds:
             """Inputs of the next substeps; None after a change from outside."""
             self.closed = False
             self.reset()
-        except BaseException:
-            engine.close()
-            raise
         self._threads = threads if self.core.native else 1
         self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
 
