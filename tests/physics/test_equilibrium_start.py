@@ -135,7 +135,9 @@ def test_worlds_start_at_the_equilibrium_of_their_parameters_and_references(para
 
 
 def test_an_arm_without_equilibrium_leaves_no_open_engine(monkeypatch):
-    given = prepare(make_scenario(ROOT / "examples/urdf/dof1_qbmove.urdf", initial="equilibrium", engine="mujoco"))
+    given = prepare(
+        make_scenario(ROOT / "examples/urdf/dof1_qbmove.urdf", duration=1.0, initial="equilibrium", engine="mujoco")
+    )
     closed = []
     monkeypatch.setattr(MujocoEngine, "close", closed.append)
     with pytest.raises(ScenarioError, match="finds no equilibrium"):
