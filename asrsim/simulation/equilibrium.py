@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.rest import resting_integrals, resting_motors
-from asrsim.engines.base import Model
 from asrsim.errors import ScenarioError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.drives import SteppedJoint
@@ -33,7 +33,7 @@ ROUNDS = 200
 """Largest number of steps of Newton's method."""
 
 
-def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
+def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
     Newton's method minimises the potential energy over the link positions. Each motor stands where its controller torque equals
@@ -54,7 +54,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
 
     def weight(positions: Array) -> Array:
         """Torques of gravity (joints,) in N m; 0 for a robot in free fall."""
-        return still if falls else np.asarray(model.bias(positions, still))
+        return still if falls else model.gravity_torques(positions)
 
     @cache
     def pull(j: int, position: float) -> float:

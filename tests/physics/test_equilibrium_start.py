@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
-from asrsim.engines.mujoco import MujocoEngine
-from asrsim.errors import ScenarioError
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from support.paths import ROOT
 from support.random_runs import random_run
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -132,17 +128,6 @@ def test_worlds_start_at_the_equilibrium_of_their_parameters_and_references(para
         assert np.array_equal(found[0], other.initial_positions)
         assert np.array_equal(found[1], other.vary(parameters).initial_positions)
         assert np.array_equal(found[2], referred.observe().link_position)
-
-
-def test_an_arm_without_equilibrium_leaves_no_open_engine(monkeypatch):
-    given = prepare(
-        make_scenario(ROOT / "examples/urdf/dof1_qbmove.urdf", duration=1.0, initial="equilibrium", engine="mujoco")
-    )
-    closed = []
-    monkeypatch.setattr(MujocoEngine, "close", closed.append)
-    with pytest.raises(ScenarioError, match="finds no equilibrium"):
-        given.with_references({"joint_1": {"external_torque": Constant(value=1e6)}})
-    assert len(closed) == 1
 
 
 def test_motors_without_references_stay_at_rest_at_the_equilibrium():
