@@ -50,21 +50,21 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
     q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
-    still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
-        """Torques of gravity (joints,) in N m; 0 for a robot in free fall."""
-        return still if falls else model.gravity_torques(positions)
+        """Torques of gravity (..., joints) in N m; 0 for a robot in free fall."""
+        return np.zeros_like(positions) if falls else model.gravity_torques(positions)
 
     @cache
     def pull(j: int, position: float) -> float:
         """Torque in N m of the springs on the link of joint `j` at this position."""
-        return link_torque(drives[j], position, goals[j])
+        return link_torque(drives[j], position, goals[j]) if sprung[j] else 0.0
 
     def balance(positions: Array) -> Array:
-        """Residual torque of each joint (joints,) in N m."""
-        pulls = [pull(j, position) if sprung[j] else 0.0 for j, position in enumerate(positions.tolist())]
-        return np.asarray(external - weight(positions) + pulls)
+        """Residual torques (..., joints) in N m."""
+        rows = positions.reshape(-1, len(drives)).tolist()
+        pulls = [[pull(j, position) for j, position in enumerate(row)] for row in rows]
+        return np.asarray(external - weight(positions) + np.reshape(pulls, positions.shape))
 
     def unbalanced(left: Array) -> NDArray[np.int64]:
         """Joints that are not in equilibrium. A joint that is pressed onto its stop is in equilibrium."""
@@ -76,11 +76,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         free = unbalanced(left)
         if not len(free):
             break
-        slopes = np.empty((len(free), len(free)))
-        for column, j in enumerate(free.tolist()):
-            moved = q.copy()
-            moved[j] += NUDGE
-            slopes[:, column] = (balance(moved) - left)[free] / NUDGE
+        slopes = (balance(q + NUDGE * np.eye(len(q))[free]) - left)[:, free] / NUDGE
         stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
         if np.abs(left[free]).max() < BALANCED:
             if stiffness[0] > -FLAT:

@@ -319,7 +319,7 @@ def prepare(
 
 
 def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
-    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on one axis
+    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
     with no mass between them.
     """
     mass = model.mass_matrix([drive.initial_position for drive in drives])
