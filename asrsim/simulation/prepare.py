@@ -274,6 +274,7 @@ def prepare(
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
@@ -313,7 +314,7 @@ def prepare(
         resolution=resolution,
         info=info,
         model=model,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
+        warnings=(*robot.warnings, *warnings, *engine_warnings, *undersampled(scenario, resolution.substeps)),
         _spare=[engine],
     )
 
