@@ -70,10 +70,11 @@ class InputSplines:
         return BSpline.design_matrix(np.clip(time, self.knots[0], self.knots[-1]), self.knots, 3)
 
 
-def lift(linear: Linearised, band: InputSplines, delays: Sequence[float]) -> Array:
+def lift(linear: Linearised, band: InputSplines, delays: Sequence[float], *, from_rest: bool = False) -> Array:
     """Lifted matrix (rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
 
-    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change.
+    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change. from_rest:
+    whether the motion starts at the equilibrium of the first inputs, which then determine the initial state.
     """
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
@@ -84,6 +85,10 @@ def lift(linear: Linearised, band: InputSplines, delays: Sequence[float]) -> Arr
     state = np.zeros((states.shape[1], columns))
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
     latest = 0
+    if from_rest:
+        # At the start the first spline is 1 and the other splines are 0.
+        change, driven = linear.continuous
+        state[:, :m], latest = -np.linalg.solve(change[0], driven[0])[:, :m], 1
     for index in range(n - 1):
         # Splines that begin at a later time have no effect yet.
         latest = max([latest, *(int(np.flatnonzero(value[index])[-1]) + 1 for value in values if value[index].any())])
@@ -99,9 +104,11 @@ def lift(linear: Linearised, band: InputSplines, delays: Sequence[float]) -> Arr
 
 
 class Lifted:
-    """Lifted models of an arm. linear: arm linearised along the motion; delays: delay of each learned joint's command, s."""
+    """Lifted models of an arm. linear: arm linearised along the motion; delays: delay of each learned joint's command, s;
+    from_rest: whether the motion starts at the equilibrium of the first inputs.
+    """
 
-    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float]) -> None:
+    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float], *, from_rest: bool) -> None:
         self._time = time
         duration = float(linear.time[-1])
         tail = TAIL * knot_distance(duration)
@@ -114,7 +121,7 @@ class Lifted:
         self._normal = np.zeros_like(self._effort)
         self._mean = np.zeros((len(self._rows) * len(delays), len(self._effort)))
         for mass, stiffness in MODELS:
-            lifted = lift(linear.scaled(mass, stiffness), self._band, delays)
+            lifted = lift(linear.scaled(mass, stiffness), self._band, delays, from_rest=from_rest)
             flat = lifted.reshape(-1, lifted.shape[2])
             self._normal += flat.T @ flat / len(MODELS)
             self._mean += flat / len(MODELS)

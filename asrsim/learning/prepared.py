@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.kinematics.inverse import Demand
 from asrsim.learning.law import FixedGain
 from asrsim.learning.model import ArmModel
-from asrsim.learning.optimal import Lifted, NormOptimal
+from asrsim.learning.optimal import NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.state import identity_of
 from asrsim.learning.trial import Law, LearningProblem, LearningResult
@@ -86,6 +86,6 @@ def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
     )  # fmt: skip
     law: Law = FixedGain(problem, settings)
     if settings.law == "auto":
-        law = NormOptimal(problem, Lifted(problem.time, model.linear, model.delays))
+        law = NormOptimal(problem, model.lifted)
     demands = tuple(sorted(model.inverse.demands, key=lambda one: -one.score))
     return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=demands)

@@ -18,14 +18,3 @@ def test_studies_with_too_many_draws_are_refused():
 def test_rates_of_commands_and_sensors_have_an_upper_bound(side):
     with pytest.raises(InputError, match=r"rate.*1e\+06"):
         asrsim.load_scenario(SCENARIO, variant="soft", overrides={"effects": {side: {"joint_1": {"rate": 2.5e11}}}})
-
-
-def test_plots_do_not_interpret_names_as_formulas(tmp_path):
-    from matplotlib.figure import Figure
-
-    from asrsim.plots.output import save_figure, styled
-
-    with styled(mathematics=False):
-        figure = Figure()
-        figure.subplots().set(xlabel=r"$\frac{x$", title="$^$")
-        assert save_figure(figure, tmp_path, "names", ("png",))

@@ -5,13 +5,13 @@ import os
 import re
 import subprocess
 import sys
-from html.parser import HTMLParser
 
 import pytest
 
 from asrsim.cli.console import SHOWN, problem_lines
 from asrsim.cli.progress import RunBar
 from asrsim.errors import Problem
+from support.pages import Page
 from support.paths import ROOT
 
 
@@ -23,26 +23,6 @@ def test_ascii_terminals_get_replaced_characters(tiny, options):
     command = [sys.executable, "-m", "asrsim", "check", str(tiny.robot), *options]
     done = subprocess.run(command, env=old, capture_output=True, text=True, check=True, encoding="ascii")
     assert "coudé" in json.dumps(json.loads(done.stdout), ensure_ascii=False) if options else "coud?" in done.stdout
-
-
-class Scripts(HTMLParser):
-    """Reader of a page that collects the text of each script, as a browser separates them."""
-
-    def __init__(self):
-        super().__init__()
-        self.found = []
-        self.inside = False
-
-    def handle_starttag(self, tag, attrs):
-        self.inside = tag == "script"
-        self.found += [""] if self.inside else []
-
-    def handle_endtag(self, tag):
-        self.inside = self.inside and tag != "script"
-
-    def handle_data(self, data):
-        if self.inside:
-            self.found[-1] += data
 
 
 @pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", "<!--<script>a&amp;<b>]]>-->"])
@@ -58,13 +38,11 @@ def test_names_cannot_break_the_scripts_of_a_report(tiny, name):
     tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\nreferences: {'*': {equilibrium_position: 0.1}}\n")
     result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
     assert result.joints == (name,)
-    text = write_report(tiny.folder / "out", film=False).read_text(encoding="utf-8")
-    page = Scripts()
-    page.feed(text)
-    assert len(page.found) == 3
-    assert json.loads(page.found[0])["joints"]
-    assert "<!--" not in text
-    assert text.count("<script") == 3
+    page = Page(write_report(tiny.folder / "out", film=False))
+    assert len(page.scripts) == 3
+    assert json.loads(page.scripts[0])["joints"]
+    assert "<!--" not in page.source
+    assert page.source.count("<script") == 3
 
 
 @pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])

@@ -1,4 +1,4 @@
-"""Former faults that gave wrong results without an error: axes, link controllers, stiction, energies, delays, damping."""
+"""Former faults that gave wrong results without an error: axes, link controllers, energies, delays, damping."""
 
 from dataclasses import replace
 
@@ -79,26 +79,6 @@ def test_logged_torque_explains_the_change_of_momentum(engine, effort, mode):
     momentum = (INERTIA + MASS * REACH**2) * np.diff(q) / 1e-3
     assert np.abs(momentum).max() > 1e-3
     np.testing.assert_allclose(momentum[1:] - momentum[:-1], 1e-3 * pushed[1:-1], atol=1e-12)
-
-
-# -- friction that holds -----------------------------------------------------------------------------------------------
-
-
-def held_chain(count, share):
-    """Horizontal chain. The friction of each joint is `share` times its gravity torque."""
-    bodies = []
-    for j in range(count):
-        load = 9.81 * MASS * sum(0.2 * (k - j) + REACH for k in range(j, count))
-        bodies.append(Body(mass=MASS, reach=REACH, inertia=1e-3, length=0.2, friction=share * load))
-    return bodies
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_friction_holds_a_chain_at_rest(engine):
-    result = run(chain(*held_chain(7, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
-    assert result.samples is not None
-    q = result.samples.values["link_position"]
-    assert np.abs(q - q[0]).max() < 1e-12
 
 
 # -- sensors -----------------------------------------------------------------------------------------------------------

@@ -377,23 +377,6 @@ def test_toolbox_stepping_warns_of_models_that_it_lacks():
     assert "hysteresis_loss" not in result.samples.values
 
 
-def test_log_has_topics_for_optional_models(tmp_path):
-    import asrsim
-    from asrsim.log import read_log
-
-    (tmp_path / "arm.urdf").write_text(robot_with(f'<gazebo reference="joint_1">{TAGS}</gazebo>').text)
-    (tmp_path / "run.yaml").write_text(
-        "robot: arm.urdf\nduration: 0.05\nmodes: {'*': 7}\ncompiled: false\n"
-        "parameters: {joint_1: {motor_1_torque_constant: 1.0, motor_1_resistance: 2, motor_2_torque_constant: 1.0,\n"
-        "  motor_2_resistance: 2, hysteresis_torque: 0.01}}\n"
-        "references: {joint_1: {motor_1_voltage: 1.0, motor_2_voltage: 1.0}}\n"
-    )
-    out = asrsim.run(tmp_path / "run.yaml", out=tmp_path / "out")
-    log = read_log(tmp_path / "out" / "log.mcap")
-    for name in ("motor_1_current", "motor_2_voltage", "winding_loss", "hysteresis_loss"):
-        assert np.array_equal(log.samples.values[name], out.run.samples.values[name]), name
-
-
 @pytest.mark.parametrize("motor_substeps", [1, 3, 9])
 def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_substeps):
     """Motor and link move 3 rad together, a hundred times the hysteresis deflection, and the deflection stays constant."""

@@ -102,17 +102,25 @@ def test_input_splines_have_knots_every_30_ms_including_the_tail():
     assert np.diff(knots) == pytest.approx(0.03, rel=0.02)
 
 
+@pytest.mark.parametrize("mode", [3, 6])
+def test_a_motion_from_rest_starts_at_the_equilibrium_of_its_first_input(mode):
+    """Under a constant input, the pendulum stays where spring and gravity balance."""
+    linear = linear_at(sea(mode))
+    moved = lift(linear, InputSplines.over(2.0, 0.0), [0.0], from_rest=True).sum(axis=2)
+    assert moved == pytest.approx(response(linear, 0.0).real, rel=1e-6)
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input changes the motion of arms without friction as predicted, within 3 %."""
     arm, *motion = random_arm(seed)
     plant = plant_of(tmp_path, arm.scaled(lambda name: 0.0 if "friction" in name else 1.0), *motion)
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
-    with learning_model(plant) as model:
-        linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)
-        splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
-        expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
-        rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
-        inputs = model.guess
+    model = learning_model(plant)
+    linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)
+    splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
+    expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
+    rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
+    inputs = model.guess
     moved = (plant.outputs(inputs + bump) - plant.outputs(inputs))[rows]
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()

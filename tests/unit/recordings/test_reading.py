@@ -8,7 +8,6 @@ from asrsim.recordings import read_recording
 from asrsim.recordings.propose import propose
 from asrsim.scenario import load_scenario
 from asrsim.signals import Playback
-from support.paths import ROOT
 
 TIME = np.arange(60) * 0.01
 ALPHA = 30 * np.sin(5 * TIME)
@@ -145,26 +144,6 @@ def test_proposals_for_real_files_do_not_change_the_reading(tmp_path, shared, na
         other = stated.channels[column.source]
         assert (other.joint, other.quantity, other.unit) == (column.joint, column.quantity, column.unit) or not column.quantity
         np.testing.assert_array_equal(other.values, column.values)
-
-
-def test_a_scenario_and_its_document_read_equal_numbers(tmp_path, asrsim_command):
-    path = tmp_path / "data" / "lab.csv"
-    path.parent.mkdir()
-    lines = [f"{0.01 * i:.2f},{0.3 * np.sin(i / 9):.6f},{0.2 * i / 50:.6f}" for i in range(50)]
-    path.write_text("time,q1_ref,q1\n" + "\n".join(lines))
-    robot = ROOT / "examples" / "urdf" / "dof1_sea.urdf"
-    done = asrsim_command("init", robot, "--experiment", path, "--out", tmp_path / "s.yaml")
-    assert done.code == 0, done.err
-    document = tmp_path / "lab.csv.yaml"
-    assert "file: data/lab.csv" in document.read_text()
-    read, again = (read_recording(one, joints=["joint_1"]) for one in (path, document))
-    for name, column in read.channels.items():
-        assert again.channels[name].meaning == column.meaning
-        np.testing.assert_array_equal(again.channels[name].values, column.values)
-    scenario = tmp_path / "s.yaml"
-    scenario.write_text(scenario.read_text().replace("# expect:", "expect:").replace("# - {joint", "- {joint"))
-    asrsim_command("run", scenario, "--out", tmp_path / "out")
-    assert "compared with 'q1' (rad assumed; by its name)" in (tmp_path / "out" / "summary.json").read_text()
 
 
 def test_a_signal_is_played_as_the_document_says(tmp_path):
