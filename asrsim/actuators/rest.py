@@ -21,8 +21,8 @@ FARTHEST = 1e6
 
 
 def resting_motors(drive: Drive, position: Array, references: Array) -> tuple[Array, Array]:
-    """Rest positions (positions, n) of motors and adjuster, rad, with the link at `position` (n,), rad; torques (springs, n) of the
-    springs there, N m.
+    """Rest positions (positions, n) of motors and adjuster in rad with the link at `position` (n,) in rad, and the torques
+    (springs, n) of the springs there in N m.
 
     references: references (positions, n) after the reference map, rad. A controller without integral action has the
     steady-state error tau_el / P. Ideal motors stand at their references. Friction is neglected.

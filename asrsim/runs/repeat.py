@@ -175,7 +175,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
 
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
     from asrsim.actuators import ACTUATORS
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     for path in one_or_more(plugins):
         load_plugin_file(path)
