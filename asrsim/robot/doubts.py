@@ -35,16 +35,20 @@ GAINS = ("proportional", "integral", "derivative")
 
 
 def robot_doubts(robot: Robot) -> Iterator[Problem]:
-    """Warnings about a robot as described in its file."""
+    """Warnings about a robot. The key of a warning about a parameter that a scenario gives is a key of the scenario."""
     for check in ROBOT_CHECKS:
         yield from check(robot)
     for block in robot.actuators:
-        for doubt in block_doubts(block, robot.joint(block.joint)):
+        name = block.plugin_name or block.joint
+        for doubt in _block_doubts(block, robot.joint(block.joint)):
             set_by = [block.parameters[name] for name in (doubt.key or "").split(", ") if name]
-            line = set_by[0].line if set_by else block.line
-            name = block.plugin_name or block.joint
-            key = f"{name}.{', '.join(parameter.tag for parameter in set_by)}" if set_by else name
-            yield replace(doubt, file=robot.path, line=line, key=key)
+            if not set_by:
+                yield replace(doubt, file=robot.path, line=block.line, key=name)
+            elif set_by[0].origin == "scenario":
+                yield replace(doubt, key=f"parameters.{block.joint}.{doubt.key}")
+            else:
+                key = f"{name}.{', '.join(parameter.tag for parameter in set_by)}"
+                yield replace(doubt, file=robot.path, line=set_by[0].line, key=key)
 
 
 # -- links and joints --------------------------------------------------------------------------------------------------
@@ -150,7 +154,7 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
 # -- actuators ---------------------------------------------------------------------------------------------------------
 
 
-def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
+def _block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
     """Warnings about one actuator. The key of a warning names its parameters, separated by commas; None: the whole actuator.
 
     Parameters with the same warning, such as those of two motors, share it.
@@ -173,7 +177,9 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
         message = "the joint's effort limit is 0: every torque is clipped to nothing"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
     if MODES[block.mode].spring and not has_spring(block):
-        yield Problem("the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+        names = [one.name for one in ACTUATORS.get(block.actuator).parameters if block.parameters[one.name].value == 0.0]
+        message = "the spring has no stiffness: nothing couples the motor to the link"
+        yield Problem(message, key=", ".join(names) or None, code="no-spring")
 
 
 def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:

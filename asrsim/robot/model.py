@@ -187,7 +187,8 @@ class Robot:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
-    warnings: tuple[Problem, ...] = ()
+    findings: tuple[Problem, ...] = ()
+    """Warnings of the reader about the text of the file."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     unread: frozenset[str] = frozenset()
@@ -196,6 +197,13 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """Joint with this name. Raises KeyError if no joint has the name."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about the file, and about links, joints and actuators whose values are probably mistakes."""
+        from asrsim.robot.doubts import robot_doubts
+
+        return self.findings if self.faults else (*self.findings, *robot_doubts(self))
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:

@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
 from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
-from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
+from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -91,13 +91,15 @@ def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapp
     """
     shapes = []
     for shape in elements(element, tag):
-        try:
-            shapes.append(read_shape(shape, colours, findings.line(shape)))
-        except ShapeError as fault:
-            if tag == "collision":
-                findings.error(f"a collision {fault}", shape, name, code="collision-shape")
-            else:
-                findings.warn(f"a visual {fault}; it is not drawn", shape, name, code="visual-shape")
+        own = Findings(findings.file, expanded=findings.expanded)
+        found = read_shape(own, shape, f"{name}.{tag}", colours)
+        if found is not None and not own.errors:
+            shapes.append(found)
+        elif tag == "collision":
+            findings.errors += own.errors
+        else:
+            own.warnings += [replace(one, message=f"{one.message}; it is not drawn", code="visual-shape") for one in own.errors]
+        findings.warnings += own.warnings
     return tuple(shapes)
 
 

@@ -86,7 +86,7 @@ def check_against_robot(
         return errors, []
     from asrsim.kinematics.sizing import holding_findings
 
-    warnings = [scenario.placed(problem) for problem in doubts(scenario, robot, changed)]
+    warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
     return [], [*warnings, *holding_findings(scenario, changed, propose=propose)]
 
 

@@ -91,7 +91,7 @@ def prepare(
         drives=drives,
         resolution=resolution,
         info=info,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
+        warnings=(*map(scenario.placed, robot.warnings), *warnings, *engine_warnings),
         _spare=[engine],
     )
 
