@@ -51,7 +51,6 @@ class FileReport:
                     for joint in moving
                     if joint.spring_stiffness
                 },
-                "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
                 "actuators": [_block(block) for block in self.robot.actuators],
                 "step": self.step,
             }

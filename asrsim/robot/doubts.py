@@ -13,7 +13,7 @@ from typing import Unpack
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Details, Problem, did_you_mean
+from asrsim.errors import Details, Problem
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.poses import link_poses
 from asrsim.robot.structure import EMPTY_LIMIT
@@ -123,20 +123,12 @@ def _passive(robot: Robot) -> Iterator[Problem]:
 
 
 def _mimics(robot: Robot) -> Iterator[Problem]:
-    driven, names = {block.joint for block in robot.actuators}, tuple(joint.name for joint in robot.joints)
+    driven = {block.joint for block in robot.actuators}
     for joint in robot.moving_joints:
-        leader = joint.mimic.joint if joint.mimic is not None else None
-        if leader == joint.name:
-            yield _about("<mimic> follows its own joint", robot, joint, code="mimic-of-nothing")
-        elif leader is not None and leader not in names:
-            hint = did_you_mean(leader, names)
-            yield _about(
-                "<mimic> follows a joint that does not exist", robot, joint, code="mimic-of-nothing", value=leader, hint=hint
-            )
-        elif leader is not None and joint.name not in driven:
+        if joint.mimic and joint.name not in driven:
             message = "<mimic> is not simulated: the joint moves freely under gravity, its damping and friction"
             hint = "Give both joints actuators with matching references, or make this one fixed"
-            yield _about(message, robot, joint, code="mimic-joint", value=str(joint.mimic), hint=hint)
+            yield _about(message, robot, joint, code="mimic-joint", value=joint.mimic, hint=hint)
 
 
 def _no_actuators(robot: Robot) -> Iterator[Problem]:

@@ -101,19 +101,6 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mimic:
-    """Coupling of a joint to another joint: position = multiplier * (the other's position) + offset. It is not simulated."""
-
-    joint: str
-    multiplier: float
-    offset: float
-    """Offset, rad or m."""
-
-    def __str__(self) -> str:
-        return f"{self.multiplier:g} * {self.joint} + {self.offset:g}"
-
-
-@dataclass(frozen=True, kw_only=True)
 class Joint:
     """A joint of the tree."""
 
@@ -147,7 +134,8 @@ class Joint:
     """Stiffness of a passive spring, N m/rad or N/m (Gazebo's `<springStiffness>`); 0: no spring."""
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
-    mimic: Mimic | None = None
+    mimic: str = ""
+    """Joint that this joint follows by its `<mimic>`, which is not simulated; empty for other joints."""
     line: int | None = None
 
     @property
