@@ -24,8 +24,6 @@ STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
 UNSTABLE = 2.0
 """Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
-ROUNDING = 1e-9
-"""Relative rounding error by which a value may exceed a limit."""
 
 
 def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -78,10 +76,10 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: references beyond the limits of joints, motors and springs."""
+    """Warnings: positions beyond the limits of joints."""
     for block in robot.actuators:
-        mode, actuator, joint = MODES[block.mode], ACTUATORS.get(block.actuator), robot.joint(block.joint)
-        given, values = scenario.references_of(block.joint), block.values()
+        mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+        given = scenario.references_of(block.joint)
         names = [name for name in mode.references_of(actuator.motors) if name in given]
         key = {name: reference_key(scenario, block, name) for name in names}
         motors = "reference_1" in mode.references and actuator.motors > 1
@@ -93,22 +91,6 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         elif mode.units[0] == "rad" and not motors and mode.references[0] in key:
             first = mode.references[0]
             yield from _outside(robot, key[first], block.joint, extremes(scenario, given[first]))
-        for motor, name in enumerate(mode.references_of(actuator.motors) if mode.units[0] == "N m" else (), start=1):
-            if name not in given:
-                continue
-            limited, limit = "the joint's effort limit", joint.effort
-            if mode.motor:
-                limited, limit = f"motor {motor}'s largest torque", values.get(f"motor_{motor}_max_torque")
-            low, high = extremes(scenario, given[name])
-            if limit and max(-low, high) > limit * (1.0 + ROUNDING):
-                message = f"is clipped to {limited}, {limit:g} N m"
-                yield Problem(message, key=key[name], value=f"{low:g} to {high:g} N m", code="reference-limits")
-        limit = values.get("max_deflection", math.inf)
-        if "stiffness_preset" in key and actuator.motors > 1 and not actuator.adjuster:
-            largest = max(map(abs, extremes(scenario, given["stiffness_preset"])))
-            if largest > limit:
-                message = f"is beyond the deflection limit of the springs, {limit:g} rad: they are clipped there"
-                yield Problem(message, key=key["stiffness_preset"], value=largest, code="large-preset")
     for section, table in wanted_positions(scenario).items():
         for joint in robot.moving_joints:
             signal = for_joint(table, joint.name)

@@ -25,8 +25,6 @@ SCENARIOS = {
     "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
     "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
     "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
-    "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
-    "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
     "motor-gains": f"step: 0.0125\n{STRONG}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
@@ -68,8 +66,6 @@ def test_probable_mistakes_get_a_warning(case, tiny):
         "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
         "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
         "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", f"step: 0.009375\n{STRONG}",
-        "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
-        "modes: 0\nreferences: {elbow: {link_torque: 49}}\nreference_ranges: {elbow: {link_torque: [-50, 50]}}",
     ],
 )  # fmt: skip
 def test_usual_values_get_no_warning(more, tiny):
@@ -93,11 +89,3 @@ def test_a_signal_beyond_all_limits_is_an_error(place, signal, tiny):
     errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
     assert [problem.code for problem in errors] == ["signal"]
     assert errors[0].line
-
-
-def test_a_preset_beyond_the_springs_gets_a_warning(tiny):
-    text = tiny.robot.read_text().replace("libsea", "libqbmove").replace("<spring_k>10</spring_k>", "")
-    tiny.robot.write_text(text)
-    own = "references: {elbow: {equilibrium_position: 0, stiffness_preset: %s}}"
-    assert "large-preset" in warned(tiny, own % 50)
-    assert not warned(tiny, own % 0.6)
