@@ -108,9 +108,10 @@ def scenario_report(path: Path) -> FileReport:
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     alone = report.kind == "robot"
-    errors, notes = check_against_robot(scenario, robot, propose=not alone)
+    errors, notes = check_against_robot(scenario, robot)
     if robot is None or errors or scenario.unread:
         warnings = [*(robot.warnings if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
@@ -119,6 +120,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
     substeps, unbuildable = _built(scenario, robot, report.path)
     if substeps is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
+        warnings += undersampled(scenario, substeps["substeps"])
     return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
 
 

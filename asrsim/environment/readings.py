@@ -45,11 +45,11 @@ class Readings:
                 problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
         model = source.model
         if tip is not None and model is None:
-            problems.append(Problem("the engine has no model that gives the position of a tip", code="no-model"))
+            problems.append(
+                Problem("the engine prescribes the motion, so no model gives the position of a tip", code="no-model")
+            )
         elif tip is not None and model is not None and tip[0] not in model.links:
             problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=model.links, code="unknown-link"))
-        if tip is not None and not _is_point(tip[1]):
-            problems.append(Problem("the point of a tip must be three finite numbers in m", value=tip[1], code="tip"))
         if not names:
             problems.append(Problem("the option observe names no quantity", choices=KNOWN, code="no-quantity"))
         if problems:
@@ -91,14 +91,4 @@ class Readings:
         if model is None or tip is None:
             raise RuntimeError("the tip was checked before")
         x, y, z = tip[1]
-        places = [model.link_point(tip[0], (x, y, z), row)[0] for row in positions.reshape(-1, positions.shape[-1])]
-        return np.array(places, dtype=float).reshape(*positions.shape[:-1], 3)
-
-
-def _is_point(values: Any) -> bool:
-    """Whether `values` are three finite numbers."""
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        return False
-    return found.shape == (3,) and bool(np.isfinite(found).all())
+        return model.pose(positions, tip[0], (x, y, z))[0]

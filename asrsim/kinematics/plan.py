@@ -13,11 +13,12 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.drive_inverse import equilibria_for_loads
-from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
-from asrsim.kinematics.path import JointPath, NDArrayBool, PoseTrajectory, follow
+from asrsim.kinematics.path import JointPath, PoseTrajectory, follow
 from asrsim.robot import drive_of
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import CartesianTask, for_joint
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
@@ -59,7 +60,7 @@ class PlannedReferences:
 
 def plan(
     task: CartesianTask,
-    model: EngineModel,
+    model: RobotModel,
     drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
@@ -77,23 +78,13 @@ def plan(
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
-    moving = np.array([joint in driven for joint in model.joints])
+    moving = [joint in driven for joint in model.joints]
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
-    path = follow(
-        model,
-        task.link,
-        task.point,
-        trajectory,
-        start,
-        time,
-        moving=moving,
-        gain=task.gain,
-        damping=task.damping,
-    )
+    path = follow(model, task.link, task.point, trajectory, start, time, moving=moving, gain=task.gain, damping=task.damping)
     _check_path(task, model, trajectory, path, moving)
-    loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None
+    loads = model.gravity_torques(path.positions) if task.gravity_compensation else None
     references = {}
     for drive in drives:
         index = model.joints.index(drive.joint)
@@ -106,13 +97,13 @@ def plan(
 
 
 def _check_path(
-    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
+    task: CartesianTask, model: RobotModel, trajectory: PoseTrajectory, path: JointPath, moving: Sequence[bool]
 ) -> None:
     """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
         position, _ = model.pose(path.positions[0], task.link, task.point)
         first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
-        starts = [np.clip(path.positions[0] + bend * moving, model.lower, model.upper) for bend in BENDS]
+        starts = [np.clip(path.positions[0] + bend * np.array(moving), model.lower, model.upper) for bend in BENDS]
         times = np.arange(200.0)
         reached = [follow(model, task.link, task.point, first, start, times, moving=moving) for start in starts]
         still = min(reached, key=lambda one: float(one.position_error[-1]))
@@ -218,9 +209,8 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     joints = tuple(names)
     time = scenario.step_times()
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
-    with model_of(scenario, robot) as model:
-        arm = SoftArm(scenario=scenario, robot=robot, model=model)
-        inverse = arm.inverse(time, joints, wanted)
+    arm = SoftArm(scenario=scenario, robot=robot)
+    inverse = arm.inverse(time, joints, wanted)
     unheld = [demand for demand in inverse.out_of_reach if demand.what == "spring torque"]
     if unheld:
         raise ScenarioError(
@@ -251,5 +241,5 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
         if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
     initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
-    with model_of(scenario, robot) as model:
-        return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)
+    model = robot_model(scenario, robot)
+    return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)

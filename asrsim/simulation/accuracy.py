@@ -19,8 +19,7 @@ from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.run import Run, blame_laws
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.steppings import STEPPINGS
