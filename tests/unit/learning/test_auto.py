@@ -140,7 +140,7 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
     with learning_model(plant) as model:
         problem = prepare_learning(plant, model).problem
-    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))])
+    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))], {})
     assert found.residual < 0.05 * found.before
     assert found.changes["delay"] == pytest.approx(0.02, abs=0.002)
 
