@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
     from asrsim.simulation.observation import Observation
-    from asrsim.simulation.prepare import prepare
-    from asrsim.simulation.prepared import Prepared, Start
+    from asrsim.simulation.prepare import Prepared, Start, prepare
     from asrsim.simulation.simulation import Simulation
     from asrsim.simulation.worlds import Worlds
     from asrsim.summary import RunSummary
@@ -43,8 +42,7 @@ _HOMES = {
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
     "asrsim.simulation.observation": ("Observation",),
-    "asrsim.simulation.prepare": ("prepare",),
-    "asrsim.simulation.prepared": ("Prepared", "Start"),
+    "asrsim.simulation.prepare": ("Prepared", "Start", "prepare"),
     "asrsim.simulation.simulation": ("Simulation",),
     "asrsim.simulation.worlds": ("Worlds",),
     "asrsim.summary": ("RunSummary",),

@@ -61,31 +61,23 @@ def _logged(result: Result) -> Iterator[Path]:
 
 def as_html(result: Result) -> str:
     """HTML with a short table of the joints and a picture."""
-    import base64
     from io import BytesIO
 
+    from asrsim.report.html import bullets, column_table, data_address
     from asrsim.summary.table import headline, limit_columns, measure_columns
 
-    columns = (*measure_columns(result.summary), *limit_columns(result.summary))
-    # Headings are hyphenated for narrow terminals; a notebook has wide lines.
-    headings = [heading.replace("-\n", "") for heading, _, _ in columns]
-    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
-    rows = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>"
-        for cells in zip(*(cells for _, cells, _ in columns), strict=True)
-    )
-    claims = "".join(
-        f"<li>{'pass' if claim.holds else '<b>FAIL</b>'} {html.escape(claim.text)}</li>" for claim in result.summary.claims
-    )
-    warnings = "".join(f"<li>warning {html.escape(str(warning))}</li>" for warning in result.summary.warnings[:5])
+    summary = result.summary
+    joints = [joint.as_dict() for joint in summary.joints]
+    columns = (*measure_columns(joints), *limit_columns(joints, [summary.total_substeps or 1] * len(joints)))
+    remarks = [f"{'pass' if claim.holds else 'FAIL'} {claim.text}" for claim in summary.claims]
+    remarks += [f"warning {warning}" for warning in summary.warnings[:5]]
     figure = draw(result)
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=WIDTH / figure.get_size_inches()[0])
-    picture = base64.b64encode(stream.getvalue()).decode()
-    title = html.escape(f"{result.summary.scenario} / {result.summary.variant}")
+    title = html.escape(f"{summary.scenario} / {summary.variant}")
     return (
-        f"<p><b>{title}</b> {html.escape(headline(result.summary))}</p><table><tr>{head}</tr>{rows}</table>"
-        f'<ul>{claims}{warnings}</ul><img width="{WIDTH}" src="data:image/png;base64,{picture}"/>'
+        f"<p><b>{title}</b> {html.escape(headline(summary))}</p>{column_table(columns)}{bullets(remarks)}"
+        f'<img width="{WIDTH}" src="{data_address(stream.getvalue())}"/>'
     )
 
 

@@ -169,8 +169,8 @@ def live_topics() -> str:
     from asrsim.live.commands import CommandInput
     from asrsim.live.publisher import Publisher
     from asrsim.scenario import load_scenario
+    from asrsim.simulation.drives import ranges_of
     from asrsim.simulation.prepare import prepare
-    from asrsim.simulation.ranges import ranges_of
     from asrsim.simulation.simulation import Simulation
 
     (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asrsim.actuators.awas_ii import AwasII
-from asrsim.actuators.base import Actuator, max_deflection, saturate
+from asrsim.actuators.base import Actuator, Antagonistic, max_deflection, saturate
 from asrsim.actuators.bavs import Bavs
 from asrsim.actuators.modes import MODES, Mode
 from asrsim.actuators.parameters import Parameter
@@ -15,4 +15,4 @@ ACTUATORS: Registry[type[Actuator]] = Registry("actuator", entry_point_group="as
 for _actuator in (Sea, QbMove, Bavs, AwasII):
     ACTUATORS.add(_actuator.name, _actuator)
 
-__all__ = ["ACTUATORS", "MODES", "Actuator", "Mode", "Parameter", "max_deflection", "saturate"]
+__all__ = ["ACTUATORS", "MODES", "Actuator", "Antagonistic", "Mode", "Parameter", "max_deflection", "saturate"]

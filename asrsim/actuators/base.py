@@ -102,6 +102,18 @@ class Actuator:
         return tuple(values[parameter.name] for parameter in cls.parameters)
 
 
+class Antagonistic(Actuator):
+    """Base of actuators with two motors against each other: the preset moves the motors apart."""
+
+    @staticmethod
+    def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
+        return equilibrium + preset, equilibrium - preset
+
+    @staticmethod
+    def equilibrium_position(theta_1: float, theta_2: float) -> float:
+        return 0.5 * (theta_1 + theta_2)
+
+
 def saturate(value: float, limit: float) -> float:
     """`value` clipped to [-limit, limit], as the paper clips deflections."""
     if value > limit:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import exp
 
-from asrsim.actuators.base import Actuator, max_deflection, saturate
+from asrsim.actuators.base import Antagonistic, max_deflection, saturate
 from asrsim.actuators.parameters import Parameter
 
 
-class Bavs(Actuator):
+class Bavs(Antagonistic):
     """tau_1 = k (b exp(k_e d_1) - a exp(-k_e d_1)), tau_2 = k (a exp(k_e d_2) - b exp(-k_e d_2))."""
 
     name = "bavs"
@@ -50,11 +50,3 @@ class Bavs(Actuator):
         flat_1 = (b * exp(k_e * s_1) - a * exp(-k_e * s_1)) * (d_1 - s_1)
         flat_2 = (a * exp(k_e * s_2) - b * exp(-k_e * s_2)) * (d_2 - s_2)
         return k * (curved / k_e + flat_1 + flat_2)
-
-    @staticmethod
-    def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
-        return equilibrium + preset, equilibrium - preset
-
-    @staticmethod
-    def equilibrium_position(theta_1: float, theta_2: float) -> float:
-        return 0.5 * (theta_1 + theta_2)

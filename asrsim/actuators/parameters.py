@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
+from asrsim.errors import ActuatorError
+
 TOOLBOX = "released toolbox, code default"
 STRIBECK = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994)"
 LOAD_FRICTION = "Duclusaud et al. (2025), extended friction models of servo actuators (BAM), M3"
@@ -41,6 +43,12 @@ class Parameter:
     optional: bool = False
     """Whether the parameter belongs to a model that the toolbox lacks and that is off by default; lists of values omit it while
     the model is off."""
+
+    def __post_init__(self) -> None:
+        """Raises ActuatorError for a name that is not an identifier, and for a default that is not allowed."""
+        fault = self.fault(self.default) if self.name.isidentifier() else "belongs to no valid name"
+        if fault:
+            raise ActuatorError(f"the default {fault}", key=self.name, value=self.default, code="bad-parameter")
 
     def fault(self, value: float) -> str | None:
         """Reason why `value` is not allowed; None if `value` is allowed."""

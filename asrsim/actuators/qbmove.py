@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from asrsim.actuators.base import Actuator, cosh, max_deflection, saturate, sinh
+from asrsim.actuators.base import Antagonistic, cosh, max_deflection, saturate, sinh
 from asrsim.actuators.parameters import Parameter
 
 
-class QbMove(Actuator):
+class QbMove(Antagonistic):
     """tau_i = k_i sinh(a_i sat(theta_i - q))."""
 
     name = "qbmove"
@@ -39,11 +39,3 @@ class QbMove(Actuator):
         s_1, s_2 = saturate(d_1, limit), saturate(d_2, limit)
         flat = k_1 * sinh(a_1 * s_1) * (d_1 - s_1) + k_2 * sinh(a_2 * s_2) * (d_2 - s_2)
         return k_1 / a_1 * (cosh(a_1 * s_1) - 1.0) + k_2 / a_2 * (cosh(a_2 * s_2) - 1.0) + flat
-
-    @staticmethod
-    def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
-        return equilibrium + preset, equilibrium - preset
-
-    @staticmethod
-    def equilibrium_position(theta_1: float, theta_2: float) -> float:
-        return 0.5 * (theta_1 + theta_2)

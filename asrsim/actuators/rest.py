@@ -14,8 +14,8 @@ ROUNDS = 50
 """Largest number of rounds over the motors; one round is enough if each spring depends on one motor."""
 MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
-TOLERANCE = 1e-14
-"""Width of the bracket at which a root search ends, rad or m (relative for values above 1)."""
+TOLERANCE = 4e-15
+"""Smallest step of a root search, rad or m (relative for values above 1)."""
 FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 
@@ -38,12 +38,19 @@ def resting_motors(drive: Drive, position: Array, references: Array, *, limited:
         trial[motor] = theta
         return np.asarray(law(position, *trial, drive.elastic)[motor])
 
+    def missing(motor: int, holding: Array | None, most: float, theta: Array) -> Array:
+        """Torque (n,) of the springs minus the torque of the motor. holding: torque of a controller with integral action."""
+        torque = drive.proportional[motor] * (references[motor] - theta) if holding is None else holding
+        return np.asarray(load(motor, theta) - np.clip(torque, -most, most))
+
     for _ in range(ROUNDS):
         loads = []
         for motor in range(drive.dynamic_motors):
             most, ends = (drive.max_torque[motor], drive.motor_ranges[motor]) if limited else (np.inf, (-np.inf, np.inf))
-            gain = np.inf if drive.integral[motor] > 0.0 else drive.proportional[motor]
-            resting[motor] = np.clip(_balance(partial(load, motor), references[motor], gain, most), *ends)
+            # At the reference, integral action balances the springs, up to the motor's largest torque.
+            holding = load(motor, references[motor]) if drive.integral[motor] > 0.0 else None
+            found = increasing_roots(partial(missing, motor, holding, most), references[motor])
+            resting[motor] = np.clip(found, *ends)
             loads.append(load(motor, resting[motor]))
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
         if np.array_equal(loads, law(position, *resting, drive.elastic)[: len(loads)]):
@@ -58,56 +65,39 @@ def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
     return np.array([np.clip(torque, -most, most) * (gain > 0.0) for torque, gain, most in rows])
 
 
-def _balance(load: Callable[[Array], Array], wanted: Array, gain: float, most: float) -> Array:
-    """Positions (n,) at which a controller balances the load of a motor. wanted: references (n,), rad; gain: proportional gain,
-    infinite for a controller with integral action; most: largest torque, N m."""
-    here = load(wanted)
-    if np.isinf(gain):
-        # At rest the integral action balances the spring's torque, up to the motor's largest torque.
-        holding = np.clip(here, -most, most)
-        resting = wanted if np.array_equal(here, holding) else increasing_roots(lambda theta: load(theta) - holding, wanted)
-        return np.where(here == holding, wanted, resting)
-    # The load decreases as the motor moves away from its reference.
-    reach = np.minimum(np.abs(here) / gain, 1.0) if gain > 0.0 else 1.0
-    return increasing_roots(lambda theta: load(theta) - np.clip(gain * (wanted - theta), -most, most), wanted, reach, FARTHEST)
-
-
-def increasing_roots(
-    function: Callable[[Array], Array], start: Array, reach: float | Array = 0.1, farthest: float = FARTHEST
-) -> Array:
+@np.errstate(all="ignore")
+def increasing_roots(function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST) -> Array:
     """Roots (n,) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
-    The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`. Regula falsi (Illinois) then
-    narrows the bracket, with a bisection where three steps have not halved the bracket.
+    The bracket begins at `start` (n,) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
+    third step is a bisection, so that the search ends for every function.
     """
-    with np.errstate(all="ignore"):
-        near, at_near = np.array(start, dtype=float), function(start)
-        side, reach = -np.sign(at_near), np.broadcast_to(np.maximum(reach, TOLERANCE), near.shape)
-        while True:
-            far = start + side * reach
-            at_far = function(far)
-            beyond = at_far * side < 0.0
-            near, at_near = np.where(beyond, far, near), np.where(beyond, at_far, at_near)
-            beyond &= reach < farthest
-            if not beyond.any():
-                break
-            reach = np.where(beyond, np.minimum(2.0 * reach, farthest), reach)
-        low, high = np.where(side > 0.0, near, far), np.where(side > 0.0, far, near)
-        at_low, at_high = np.where(side > 0.0, at_near, at_far), np.where(side > 0.0, at_far, at_near)
-        widest, last = 0.5 * (high - low), np.full(np.shape(low), -1)
-        for step in range(MOST_STEPS):
-            width, least = high - low, 0.4 * TOLERANCE * np.maximum(1.0, np.abs(low))
-            if np.all(width <= 2.5 * least):
-                break
-            secant = (low * at_high - high * at_low) / (at_high - at_low)
-            bisected = ~np.isfinite(secant) | ((step % 3 == 2) & (width > widest))
-            # A step just beyond a converged end closes the bracket.
-            middle = np.where(bisected, 0.5 * (low + high), np.clip(secant, low + least, high - least))
-            widest = 0.5 * width if step % 3 == 2 else widest
-            value = function(middle)
-            above = value >= 0.0
-            # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
-            kept, last = np.where(above == last, 0.5, 1.0), above
-            at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
-            high, low = np.where(above, middle, high), np.where(value <= 0.0, middle, low)
-    return 0.5 * (low + high)
+    near = far = np.array(start, dtype=float)
+    at_near = at_far = function(near)
+    side, reach = -np.sign(at_near), 0.05
+    short = side != 0.0
+    while short.any():
+        near, at_near = np.where(short, far, near), np.where(short, at_far, at_near)
+        if reach == farthest:
+            break
+        reach = min(2.0 * reach, farthest)
+        far = np.where(short, start + side * reach, far)
+        at_far = function(far)
+        short = at_far * side < 0.0
+    low, high = np.minimum(near, far), np.maximum(near, far)
+    at_low, at_high = np.where(side > 0.0, at_near, at_far), np.where(side > 0.0, at_far, at_near)
+    last = np.full(np.shape(low), -1)
+    for step in range(MOST_STEPS):
+        least = TOLERANCE * np.maximum(1.0, np.abs(low))
+        if np.all(high - low <= 2.5 * least):
+            break
+        # A step just beyond a converged end closes the bracket.
+        secant = np.clip((low * at_high - high * at_low) / (at_high - at_low), low + least, high - least)
+        middle = np.where((step % 3 == 2) | ~np.isfinite(secant), 0.5 * (low + high), secant)
+        value = function(middle)
+        above = value >= 0.0
+        # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
+        kept, last = np.where(above == last, 0.5, 1.0), above
+        at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
+        high, low = np.where(above, middle, high), np.where(value <= 0.0, middle, low)
+    return np.asarray(0.5 * (low + high))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, Actuator
@@ -74,12 +74,14 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
             hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS, ENGINES or STEPPINGS",
         )  # fmt: skip
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
-    seen: set[str] = set()
-    for actuator in found:
-        name = str(getattr(actuator, "name", ""))
-        if name in seen or (name in ACTUATORS and _file_of(ACTUATORS.get(name)) != path.resolve()):
-            problems.append(_problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name"))
-        seen.add(name)
+    if not problems:
+        names = [actuator.name for actuator in found]
+        taken = {name for name in names if name in ACTUATORS and _file_of(ACTUATORS.get(name)) != path.resolve()}
+        problems = [
+            _problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name")
+            for number, (name, actuator) in enumerate(zip(names, found, strict=True))
+            if name in taken.union(names[:number])
+        ]
     if problems:
         raise ActuatorError(problems)
     for actuator in found:
@@ -88,14 +90,21 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that does not follow the interface of `Actuator`. Parameters are checked if the attributes are valid,
-    and laws if the parameters are valid, too."""
+    """Problems of a class that does not follow the interface of `Actuator`. Laws are checked if the attributes are valid."""
     wrong = [
         _problem(actuator, f"must be {text}", "bad-declaration", key=key, value=getattr(actuator, key, None))
         for key, (text, is_valid) in ATTRIBUTES.items()
         if not is_valid(getattr(actuator, key, None))
     ]
-    return tuple(wrong or tuple(_parameters(actuator)) or _laws(actuator))
+    if wrong:
+        return tuple(wrong)
+    names = [parameter.name for parameter in actuator.all_parameters()]
+    twice = [
+        _problem(actuator, "another parameter has this name", "bad-parameter", key=f"parameters.{parameter.name}")
+        for parameter in actuator.parameters
+        if names.count(parameter.name) > 1
+    ]
+    return tuple(twice or _laws(actuator))
 
 
 ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
@@ -136,14 +145,9 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
             yield problem("must be a @staticmethod: laws have no state", "bad-law")
             continue
         try:
-            inspect.signature(own.__func__).bind(*arguments)
-        except (TypeError, ValueError):
-            yield problem(f"must take {', '.join(arguments)}", "bad-law")
-            continue
-        try:
             result = own.__func__(*arguments.values())
         except (Exception, SystemExit) as error:
-            yield problem(f"raised {type(error).__name__}: {error}", "law-raised")
+            yield problem(f"must take {', '.join(arguments)}: raised {type(error).__name__}: {error}", "law-raised")
             continue
         numbers = result if count > 1 and isinstance(result, tuple) else (result,)
         if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):
@@ -153,28 +157,18 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
 
 def law_fault(error: BaseException) -> ActuatorError | None:
     """An ActuatorError with file and line if `error` was raised in a plugin file; else None."""
-    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
-            message = f"the law raised {type(error).__name__}: {error}"
-            hint = "asrsim check --actuator NAME --plugin FILE evaluates the laws over their whole range"
-            file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
-            return ActuatorError(message, file=file, line=line, key=key, hint=hint, code="law-raised")
+    for frame, line in _plugin_frames(error):
+        message = f"the law raised {type(error).__name__}: {error}"
+        hint = "asrsim check --actuator NAME --plugin FILE evaluates the laws over their whole range"
+        file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
+        return ActuatorError(message, file=file, line=line, key=key, hint=hint, code="law-raised")
     return None
 
 
-def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
-    used = {parameter.name for parameter in actuator.all_parameters()[len(actuator.parameters) :]}
-    for parameter in actuator.parameters:
-        key = f"parameters.{parameter.name}"
-        if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
-            yield _problem(actuator, "is not a valid parameter name", "bad-parameter", key=key)
-        elif parameter.name in used:
-            yield _problem(actuator, "another parameter has this name", "bad-parameter", key=key)
-        used.add(parameter.name)
-        if isinstance(parameter.default, bool) or not isinstance(parameter.default, (int, float)):
-            yield _problem(actuator, "the default must be a number", "bad-parameter", key=key, value=parameter.default)
-        elif fault := parameter.fault(parameter.default):
-            yield _problem(actuator, f"the default {fault}", "bad-parameter", key=key, value=parameter.default)
+def _plugin_frames(error: BaseException) -> list[tuple[FrameType, int]]:
+    """Frames of plugin files in which `error` was raised, with their line numbers; the innermost frame is the first."""
+    frames = list(traceback.walk_tb(error.__traceback__))
+    return [place for place in frames[::-1] if str(place[0].f_globals.get("__name__", "")).startswith(MODULES)]
 
 
 def _file_of(actuator: type[Actuator]) -> Path | None:
@@ -197,19 +191,10 @@ def _run(path: Path) -> ModuleType:
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise ActuatorError(
-            f"the plugin file raised {type(error).__name__}: {error}", file=path, line=_line_of(error, path),
-            code="plugin-raised",
-        ) from error  # fmt: skip
+        lines = [error.lineno] if isinstance(error, SyntaxError) else [line for _, line in _plugin_frames(error)]
+        message = f"the plugin file raised {type(error).__name__}: {error}"
+        raise ActuatorError(message, file=path, line=next(iter(lines), None), code="plugin-raised") from error
     return module
-
-
-def _line_of(error: BaseException, path: Path) -> int | None:
-    """Number of the line in the plugin file that raised the error."""
-    if isinstance(error, SyntaxError):
-        return error.lineno
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]
-    return lines[-1] if lines else None
 
 
 def _problem(actuator: type[Actuator], message: str, code: str, *, key: str, value: object | None = None) -> Problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -21,32 +22,29 @@ GAUSS = tuple(
 )
 """Nodes and weights of Gauss-Legendre quadrature with twelve points on [0, 1]."""
 
-_ARRAY_MATH: dict[str, Any] = {
+_UFUNCS: dict[str, Any] = {
     name: law for name in vars(math) if name != "remainder" and isinstance(law := getattr(np, name, None), np.ufunc)
 }
 """Functions of NumPy by their names in `math`, without `remainder`, which has another meaning in NumPy."""
-_MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
+_MATH = types.SimpleNamespace(**{**vars(math), **_UFUNCS})
 
 
-def _saturate_array(value: Any, limit: float) -> Any:
+def _saturate(value: Any, limit: float) -> Any:
     # np.clip takes three times as long.
-    raised = np.maximum(value, -limit)
-    return np.minimum(raised, limit, out=raised if isinstance(raised, np.ndarray) else None)
+    return np.minimum(np.maximum(value, -limit), limit)
 
 
-_ARRAY_VERSIONS: dict[Any, Any] = {saturate: _saturate_array, sinh: np.sinh, cosh: np.cosh}
-"""Functions of `asrsim.actuators.base` and their counterparts for arrays."""
+_COUNTERPARTS: dict[Any, Any] = {
+    **{getattr(math, name): law for name, law in _UFUNCS.items()}, saturate: _saturate, sinh: np.sinh, cosh: np.cosh,
+}  # fmt: skip
+"""Functions that laws call, and their counterparts for arrays."""
 
 
 def _with_arrays(value: Any) -> Any:
     """Global variable of a law, replaced by its counterpart for arrays."""
     if value is math:
-        return _MATH_NAMESPACE
-    if isinstance(value, types.FunctionType) and value in _ARRAY_VERSIONS:
-        return _ARRAY_VERSIONS[value]
-    if isinstance(value, types.BuiltinFunctionType) and value in vars(math).values():
-        return _ARRAY_MATH.get(str(value.__name__), value)
-    return value
+        return _MATH
+    return _COUNTERPARTS.get(value, value) if isinstance(value, (types.FunctionType, types.BuiltinFunctionType)) else value
 
 
 @cache
@@ -61,25 +59,18 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
     def evaluate(first: Array, *rest: Any) -> Array:
         shape = first.shape
-        if fast is not None:
-            try:
-                with np.errstate(all="ignore"):
-                    values = fast(first, *rest)
-                if isinstance(values, tuple):
-                    rows = np.empty((len(values), *shape))
-                    for row, value in zip(rows, values, strict=True):
-                        row[...] = value
-                    return rows
-                return np.asarray(values) if np.shape(values) == shape else np.array(np.broadcast_to(values, shape))
-            except (ValueError, TypeError):
-                pass
+        with suppress(ValueError, TypeError), np.errstate(all="ignore"):
+            if fast is not None:
+                values = fast(first, *rest)
+                rows = [np.broadcast_to(value, shape) for value in (values if isinstance(values, tuple) else (values,))]
+                return np.array(rows if isinstance(values, tuple) else rows[0], dtype=float)
         springs = isinstance(rest[-1], tuple)
         *positions, parameters = (first, *rest) if springs else (first, *rest, ())
         points = zip(*(np.broadcast_to(values, shape).ravel().tolist() for values in (*positions, *parameters)), strict=True)
         count = len(positions)
         results = [law(*point[:count], point[count:]) if springs else law(*point) for point in points]
-        rows = np.array(results, dtype=float)
-        return rows.T.reshape(*rows.shape[1:], *shape)
+        table = np.array(results, dtype=float)
+        return table.T.reshape(*table.shape[1:], *shape)
 
     return evaluate
 

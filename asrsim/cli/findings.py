@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.plain import mapped
-from asrsim.robot import ActuatorBlock, Robot, StepFigures, read_robot, step_figures, step_findings
+from asrsim.robot import ActuatorBlock, Robot, read_robot
 from asrsim.robot.engine_text import usable_shapes
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ class FileReport:
     robot: Robot | None = None
     step: float | None = None
     """Time step, s."""
-    figures: tuple[StepFigures, ...] = ()
     substeps: Mapping[str, Any] | None = None
     """Number of substeps of a run and the quantities that determine this number; None: a run is impossible."""
     errors: tuple[Problem, ...] = ()
@@ -55,7 +54,6 @@ class FileReport:
                 "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
                 "actuators": [_block(block) for block in self.robot.actuators],
                 "step": self.step,
-                "figures": [vars(entry) for entry in self.figures],
             }
         if self.substeps is not None:
             data["substeps"] = self.substeps
@@ -111,24 +109,20 @@ def scenario_report(path: Path) -> FileReport:
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
-    from asrsim.scenario.doubts import undersampled
+    from asrsim.scenario.signal_checks import undersampled
 
     alone = report.kind == "robot"
-    errors, notes = check_against_robot(scenario, robot, propose=not alone)
+    errors, notes = check_against_robot(scenario, robot)
     if robot is None or errors or scenario.unread:
         warnings = [*(robot.warnings if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
     changed = apply_to_robot(scenario, robot)
-    figures = step_figures(changed, step=scenario.step)
-    warnings = [*changed.warnings, *([] if alone else notes), *step_findings(changed, figures, step=scenario.step)]
+    warnings = [*changed.warnings, *([] if alone else notes)]
     substeps, unbuildable = _built(scenario, robot, report.path)
     if substeps is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
         warnings += undersampled(scenario, substeps["substeps"])
-    return replace(
-        report, robot=changed, step=scenario.step, figures=figures, substeps=substeps, errors=unbuildable,
-        warnings=tuple(warnings),
-    )  # fmt: skip
+    return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
 
 
 def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
 from asrsim.errors import counted
 from asrsim.summary.data import RunSummary
-from asrsim.summary.table import headline, limit_columns, limit_note, measure_columns
-
-DIFFERENCES = (
-    ("position\nmax", "position_max"),
-    ("position\nRMS", "position_rms"),
-    ("torque\nmax", "torque_max"),
-    ("torque\nRMS", "torque_rms"),
-)
-"""Columns of the tables of errors and differences, with their keys."""
+from asrsim.summary.table import difference_columns, headline, limit_columns, limit_note, measure_columns
 
 
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
@@ -29,13 +19,14 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:
         say(f"{styled(title, 'bold cyan')}  {headline(summary)}")
-        columns = measure_columns(summary)
+        joints = [joint.as_dict() for joint in summary.joints]
+        columns = measure_columns(joints)
         say_table(columns)
         if summary.tip:
             words = {"last": "at the end", "largest": "at most", "rms": "RMS"}
             say(f"  tip off its path by {', '.join(f'{1e3 * summary.tip[key]:.3g} mm {word}' for key, word in words.items())}")
         say(f"  {limit_note(summary)}", "dim")
-        if limits := limit_columns(summary):
+        if limits := limit_columns(joints, [summary.total_substeps or 1] * len(joints)):
             say_table([columns[0], *limits])
     if summary.status == "diverged":
         complain(f"asrsim: {title}: {summary.message}", "bold red")
@@ -56,14 +47,6 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
     say()
 
 
-def _differences_table(joints: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> None:
-    rows = [("joint", list(joints), False)]
-    for heading, key in columns:
-        cells = [entry[key] for entry in joints.values()]
-        rows.append((heading, ["-" if cell is None else f"{cell:.2g}" for cell in cells], True))
-    say_table(rows)
-
-
 def _units(summary: RunSummary) -> str:
     return " or ".join(dict.fromkeys("m, N" if joint.prismatic else "rad, N m" for joint in summary.joints))
 
@@ -74,7 +57,7 @@ def _print_cross_check(summary: RunSummary, *, quiet: bool) -> None:
         return
     if not quiet:
         say(f"  cross-check: {check['engine']} against {check['other']}, differences (maximum, RMS; {_units(summary)})", "dim")
-        _differences_table(check["joints"], DIFFERENCES)
+        say_table(difference_columns([*check["joints"]], [*check["joints"].values()]))
         if check["note"]:
             say(f"  {check['note']}", "dim")
     if check["finding"]:
@@ -89,7 +72,7 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
     joints = summary.certificate["joints"]
     if not quiet:
         say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {_units(summary)})", "dim")
-        _differences_table(joints, [*DIFFERENCES, ("order", "order")])
+        say_table(difference_columns([*joints], [*joints.values()]))
         trust = "the estimate covers the error of the time step only, not of the model"
         say(f"  {trust}{'; the cross-check compares the model with another engine' if summary.cross_check else ''}", "dim")
     for warning in summary.certificate["warnings"]:

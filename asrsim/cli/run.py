@@ -117,12 +117,7 @@ def _drawn(executed: Executed) -> Executed:
 
     load_undocumented()
     folder = _folder_of(executed)
-    plots = draw_run(folder / LOG, folder, brief=True)
-    if executed.summary.certificate or executed.summary.cross_check:
-        from asrsim.plots.accuracy import draw_accuracy
-
-        plots += draw_accuracy(folder, executed.summary.certificate, executed.summary.cross_check)
-    return _with_files(executed, plots=tuple(plots))
+    return _with_files(executed, plots=tuple(draw_run(folder / LOG, folder, brief=True)))
 
 
 def _reported(executed: Executed) -> Executed:

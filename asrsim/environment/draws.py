@@ -13,7 +13,7 @@ from asrsim.sweeps.laws import Distribution, Values
 from asrsim.sweeps.study import Axis, axis_of
 
 if TYPE_CHECKING:
-    from asrsim.simulation.prepared import Prepared
+    from asrsim.simulation.prepare import Prepared
 
 
 class Draws:

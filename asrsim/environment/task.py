@@ -19,9 +19,8 @@ from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import one_scenario, prepare
-from asrsim.simulation.prepared import Prepared, Start
-from asrsim.simulation.ranges import ranges_of
+from asrsim.simulation.drives import ranges_of
+from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
 from asrsim.simulation.worlds import Worlds
 
 LARGEST = float(np.finfo(np.float32).max)

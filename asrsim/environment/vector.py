@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.simulation.prepared import Start
+from asrsim.simulation.prepare import Start
 from asrsim.simulation.worlds import Worlds
 
 

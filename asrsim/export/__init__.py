@@ -15,7 +15,7 @@ from asrsim.export.mjcf import model_of
 from asrsim.export.ranges import own_numbers, write_ranges
 from asrsim.export.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
-from asrsim.render.mesh_files import read_mesh
+from asrsim.render.meshes import read_mesh
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps.fitted import joint_of, load_fit
@@ -87,14 +87,14 @@ def export_mjcf(
     @cache
     def mesh_file(source: str) -> str:
         """Write a mesh as a binary STL beside the model."""
-        from trimesh import Trimesh
+        from trimesh.util import concatenate
 
         folder = make_folder(path.parent / f"{path.stem}_meshes")
         files.append(folder / f"mesh_{len(files)}.stl")
-        mesh = read_mesh(Path(source))
+        mesh: Any = concatenate([part for part, _ in read_mesh(Path(source))])
         with written(files[-1], "mesh") as stream:
             # The header of the STL file shows that asrsim wrote the file.
-            stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
+            stl = mesh.export(file_type="stl")
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         return f"{folder.name}/{files[-1].name}"
 

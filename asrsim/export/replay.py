@@ -14,7 +14,7 @@ from asrsim.errors import SimulationError
 from asrsim.export.mjcf import motor_name
 from asrsim.plots.output import save_pairs
 from asrsim.samples import Array
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.worlds import Worlds
 
 

@@ -15,10 +15,9 @@ from asrsim.quantities import QUANTITIES
 from asrsim.robot import Robot, check_two_motors
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Start
-from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
+from asrsim.simulation.prepare import Start, prepare
 from asrsim.simulation.quantities import columns_of
 from asrsim.simulation.worlds import Worlds
 from asrsim.workers import cores

@@ -20,11 +20,11 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.rest import resting_motors
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
-from asrsim.robot import ActuatorBlock, Robot, merge_fixed
-from asrsim.robot.chain import Chain
-from asrsim.robot.inertia import zero_pose_matrix
-from asrsim.robot.mounting import drive_of
+from asrsim.robot import ActuatorBlock, Joint, Robot
+from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.mounting import drive_of, with_overrides
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
 
@@ -50,23 +50,20 @@ FARTHEST = 4.0
 INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 POSTURES = 64
-"""Number of random postures from which the variation of gravity's torque is estimated."""
+"""Number of random postures in which the largest torque of gravity on each joint is sought."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
 ENOUGH = 0.15
-"""Sag with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for neglected effects."""
-HOLDING_SHARE = 0.5
-"""Largest fraction of a motor's torque that holds an arm with proposed parameters. The rest moves the arm.
+"""Largest sag in any posture with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for
+neglected effects."""
+MOTOR_SHARE = 0.5
+"""Largest fraction of a motor's torque that holds and moves an arm with proposed parameters.
 (Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
 errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
-TRIES = 40
-"""Largest number of attempts to find parameters."""
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
-STEP_SHARE = 0.6
-"""Fraction of a motor's largest torque that a step of its reference needs with proposed parameters."""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -119,37 +116,41 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, found by overdamped relaxation from the position of its references. The sag is NaN
     if the torques of opposing springs overflow."""
-    chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-    time = _instants(scenario, blocks)
-    wanted = {
-        joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
-        for joint in robot.moving_joints
-    }
-    goals: dict[str, Array] = {}
-    for block in blocks:
-        goals[block.joint], goal = goals_of(scenario, block, time)
-        wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
-    generator = np.random.default_rng(0)
-    postures = {name: generator.uniform(-np.pi, np.pi, POSTURES) for name in wanted}
-    weights = chain.gravity_load(postures, scenario.gravity)
-    joints = {
-        block.joint: _Joint(drive_of(block), goals[block.joint], wanted[block.joint], robot, weights[block.joint])
-        for block in blocks
-    }
-    start = chain.gravity_load(wanted, scenario.gravity)
-    positions = dict(wanted)
+    model, time = robot_model(scenario, robot), _instants(scenario, blocks)
+    wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
+    weights, columns, goals = _weights(model), [model.joints.index(block.joint) for block in blocks], []
+    for block, column in zip(blocks, columns, strict=True):
+        own, goal = goals_of(scenario, block, time)
+        goals.append(own)
+        wanted[:, column] = np.clip(goal, *robot.joint(block.joint).stops)
+    joints = [
+        _Joint(drive_of(block), own, wanted[:, column], robot, weights[block.joint])
+        for block, own, column in zip(blocks, goals, columns, strict=True)
+    ]
+    start = -model.gravity_torques(wanted)
+    positions = wanted.copy()
     share, before = np.ones(len(time)), np.zeros((len(joints), len(time)))
     for _ in range(STEPS):
-        loads = chain.gravity_load(positions, scenario.gravity)
-        after = {name: joint.settle(positions[name], loads[name], share) for name, joint in joints.items()}
-        moved = np.stack([after[name] - positions[name] for name in joints])
-        positions |= after
+        loads = -model.gravity_torques(positions)
+        pairs = zip(joints, positions.T[columns], loads.T[columns], strict=True)
+        after = np.array([joint.settle(position, load, share) for joint, position, load in pairs])
+        moved = after - positions.T[columns]
+        positions[:, columns] = after.T
         if np.max(np.abs(moved) / share) < 1e-5:
             break
         # The relaxation of coupled joints may oscillate: after a step that reverses the motion, the next is shorter.
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
-    return tuple(joint.holding(time, wanted[name], positions[name], start[name]) for name, joint in joints.items())
+    return tuple(
+        joint.holding(time, wanted[:, column], positions[:, column], start[:, column])
+        for joint, column in zip(joints, columns, strict=True)
+    )
+
+
+def _weights(model: RobotModel) -> dict[str, float]:
+    """Largest gravity load on each joint in random postures, N m or N."""
+    postures = np.random.default_rng(0).uniform(-np.pi, np.pi, (len(model.joints), POSTURES)).T
+    return dict(zip(model.joints, np.abs(model.gravity_torques(postures)).max(axis=0).tolist(), strict=True))
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
@@ -168,10 +169,10 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 class _Joint:
     """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
-    def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
-        """weights: gravity torques in random postures, N m; the largest bounds the variation of the torque with the posture."""
+    def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weight: float) -> None:
+        """weight: largest gravity torque in N m, a bound of its variation with the posture."""
         self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
-        self._weight = max(float(np.abs(weights).max()), 1e-6)
+        self._weight = max(weight, 1e-6)
         low, high = self._joint.stops
         self._places = np.linspace(np.maximum(low, wanted - FARTHEST), np.minimum(high, wanted + FARTHEST), TABLE)
         spread = np.repeat(self._goals[:, None], TABLE, axis=1).reshape(len(self._goals), -1)
@@ -198,18 +199,23 @@ class _Joint:
         off = np.abs(position - wanted)
         worst = int(np.argmax(off))
         low, high = self._joint.stops
-        scale = min(SLIDING if self._joint.kind == "prismatic" else 1.0, high - low)
         stopped = min(abs(position[worst] - low), abs(position[worst] - high)) < 1e-6
         resting, torques = (rows[:, worst] for rows in self._at_rest(position, self._goals))
         most = np.array(self._drive.max_torque or np.inf)
         motors = self._drive.actuator.motors
         return Holding(
-            joint=self._joint.name, sag=float(off[worst]), load=float(load[worst]), time=float(time[worst]), scale=scale,
-            on_stop=bool(stopped and off[worst] > OFF * scale),
+            joint=self._joint.name, sag=float(off[worst]), load=float(load[worst]), time=float(time[worst]),
+            scale=_scale(self._joint), on_stop=bool(stopped and off[worst] > OFF * _scale(self._joint)),
             limited=bool(np.any(np.abs(torques[:motors]) > (1.0 - 1e-6) * most)),
             overloaded=bool(abs(torques.sum()) > self._joint.most_effort),
             droop=float(abs(np.mean((self._goals[:, worst] - resting)[:motors]))),
         )  # fmt: skip
+
+
+def _scale(joint: Joint) -> float:
+    """Scale for the sag of a joint, rad or m."""
+    low, high = joint.stops
+    return min(SLIDING if joint.kind == "prismatic" else 1.0, high - low)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,60 +231,46 @@ class Sizing:
     @property
     def weak(self) -> tuple[Holding, ...]:
         """Joints that sag too much or fall."""
-        return _beyond(self.joints, SAG)
+        return _weak(self.joints)
 
 
-def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
+def sizing(scenario: Scenario, robot: Robot) -> Sizing:
     """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
     robot: the robot with the scenario's modes and parameters. The function ignores floating bases, modes without springs,
     torque, voltage and current references, and references that already account for the weight (of a task, of learning, or of
-    a joint with a `desired` motion). sag: sag above which parameters are proposed for a joint; see `SAG`.
+    a joint with a `desired` motion).
     """
-    blocks = [
-        block
+
+    def judged(robot: Robot) -> tuple[Holding, ...]:
+        return holdings(scenario, robot, [block for block in robot.actuators if block.joint in names])
+
+    names = [
+        block.joint
         for block in _sprung(robot)
         if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
     ]
-    if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
+    if not scenario.fixed_base or not any(scenario.gravity) or not names:
         return Sizing(joints=())
-    joints = holdings(scenario, robot, blocks)
-    if not propose or not _beyond(joints, sag):
-        return Sizing(joints=joints)
+    joints = judged(robot)
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
-    robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
-    changed = {block.joint: block for block in blocks}
-    weak = _beyond(holdings(scenario, robot, blocks), sag)
-    proposal: dict[str, dict[str, float]] = {}
-    for _ in range(TRIES):
-        for one in weak:
-            given = _stronger(changed[one.joint], one)
-            if not given:
-                return Sizing(joints=joints)
-            proposal[one.joint] = proposal.get(one.joint, {}) | given
-            changed[one.joint] = _with_values(changed[one.joint], given)
-        weak = _beyond(holdings(scenario, robot, [_in_reserve(block) for block in changed.values()]), ENOUGH)
-        if not weak:
+    endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
+    if _weak(joints) and _weak(judged(endless)):
+        proposal = {name: values for name, values in strengthened(scenario, robot).items() if name in names}
+        if not _weak(judged(with_overrides(endless, parameters=proposal))):
             return Sizing(joints=joints, proposal=proposal)
     return Sizing(joints=joints)
 
 
-def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tuple[Problem, ...]:
-    """Warnings for joints that sag or fall under the arm's own weight. propose: whether to search for parameters that hold the
-    arm, which takes about ten times as long."""
-    cure = "Choose stiffer actuators or a lighter arm" if propose else "`asrsim check` proposes parameters that hold the arm"
-    return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path, cure=cure)
-
-
-def problems_of_weight(
-    found: Sizing, robot: Robot, file: Path | None = None, *, cure: str = "Choose stiffer actuators or a lighter arm"
-) -> tuple[Problem, ...]:
-    """Warnings, one for each joint that sags or falls. cure: hint of the warnings if no parameters are proposed."""
+def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
+    """Warnings, one for each joint that sags or falls."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
     )
-    hint: str | None = f"with parameters: {{{values}}} springs and motors hold the arm" if values else cure
+    hint: str | None = "Choose stiffer actuators or a lighter arm"
+    if values:
+        hint = f"with parameters: {{{values}}} springs and motors hold the arm"
     problems = []
     for one in found.weak:
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
@@ -299,19 +291,26 @@ def problems_of_weight(
     return tuple(problems)
 
 
-def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
-    """Values of parameters, by joint and parameter, with which no joint is slow and the motors can follow reference steps."""
-    inertia, blocks = _carried(robot), _sprung(robot)
-    loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
-    found: dict[str, dict[str, float]] = {}
-    for block in blocks:
-        spring, step = _stiffness_and_step(scenario, block)
-        factor = max(SLOWEST**2 * inertia[block.joint] / max(spring, 1e-9), 1.0)
-        gain = factor if 2.0 * factor * spring > sum(drive_of(block).proportional) else 1.0
-        needed = factor * spring * step + loads.get(block.joint, 0.0)
-        lacking = needed / (STEP_SHARE * min(drive_of(block).max_torque, default=math.inf))
-        if values := _scaled(block, spring=factor, gain=gain, limit=lacking):
-            found[block.joint] = values
+def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
+    """Values of parameters, by joint and parameter, with which springs and motors hold the arm in any posture, and no joint is
+    slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter."""
+    inertia, weights, found = _carried(robot), _weights(robot_model(scenario, robot)), {}
+    for block in _sprung(robot):
+        drive, weight = drive_of(block), weights[block.joint]
+        present, pretension, step = _springs(scenario, block)
+        moving = SLOWEST**2 * inertia[block.joint]
+        # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
+        stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
+        spring = max(stiffness / max(present, 1e-9), 1.0)
+        gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
+        torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
+        values = block.values()
+        factors = dict.fromkeys(linear_parameters(drive.actuator, values), spring)
+        factors |= {name: gain for name in values if name.endswith("_proportional")}
+        factors |= dict.fromkeys(motor_limits(values), torque / min(drive.max_torque, default=math.inf))
+        # A larger factor than 1 avoids changes by the rounding of an earlier proposal.
+        if given := {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.05}:
+            found[block.joint] = given
     return found
 
 
@@ -322,7 +321,7 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
         own, damping = inertia[block.joint], robot.joint(block.joint).damping
-        critical = 2.0 * math.sqrt(own * max(_stiffness_and_step(scenario, block)[0], 0.0))
+        critical = 2.0 * math.sqrt(own * max(_springs(scenario, block)[0], 0.0))
         if damping < RATIO * critical:
             lasts = max(lasts, 6.0 * own / max(damping, 1e-9))
             keys[block.joint] = {"ratio": RATIO, "inertia": _rounded(own)}
@@ -334,45 +333,25 @@ def _sprung(robot: Robot) -> list[ActuatorBlock]:
     return [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
 
 
-def _beyond(joints: tuple[Holding, ...], sag: float) -> tuple[Holding, ...]:
-    """Joints that sag by more than `sag` (a fraction of their scale), or come to rest on a stop."""
-    return tuple(one for one in joints if one.on_stop or one.sag > sag * one.scale)
+def _weak(joints: tuple[Holding, ...]) -> tuple[Holding, ...]:
+    """Joints that sag too much, or come to rest on a stop."""
+    return tuple(one for one in joints if one.on_stop or one.sag > SAG * one.scale)
 
 
 def _carried(robot: Robot) -> dict[str, float]:
     """Inertia that the spring of each joint moves if all joints accelerate equally, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
-    return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
+    return dict(zip(names, np.abs(RobotModel(robot).mass_matrix(np.zeros(len(names)))).sum(axis=1).tolist(), strict=True))
 
 
-def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float]:
-    """Stiffness of the springs in N m/rad at the last references, and change of the references during the run in rad."""
+def _springs(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float, float]:
+    """Stiffness of the unloaded springs at the last references, N m/rad; largest torque on a motor there, N m; change of the
+    references during the run, rad."""
     drive = drive_of(block)
     motors, goal = goals_of(scenario, block, np.array([0.0, scenario.duration]))
     stiffness = over_arrays(drive.actuator.stiffness)(goal, *motors, drive.elastic)
-    return float(stiffness[-1]), float(np.ptp(goal))
-
-
-def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
-    """Parameters of stronger motors if a motor is at its limit, else of stiffer controllers or springs; empty if no parameter
-    would help."""
-    most = 4.0 if weak.falls else 2.0
-    # The sag of a joint on its stop is unknown, since the stop ends the motion.
-    factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
-    lacking = abs(weak.load) / (HOLDING_SHARE * min(drive_of(block).max_torque, default=math.inf))
-    # A load above the spring's largest torque may hide that the motor reached its limit first.
-    if weak.limited or lacking > 1.0:
-        return _scaled(block, limit=max(1.25, lacking))
-    return _scaled(block, gain=factor) if weak.droop > 0.3 * weak.sag else _scaled(block, spring=factor)
-
-
-def _scaled(block: ActuatorBlock, *, spring: float = 1.0, gain: float = 1.0, limit: float = 1.0) -> dict[str, float]:
-    """Parameters multiplied by factors above 1: of springs, gains of controllers, and limits of motors."""
-    values = block.values()
-    factors = dict.fromkeys(linear_parameters(ACTUATORS.get(block.actuator), values), spring)
-    factors |= {name: gain for name in values if name.endswith("_proportional")}
-    factors |= dict.fromkeys(motor_limits(values), limit)
-    return {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.0}
+    torques = over_arrays(drive.actuator.elastic_torques)(goal, *motors, drive.elastic)
+    return float(stiffness[-1]), float(np.abs(torques[:, -1]).max()), float(np.ptp(goal))
 
 
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
@@ -393,17 +372,6 @@ def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
     """Names of the motors' limits of torque, voltage and current, to which the largest torques are proportional."""
     limits = ("_max_torque", "_max_voltage", "_max_current")
     return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
-
-
-def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """Copy of the actuator block with motor limits multiplied by `HOLDING_SHARE`; the rest of the torque is left for motion."""
-    values = block.values()
-    return _with_values(block, {name: HOLDING_SHARE * values[name] for name in motor_limits(values)})
-
-
-def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:
-    parameters = {name: replace(one, value=given.get(name, one.value)) for name, one in block.parameters.items()}
-    return replace(block, parameters=parameters)
 
 
 def _rounded(value: float) -> float:

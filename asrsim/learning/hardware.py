@@ -90,31 +90,29 @@ def next_input(
 
     with owned(folder):
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
-        with learning_model(plant) as model:
-            prepared = prepare_learning(plant, model)
-            problem, settings = prepared.problem, prepared.settings
-            state, digest = load_state(folder / STATE, problem, settings), _digest(path)
-            # The last recording may be given again; its twin was then fitted to a wrong reading.
-            again = digest in state.recordings[-1:]
-            trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
-            if again:
-                recordings.pop()
-                played = trials.pop().inputs
-            else:
-                played = _pending(folder, prepared, trials)
-            if digest in recordings:
-                message = (
-                    f"was used already, as trial {recordings.index(digest)}; record the motion under {folder / NEXT} instead"
-                )
-                raise InputError(message, file=path, code="recording-taken")
-            found = recorded(recording, plant, lag)
-            trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
-            ended = verdict(problem, trials, settings, prepared.law)
-            twin, ratio = None, 0.0
-            if ended is None:
-                inputs, twin, ratio = _proposed(prepared, trials, begin)
-            else:
-                inputs = best_of(trials).inputs
+        model = learning_model(plant)
+        prepared = prepare_learning(plant, model)
+        problem, settings = prepared.problem, prepared.settings
+        state, digest = load_state(folder / STATE, problem, settings), _digest(path)
+        # The last recording may be given again; its twin was then fitted to a wrong reading.
+        again = digest in state.recordings[-1:]
+        trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
+        if again:
+            recordings.pop()
+            played = trials.pop().inputs
+        else:
+            played = _pending(folder, prepared, trials)
+        if digest in recordings:
+            message = f"was used already, as trial {recordings.index(digest)}; record the motion under {folder / NEXT} instead"
+            raise InputError(message, file=path, code="recording-taken")
+        found = recorded(recording, plant, lag)
+        trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
+        ended = verdict(problem, trials, settings, prepared.law)
+        twin, ratio = None, 0.0
+        if ended is None:
+            inputs, twin, ratio = _proposed(prepared, trials, begin)
+        else:
+            inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
@@ -154,8 +152,7 @@ def _proposed(
     if not isinstance(prepared.law, NormOptimal):
         inputs = prepared.law.propose(trials)
         return inputs, twin, foretold(inputs)
-    with learning_model(twin.plant) as model:
-        lifted = model.lifted
+    lifted = learning_model(twin.plant).lifted
     change = rehearsed(problem, lifted, best, rho, forecasts[0]) - best.inputs
     for share in SHARES:
         inputs = best.inputs + share * change

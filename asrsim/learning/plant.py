@@ -19,7 +19,7 @@ from asrsim.signals.sampled import Sampled
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.simulation.drives import SteppedJoint
-    from asrsim.simulation.prepared import Prepared
+    from asrsim.simulation.prepare import Prepared
     from asrsim.simulation.run import Run
 
 TRIALS = 10
@@ -79,9 +79,6 @@ class Plant:
                 for joint, name, column in zip(self.joints, self.names(), inputs.T, strict=True)
             }
         )
-        if self.scenario.initial_equilibrium:
-            # The initial state of a run depends on the first references.
-            prepared = prepared.vary({})
         return simulate(prepared, alike=TRIALS)
 
     def outputs(self, inputs: Array) -> Array:

@@ -64,9 +64,9 @@ def run_session(
     scenario; results of the same scenario are always replaced. on_start receives the problem before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
-    with owned(folder), learning_model(plant) as model:
+    with owned(folder):
         earlier = _earlier(folder, plant.scenario, overwrite=overwrite)
-        prepared = prepare_learning(plant, model)
+        prepared = prepare_learning(plant, learning_model(plant))
         if on_start is not None:
             on_start(prepared)
         result = learn(prepared.problem, plant.outputs, prepared.settings, on_trial, law=prepared.law, stop=stop)

@@ -14,7 +14,7 @@ from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_na
 from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
 

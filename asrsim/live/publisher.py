@@ -12,8 +12,7 @@ from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
 from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, Topic, joint_state, robot_topics, topic_paths
 from asrsim.samples import JointInfo, Samples
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.ranges import Range, ranges_of
+from asrsim.simulation.drives import EXTERNAL_TORQUE, Range, ranges_of
 from asrsim.simulation.simulation import Simulation
 
 Ranges = Mapping[str, Mapping[str, Range]]

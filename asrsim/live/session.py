@@ -208,7 +208,7 @@ class Session:
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
         # Commands override the scenario's references, so its claims do not apply.
-        summary = judged(replace(self._scenario, expect=()), run, collector, None, samples=writer.samples)
+        summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())
         save_summary(summary, files["summary"])

@@ -29,18 +29,18 @@ class Painter:
     def __init__(self, scene: RenderScene) -> None:
         self._scene = scene
         self.bodies = tuple(dict.fromkeys(part.body for part in scene.parts))
-        parts = scene.parts
-        counts = np.cumsum([0, *(len(part.mesh.points) for part in parts)])
-        empty = np.empty((0, 3))
-        self._points = np.concatenate([empty, *(part.mesh.points for part in parts)])
-        self._triangles = np.concatenate(
-            [np.empty((0, 3), np.intp), *(p.mesh.triangles + offset for p, offset in zip(parts, counts, strict=False))]
-        )
-        self._normals = np.concatenate([np.empty((0, 3, 3)), *(part.mesh.normals for part in parts)])
-        self._colours = np.concatenate([empty, *(part.colours for part in parts)])
-        owners = [self.bodies.index(part.body) for part in parts]
-        self._point_body = np.repeat(owners, [len(part.mesh.points) for part in parts]).astype(np.intp)
-        self._body = np.repeat(owners, [len(part.mesh.triangles) for part in parts]).astype(np.intp)
+        points, triangles, normals = [np.empty((0, 3))], [np.empty((0, 3), np.intp)], [np.empty((0, 3))]
+        for part in scene.parts:
+            triangles.append(part.mesh.faces + sum(map(len, points)))
+            points.append(part.mesh.vertices)
+            normals.append(part.mesh.vertex_normals)
+        self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)
+        self._normals = np.concatenate(normals)[self._triangles]
+        counts = [len(part.mesh.faces) for part in scene.parts]
+        owners = np.array([self.bodies.index(part.body) for part in scene.parts], dtype=np.intp)
+        self._colours = np.repeat([part.colour for part in scene.parts], counts, axis=0)
+        self._body = np.repeat(owners, counts)
+        self._point_body = np.repeat(owners, [len(part.mesh.vertices) for part in scene.parts])
         self._outer = _outermost(self._points, self._point_body)
 
     def outer_points(self, frames: Mapping[str, Array]) -> Array:

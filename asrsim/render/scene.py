@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.render.mesh_files import read_mesh
-from asrsim.render.solids import Mesh, box, capsule, cylinder, flat, sphere
+from asrsim.render.meshes import read_mesh, solid
 from asrsim.robot import Robot
-from asrsim.robot.chain import Chain
 from asrsim.robot.model import Vector
-from asrsim.robot.poses import rotation_matrix
+from asrsim.robot.poses import frame, rotation_matrix
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, World
+from asrsim.scenario import robot_model
+from asrsim.scenario.data import Scenario
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 GREY = (0.55, 0.58, 0.63)
 """Colour of a shape without colour, distinct from the background and from white."""
@@ -28,9 +31,9 @@ class ScenePart:
 
     body: str
     """Link, or object of the world."""
-    mesh: Mesh
-    colours: Array
-    """Red, green and blue of each triangle (m, 3), 0 to 1."""
+    mesh: Trimesh
+    colour: Array
+    """Red, green and blue (3,), 0 to 1."""
 
 
 class RenderScene:
@@ -43,19 +46,41 @@ class RenderScene:
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
         world = scenario.world
         self.notes: list[str] = []
-        self.base = _rpy_frame(scenario.base_position, scenario.base_rpy)
+        self._base = _rpy_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
-        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-        self.joints = robot.outward_joints
-        """Joints sorted so that a parent's joint precedes its children's."""
-        self.origins = {joint.name: _rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
-        """Frame (4, 4) of each joint in the frame of its parent link."""
-        self.root = robot.root.name
+        self._model = robot_model(scenario, robot)
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
         self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}
+        self.parts: list[ScenePart] = []
         self._read = cache(read_mesh)
-        self.parts = self._parts(robot, world)
+        for link in robot.links:
+            for shape in link.visuals:
+                origin = _rpy_frame(shape.origin, shape.rpy)
+                if shape.kind == "mesh":
+                    self._add_file(link.name, Path(shape.mesh), shape.scale, shape.colour, origin)
+                else:
+                    self._add(link.name, solid(shape.kind, shape.size), shape.colour, origin)
+        for item in world.objects:
+            if item.mesh is not None:
+                self._add_file(item.name, item.mesh, item.size, item.colour, np.eye(4))
+            else:
+                self._add(item.name, solid(item.shape, item.size), item.colour, np.eye(4))
+
+    def _add_file(self, body: str, file: Path, scale: Sequence[float], colour: Sequence[float] | None, origin: Array) -> None:
+        """Add the parts of the mesh in a file, or a note if the file cannot be read."""
+        try:
+            parts = self._read(file)
+        except (OSError, ValueError) as error:
+            self.notes.append(f"a mesh of '{body}' is not drawn: {error}")
+            return
+        for mesh, own in parts:
+            self._add(body, mesh, own if colour is None else colour, origin @ np.diag([*scale, 1.0]))
+
+    def _add(self, body: str, mesh: Trimesh, colour: Sequence[float] | Array | None, origin: Array) -> None:
+        placed = mesh.copy().apply_transform(origin)
+        shown = np.clip(GREY if colour is None else colour[:3], 0.0, 1.0)
+        self.parts.append(ScenePart(body=body, mesh=placed, colour=shown))
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
         """Frame (4, 4) of each body in the world.
@@ -63,78 +88,26 @@ class RenderScene:
         positions: position of each joint in rad or m, 0 if missing; poses: pose (x y z, quaternion x y z w) of each object and
         of a floating base.
         """
-        root = _pose_frame(poses[self.root]) if self.root in poses else self.base
-        links = self._chain.poses(
-            {name: np.array([at]) for name, at in positions.items()}, (root[None, :3, :3], root[None, :3, 3])
-        )
-        frames = {link: _frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
+        name = self._model.robot.root.name
+        root = _pose_frame(poses[name]) if name in poses else self._base
+        frames = self._model.poses([positions.get(joint, 0.0) for joint in self._model.joints], root)
         for name, at_start in self.objects.items():
             frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
         """Axis (3,) of each revolute joint in the world."""
-        return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
-
-    def _parts(self, robot: Robot, world: World) -> list[ScenePart]:
-        shapes: list[tuple[str, str, str, Sequence[float], Path | None, Array, Sequence[float] | None]] = [
-            (link.name, f"the mesh of link '{link.name}'", shape.kind, shape.scale if shape.kind == "mesh" else shape.size,
-             Path(shape.mesh) if shape.kind == "mesh" else None, _rpy_frame(shape.origin, shape.rpy), shape.colour)
-            for link in robot.links for shape in link.visuals
-        ]  # fmt: skip
-        shapes += [
-            (item.name, f"object '{item.name}'", item.shape, item.size, item.mesh, np.eye(4), item.colour)
-            for item in world.objects
-        ]
-        parts = []
-        for body, what, kind, size, file, origin, colour in shapes:
-            mesh = self._mesh(kind, size, file, what)
-            if mesh is not None:
-                placed = _placed(mesh, origin)
-                parts.append(ScenePart(body=body, mesh=placed, colours=_coloured(placed, colour)))
-        return parts
-
-    def _mesh(self, kind: str, size: Sequence[float], file: Path | None, what: str) -> Mesh | None:
-        """Solid of the given size in m, or the mesh in a file times `size`; None and a note if the file cannot be read."""
-        if file is None:
-            return box(np.array(size)) if kind == "box" else _ROUND[kind](*size)
-        try:
-            mesh = self._read(file)
-        except (OSError, ValueError) as error:
-            self.notes.append(f"{what} is not drawn: {error}")
-            return None
-        return mesh if set(size) == {1.0} else flat(mesh.points * np.array(size), mesh.triangles, mesh.colours)
-
-
-_ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}
-
-
-def _frame(position: Array, rotation: Array) -> Array:
-    """Homogeneous frame (4, 4) at a position (3,) in m."""
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = rotation, position
-    return result
+        turning = [joint for joint in self._model.robot.joints if joint.kind in ("revolute", "continuous")]
+        return {joint.name: frames[joint.child][:3, :3] @ joint.axis for joint in turning}
 
 
 def _rpy_frame(position: Vector, rpy: Vector) -> Array:
     """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
-    return _frame(np.array(position), rotation_matrix(rpy))
+    return frame(np.array(position), rotation_matrix(rpy))
 
 
 def _pose_frame(pose: Array) -> Array:
     """Frame (4, 4) of a logged pose: x y z (m), quaternion x y z w."""
     from scipy.spatial.transform import Rotation
 
-    return _frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))
-
-
-def _placed(mesh: Mesh, origin: Array) -> Mesh:
-    rotation = origin[:3, :3]
-    points = mesh.points @ rotation.T + origin[:3, 3]
-    return Mesh(points=points, triangles=mesh.triangles, normals=mesh.normals @ rotation.T, colours=mesh.colours)
-
-
-def _coloured(mesh: Mesh, colour: Sequence[float] | None) -> Array:
-    """Colours of the triangles (m, 3): from the URDF, else from the mesh file, else grey."""
-    given = np.full((len(mesh.triangles), 3), np.nan) if mesh.colours is None or colour is not None else mesh.colours
-    return np.clip(np.where(np.isnan(given), GREY if colour is None else colour[:3], given), 0.0, 1.0)
+    return frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))

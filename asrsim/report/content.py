@@ -37,7 +37,7 @@ _SUMMARY_SHAPE: Shape = {
     "robot": str, "variant": str, "total_substeps?": int, "speed?": _NUMBER, "simulated_time?": float,
     "joints": [
         {
-            "name": str, "actuator": str, "mode?": (int, None), "prismatic?": bool, "limits?": {"*": int},
+            "name": str, "actuator": str, "mode": (int, None), "prismatic": bool, "limits?": {"*": int},
             **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "frequency?"), _NUMBER),
             "peak_deflection?": _NUMBER,
         }
@@ -144,22 +144,19 @@ def _compared_folders(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Films:
-    """Film strips and moving view of a page's runs."""
+    """Film strips of a page's runs."""
 
     strips: Mapping[Path, str]
     """Film strip of each log as a data URL (JPEG)."""
-    motion: Mapping[str, Any] | None = None
-    """Data of the moving view."""
     notes: tuple[str, ...] = ()
     """Pictures that could not be drawn, with the reasons."""
 
 
-def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
-    """Film strips with a common camera and common times, and the moving view."""
+def read_films(logs: Sequence[Path]) -> Films:
+    """Film strips with a common camera and common times."""
     from io import BytesIO
 
     from asrsim.render import Film, film_strip, share_view, telling_times
-    from asrsim.report.motion import motion_data
 
     films: dict[Path, Film] = {}
     said: dict[str, None] = {}
@@ -179,8 +176,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
                 buffer, format="JPEG", quality=84, optimize=True
             )
             strips[log] = data_address(buffer.getvalue(), "image/jpeg")
-    names = [label for log, label in zip(logs, labels, strict=True) if log in films]
-    return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))
+    return Films(strips=strips, notes=tuple(said))
 
 
 def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str, int], tuple[Array, Array]]:

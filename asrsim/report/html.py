@@ -68,6 +68,12 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
+def column_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> str:
+    """HTML table of columns as in `asrsim.summary.table`; their headings are hyphenated for narrow terminals."""
+    heads = [heading.replace("-\n", "").replace("\n", " ") for heading, _, _ in columns]
+    return table(heads, [*zip(*(cells for _, cells, _ in columns), strict=True)])
+
+
 def _breakable(text: str) -> str:
     """Text of a cell; a long name may break after its underscores, so that the table fits the window."""
     return escape(text).replace("_", "_<wbr>") if len(text) > LONG else escape(text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -11,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.plots.rows import metric_tables
-from asrsim.quantities import LIMITS
 from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, document, number, script_json, section, table
-from asrsim.summary.table import cells, share
+from asrsim.report.html import badge, bullets, column_table, document, number, script_json, section, table
+from asrsim.summary.table import difference_columns, limit_columns, measure_columns
 
 
 def asset(name: str) -> str:
@@ -47,8 +45,7 @@ def build_page(
         _repeat(runs),
     ]
     scripts = [
-        _packed("data", data),
-        *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
+        f'<script type="application/json" id="data">{script_json(data)}</script>',
         f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
         f"<script>{asset('page.js')}</script>",
     ]
@@ -91,10 +88,6 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
 
 
-def _packed(name: str, data: Mapping[str, Any]) -> str:
-    return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
-
-
 def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:
     figures = [
         f'<figure><img src="{films.strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
@@ -103,56 +96,16 @@ def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> 
         if run.log in films.strips
     ]
     left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    moving = _MOTION if films.motion else ""
-    return section("Motion", f'{moving}<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
-
-
-_MOTION = (
-    '<div id="motion"><canvas aria-label="the moving robot"></canvas><div class="controls">'
-    '<button type="button" class="play" aria-label="play">▶</button>'
-    '<input type="range" aria-label="time"><span class="clock"></span>'
-    '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
-    '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
-    '<select class="run" aria-label="run"></select></div>'
-    '<p class="note">Drag to turn, wheel to come nearer, Shift or right button to move, double-click to go back.</p></div>'
-)
-
-
-_MEASURES = (
-    ("steady_state", "steady state", 1.0, "{:.5g}"), ("steady_state_error", "error", 1.0, "{:.3g}"),
-    ("overshoot", "overshoot (%)", 100.0, "{:.1f}"), ("settling", "settling (s)", 1.0, "{:.4g}"),
-    ("frequency", "frequency (Hz)", 1.0, "{:.4g}"), ("peak_deflection", "peak deflection", 1.0, "{:.4g}"),
-)  # fmt: skip
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
+    return section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
 
 
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    limited = any(joint.get("limits") for run in runs for joint in run.summary.get("joints", ()))
-    limits = LIMITS if limited else {}
-    rows = []
-    for run, label in zip(runs, labels, strict=True):
-        total = run.summary.get("total_substeps") or 1
-        for joint in run.summary.get("joints", ()):
-            unit = "m" if joint.get("prismatic") else "rad"
-            counts = joint.get("limits", {})
-            mode = "" if joint.get("mode") is None else f", mode {joint['mode']}"
-            rows.append(
-                [
-                    *([label] if len(runs) > 1 else []),
-                    joint["name"],
-                    f"{joint['actuator']}{mode}",
-                    unit,
-                    *(cells([factor * _known(joint.get(key))], form)[0] for key, _, factor, form in _MEASURES),
-                    *(share(counts.get(key, 0), total) for key in limits),
-                ]
-            )
-    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _, _ in _MEASURES)]
-    heads += limits.values()
-    note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
-    return section("Joints", table(heads, rows) + note) if rows else ""
+    entries = [(run, label, joint) for run, label in zip(runs, labels, strict=True) for joint in run.summary.get("joints", ())]
+    joints = [joint for *_, joint in entries]
+    limits = limit_columns(joints, [run.summary.get("total_substeps") or 1 for run, *_ in entries])
+    columns = [("variant", [label for _, label, _ in entries], False)] if len(runs) > 1 else []
+    note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limits else ""
+    return section("Joints", column_table([*columns, *measure_columns(joints), *limits]) + note) if joints else ""
 
 
 def _compared(compared: Compared | None) -> str:
@@ -192,11 +145,6 @@ def _plots(data: Mapping[str, Any]) -> str:
     return section("Plots", "".join(parts))
 
 
-_FIGURES = {
-    "position_max": "position, largest", "position_rms": "position, RMS", "torque_max": "torque, largest",
-    "torque_rms": "torque, RMS", "order": "order",
-}  # fmt: skip
-"""Keys of a joint's numbers in `summary.json`, with the column headings."""
 _TABLES = {
     "certificate": "Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top.",
     "cross_check": "Differences between engines; SI units.",
@@ -209,17 +157,20 @@ def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     """Section on the time-step error of certified runs, and on cross-checks."""
     parts = []
     for key, description in _TABLES.items():
-        rows, notes = [], []
+        whose: list[str] = []
+        joints: dict[tuple[str, str], Any] = {}
+        notes: list[str] = []
         for run, label in zip(runs, labels, strict=True):
             data = run.summary.get(key) or {}
+            joints |= {(label, name): joint for name, joint in (data.get("joints") or {}).items()}
             engines = " and ".join(filter(None, (data.get("engine"), data.get("other"))))
-            for name, joint in (data.get("joints") or {}).items():
-                rows.append([label, name, engines, *(number(joint.get(figure)) for figure in _FIGURES)])
+            whose += [engines] * len(data.get("joints") or {})
             texts = [*(data.get("warnings") or ()), *filter(None, (data.get("finding"), data.get("note")))]
             notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in texts]
-        if rows or notes:
-            heads = ["variant", "joint", "engines", *_FIGURES.values()]
-            parts.append(f"<p class='note'>{description}</p>{table(heads, rows)}{bullets(notes)}")
+        if joints or notes:
+            first = [("variant", [label for label, _ in joints], False), ("engines", whose, False)]
+            columns = [*first, *difference_columns([name for _, name in joints], [*joints.values()])]
+            parts.append(f"<p class='note'>{description}</p>{column_table(columns)}{bullets(notes)}")
     return section("Numerical error", "".join(parts) or _NO_ERROR)
 
 

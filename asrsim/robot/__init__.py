@@ -7,7 +7,6 @@ from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.mounting import check_two_motors, drive_of, with_actuators, with_overrides
 from asrsim.robot.reader import load_robot, read_robot
-from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
 
 __all__ = [
     "ActuatorBlock",
@@ -15,15 +14,12 @@ __all__ = [
     "Link",
     "ParameterValue",
     "Robot",
-    "StepFigures",
     "check_two_motors",
     "drive_of",
     "engine_urdf",
     "load_robot",
     "merge_fixed",
     "read_robot",
-    "step_figures",
-    "step_findings",
     "with_actuators",
     "with_overrides",
 ]

@@ -1,146 +1,102 @@
-"""Replaces numbers in the text of a URDF. Comments, layout and all other bytes stay the same."""
+"""Replaces numbers in the text of a URDF. Comments and lines stay as they are."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from xml.parsers import expat
+from typing import Any
+
+from lxml import etree
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.robot.tags import JOINT_TAGS, parameter_tags
 from asrsim.robot.vary import CENTRES, JOINT_NAMES
+from asrsim.robot.xmlfile import elements, name_of, parse_xml, text_of
 
-_START_TAG = re.compile(rb"<(?:[^>\"']|\"[^\"]*\"|'[^']*')*>")
 _ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
     name: ("inertia", name) for name in INERTIAS
 } | {"mass": ("mass", "value")}  # fmt: skip
 """Tag and attribute of each number in a joint or in the `<inertial>` of a link, by name of the number."""
 
 
-@dataclass(kw_only=True)
-class _Element:
-    """Element and its position in the bytes."""
-
-    name: str
-    attributes: Mapping[str, str]
-    start: int
-    opened: int
-    """Position of the first byte after the start tag."""
-    end: int = 0
-    """Position of the first byte of the end tag; for an empty-element tag, position of the first byte after the tag."""
-    children: list[_Element] = field(default_factory=list)
-
-    def child(self, tag: str, /, **attributes: str) -> _Element | None:
-        """First child with this tag and these attributes."""
-        return next((one for one in self.children if one.name == tag and attributes.items() <= one.attributes.items()), None)
-
-
 def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> bytes:
-    """Text of the file with new numbers, given as joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`.
+    """UTF-8 text of the file with new numbers.
 
-    For a number that the file omits, a tag is added. Raises RobotError if the text has no place for a number.
+    changes: joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`. For a number that the file omits, a tag is
+    added. Raises RobotError if the text has no place for a number.
     """
-    lacking: list[Problem] = []
-    for owner, values in changes.items():
-        for name, value in values.items():
-            edited = _edited(data, robot, owner, name, f"{value:.9g}")
-            if edited is None:
-                problem = "the file has no place for it"
-                lacking.append(Problem(problem, file=robot.path, key=f"{owner}.{name}", code="no-place"))
-            data = edited or data
+    root = parse_xml(data, robot.path)
+    lacking = [
+        Problem("the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place")
+        for owner, values in changes.items()
+        for name, value in values.items()
+        if not _put(root, robot, owner, name, f"{value:.9g}")
+    ]
     if lacking:
         raise RobotError(lacking)
-    return data
+    # Comments may stand before and after the root element.
+    parts = [*reversed([*root.itersiblings(preceding=True)]), root, *root.itersiblings()]
+    texts = [etree.tostring(part, encoding="unicode", with_tail=False) for part in parts]
+    return "\n".join(['<?xml version="1.0"?>', *texts, ""]).encode()
 
 
-def _parse(data: bytes) -> _Element:
-    parser = expat.ParserCreate()
-    path = [_Element(name="", attributes={}, start=0, opened=0)]
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        tag = _START_TAG.match(data, parser.CurrentByteIndex)
-        opened = tag.end() if tag else len(data)
-        one = _Element(name=name.rpartition(":")[2], attributes=attributes, start=parser.CurrentByteIndex, opened=opened)
-        path[-1].children.append(one)
-        path.append(one)
-
-    def end(_name: str) -> None:
-        path.pop().end = parser.CurrentByteIndex
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise RobotError(f"is no XML: {error}", code="xml") from None
-    return path[0].children[0]
-
-
-def _edited(data: bytes, robot: Robot, owner: str, name: str, value: str) -> bytes | None:
-    """Text with one number replaced; None if the text has no place for it."""
-    root = _parse(data)
-    joint, link = root.child("joint", name=owner), root.child("link", name=owner)
-    inertial = link.child("inertial") if link is not None else None
+def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
+    """Write one number into the document, and return whether the document has a place for it."""
+    joint, link = _named(root, "joint", owner), _named(root, "link", owner)
     block = next((block for block in robot.actuators if block.joint == owner), None)
     if block is not None and name in block.parameters:
-        tag = block.parameters[name].tag or parameter_tags(ACTUATORS.get(block.actuator))[name]
-        plugin = _plugin(data, root, owner)
-        return None if plugin is None else _put(data, plugin, tag, None, value)
+        plugins = [plugin for gazebo in elements(root, "gazebo") for plugin in elements(gazebo, "plugin")]
+        parents = [one for one in plugins if owner in map(text_of, elements(one, "joint")) and elements(one, "operation_mode")]
+        if parents:
+            tag = block.parameters[name].tag or parameter_tags(ACTUATORS.get(block.actuator))[name]
+            _set_text(_child(parents[0], tag), value)
+        return bool(parents)
     if joint is not None and JOINT_NAMES.get(name) in JOINT_TAGS:
         tag = JOINT_TAGS[JOINT_NAMES[name]]
-        gazebos = [one for one in root.children if one.name == "gazebo" and one.attributes.get("reference") == owner]
-        gazebo = next((one for one in gazebos if one.child(tag) is not None), None)
-        if gazebo is None:
-            return _inserted(data, root, f'<gazebo reference="{owner}"><{tag}>{value}</{tag}></gazebo>')
-        return _put(data, gazebo, tag, None, value)
-    parent = joint if name in JOINT_NAMES else inertial
-    if parent is None:
-        return None
+        gazebos = [gazebo for gazebo in elements(root, "gazebo") if name_of(gazebo, "reference") == owner]
+        tags = [child for gazebo in gazebos for child in elements(gazebo, tag)]
+        if not tags:
+            gazebo = _added(root, "gazebo")
+            gazebo.set("reference", owner)
+            tags = [_added(gazebo, tag)]
+        _set_text(tags[-1], value)  # of several equal tags, the last counts
+        return True
+    parent = joint
+    if name not in JOINT_NAMES:
+        parent = next(iter(elements(link, "inertial")), None) if link is not None else None
+    if parent is None or name not in (*_ATTRIBUTES, *CENTRES):
+        return False
+    tag, attribute = _ATTRIBUTES.get(name, ("origin", "xyz"))
+    child = _child(parent, tag)
     if name in CENTRES:
-        origin = parent.child("origin")
-        numbers = (origin.attributes.get("xyz", "") if origin is not None else "").split() or ["0", "0", "0"]
+        numbers = child.get("xyz", "").split() or ["0", "0", "0"]
         numbers[CENTRES.index(name)] = value
-        return _put(data, parent, "origin", "xyz", " ".join(numbers))
-    return _put(data, parent, *_ATTRIBUTES[name], value) if name in _ATTRIBUTES else None
+        value = " ".join(numbers)
+    child.set(attribute, value)
+    return True
 
 
-def _plugin(data: bytes, root: _Element, joint: str) -> _Element | None:
-    for gazebo in root.children:
-        for plugin in gazebo.children if gazebo.name == "gazebo" else ():
-            named = plugin.child("joint")
-            if named is not None and data[named.opened : named.end].strip().decode() == joint:
-                return plugin
-    return None
+def _named(root: Any, tag: str, name: str) -> Any:
+    """Joint or link with this name; None if there is none."""
+    return next((element for element in elements(root, tag) if name_of(element) == name), None)
 
 
-def _put(data: bytes, parent: _Element, tag: str, attribute: str | None, value: str) -> bytes:
-    """Text with a new value of an attribute of a child, or of the child's text. Missing tags and attributes are added."""
-    child = parent.child(tag)
-    if child is None:
-        return _inserted(data, parent, f'<{tag} {attribute}="{value}"/>' if attribute else f"<{tag}>{value}</{tag}>")
-    if attribute is None:
-        if data[child.opened - 2 : child.opened] == b"/>":
-            return data[: child.opened - 2] + f">{value}</{tag}>".encode() + data[child.opened :]
-        return data[: child.opened] + value.encode() + data[child.end :]
-    place = re.compile(rb"\s" + attribute.encode() + rb"\s*=\s*[\"']([^\"']*)[\"']").search(data, child.start, child.opened)
-    if place is not None:
-        return data[: place.start(1)] + value.encode() + data[place.end(1) :]
-    after = child.start + 1 + len(tag)
-    return data[:after] + f' {attribute}="{value}"'.encode() + data[after:]
+def _set_text(element: Any, value: str) -> None:
+    del element[:]  # comments, which may stand before the number
+    element.text = value
 
 
-def _inserted(data: bytes, parent: _Element, text: str) -> bytes:
-    """Text with a new last child, on its own line if the other children have their own lines."""
-    if data[parent.opened - 2 : parent.opened] == b"/>":
-        return data[: parent.opened - 2] + f">{text}</{parent.name}>".encode() + data[parent.opened :]
-    place = parent.end
-    if parent.children:
-        last = parent.children[-1].start
-        indent = data[data.rfind(b"\n", 0, last) + 1 : last]
-        # Several tags may share a line: the new line takes the indent of that line.
-        text = f"\n{indent[: len(indent) - len(indent.lstrip())].decode()}{text}"
-        before = data.rfind(b"\n", 0, place)
-        place = before if before > last else place
-    return data[:place] + text.encode() + data[place:]
+def _child(parent: Any, tag: str) -> Any:
+    """First child with this tag, which is added if it is missing."""
+    children = elements(parent, tag)
+    return children[0] if children else _added(parent, tag)
+
+
+def _added(parent: Any, tag: str) -> Any:
+    """New last child, on its own line if the first child has its own line."""
+    child = etree.SubElement(parent, tag)
+    previous = child.getprevious()
+    if previous is not None and not (parent.text or "").strip():
+        child.tail, previous.tail = previous.tail, parent.text
+    return child

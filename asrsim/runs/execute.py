@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import DivergenceError
-from asrsim.log import LogWriter, open_log
+from asrsim.log import LogWriter
 from asrsim.outfile import write_text
 from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
@@ -18,10 +18,7 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.certify import COMPARED, Certificate
-from asrsim.simulation.certify import certify as certify_run
-from asrsim.simulation.crosscheck import cross_check as run_cross_check
-from asrsim.simulation.crosscheck import other_engine, require_other_engine
+from asrsim.simulation import accuracy
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.run import Run, simulate
 from asrsim.summary import Collector, RunSummary, make_summary
@@ -43,8 +40,6 @@ class Executed:
     folder: Path | None = None
     log: Path | None = None
     """Path of the log, if a log was written."""
-    certificate: Certificate | None = None
-    """Estimated numerical error, if requested and the run is complete."""
     error: DivergenceError | None = None
     """Error that ended the run, if it diverged."""
 
@@ -86,10 +81,10 @@ def execute(
         OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
     """
     if cross_check:
-        require_other_engine(scenario)
+        accuracy.require_other_engine(scenario)
     earlier = open_folder(folder, scenario, overwrite=overwrite) if folder is not None else ()
     error: DivergenceError | None = None
-    certificate: Certificate | None = None
+    certificate: dict[str, Any] = {}
     collectors: list[Collector] = []
     writers: list[LogWriter] = []
     with ExitStack() as stack:
@@ -110,19 +105,18 @@ def execute(
                 raise
             error, run = caught, caught.run
         if certify and run.status == "complete":
-            certificate = certify_run(scenario, run, robot, progress=certifying, stop=stop)
+            certificate = accuracy.certify(scenario, run, robot, progress=certifying, stop=stop)
         for writer in writers:
-            writer.close(result_metadata(run, error, certificate))
+            certified = {"certificate": json.dumps(certificate)} if certificate else {}
+            writer.close(result_metadata(run, error) | certified)
     log = folder / LOG if folder is not None else None
     samples = writers[0].samples if writers else 0 if run.samples is None else len(run.samples.time)
-    summary = judged(scenario, run, collectors[0], certificate, samples=samples)
-    summary = replace(summary, files={} if log is None else {"log": log}, replaced=earlier)
-    if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
-        kept = [] if run.samples is None else [run.samples]
-        logged = kept if log is None else open_log(log).iter_samples(quantities=COMPARED)
-        found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
-        summary = replace(summary, cross_check=found)
-    return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
+    summary = judged(scenario, run, collectors[0], samples=samples)
+    files = {} if log is None else {"log": log}
+    summary = replace(summary, certificate=certificate, files=files, replaced=earlier)
+    if run.status == "complete" and (cross_check or (certify and accuracy.other_engine(scenario.engine))):
+        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, robot, progress=certifying))
+    return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
 
 
 def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
@@ -131,15 +125,14 @@ def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
     return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
 
 
-def judged(scenario: Scenario, run: Run, collector: Collector, certificate: Certificate | None, *, samples: int) -> RunSummary:
-    """Summary of a finished run with its claims and numerical error. samples: Number of logged samples."""
+def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) -> RunSummary:
+    """Summary of a finished run with its claims. samples: Number of logged samples."""
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
         claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
     # `run.scenario` contains the joint motion that was planned for a Cartesian task.
     seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
-    summary = make_summary(run, seen, samples=samples, claims=claims)
-    return summary if certificate is None else replace(summary, certificate=certificate.as_dict())
+    return make_summary(run, seen, samples=samples, claims=claims)
 
 
 def write_summary(executed: Executed) -> Executed:
@@ -157,7 +150,7 @@ def save_summary(summary: RunSummary, path: Path) -> None:
     write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
-def result_metadata(run: Run, error: DivergenceError | None = None, certificate: Certificate | None = None) -> dict[str, str]:
+def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
     """Metadata of the log on the end of the run. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
     if error is not None:
@@ -168,8 +161,6 @@ def result_metadata(run: Run, error: DivergenceError | None = None, certificate:
         counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)
-    if certificate is not None:
-        metadata["certificate"] = json.dumps(certificate.as_dict())
     return metadata
 
 

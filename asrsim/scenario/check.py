@@ -17,6 +17,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.model import UNREAD
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
@@ -59,15 +60,12 @@ def robot_of(scenario: Scenario) -> Robot:
     return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
 
 
-def check_against_robot(
-    scenario: Scenario, robot: Robot | None, *, propose: bool = False
-) -> tuple[list[Problem], list[Problem]]:
+def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[Problem], list[Problem]]:
     """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
 
     Checks that depend on an invalid value are skipped.
 
-    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read. propose: Propose
-    parameters that hold an arm which would fall, which takes some time.
+    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
@@ -84,10 +82,10 @@ def check_against_robot(
             errors += (scenario.placed(problem) for problem in check(scenario, driven))
     if errors or unread:
         return errors, []
-    from asrsim.kinematics.sizing import holding_findings
+    from asrsim.kinematics.sizing import problems_of_weight, sizing
 
     warnings = [scenario.placed(problem) for problem in doubts(scenario, robot, changed)]
-    return [], [*warnings, *holding_findings(scenario, changed, propose=propose)]
+    return [], [*warnings, *problems_of_weight(sizing(scenario, changed), changed, scenario.path)]
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
@@ -99,6 +97,17 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
     if problems:
         raise ScenarioError(problems)
     return changed
+
+
+def robot_model(scenario: Scenario, robot: Robot) -> RobotModel:
+    """Rigid-body model of the robot on the scenario's base under the scenario's gravity, without the objects of the world."""
+    return RobotModel(
+        robot,
+        base_position=scenario.base_position,
+        base_rpy=scenario.base_rpy,
+        gravity=scenario.gravity,
+        floating=not scenario.fixed_base,
+    )
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:

@@ -22,9 +22,6 @@ from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
-from asrsim.signals.base import Signal
-from asrsim.signals.combine import Delay, Scale, Sum
-from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -32,6 +29,8 @@ LATEST = 1.0
 """Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
+UNSTABLE = 2.0
+"""Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
 ROUNDING = 1e-9
 """Relative rounding error by which a value may exceed a limit."""
 
@@ -78,10 +77,9 @@ def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     """Warnings: delays that are probably in ms."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for joint, effects in table.items():
-            if effects.delay > LATEST or effects.delay >= scenario.duration:
-                late = "as long as the run" if effects.delay >= scenario.duration else f"longer than {LATEST:g} s"
-                key = f"effects.{section}.{joint}.delay"
-                yield Problem(f"is {late} (in s)", key=key, value=effects.delay, code="long-delay")
+            if effects.delay >= min(LATEST, scenario.duration):
+                message = f"is {LATEST:g} s or more, or as long as the run (delays are in s)"
+                yield Problem(message, key=f"effects.{section}.{joint}.delay", value=effects.delay, code="long-delay")
 
 
 def _shown(numbers: tuple[float, ...]) -> str:
@@ -117,39 +115,6 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
             if least == largest and not signal.jumps(0.0, end).size and (signal.values(later) != least).any():
                 message = f"is constant during the whole run of {end:g} s and changes only after its end"
                 yield Problem(message, key=key, code="late-reference")
-
-
-def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
-    """Warnings: sines above half the rate of the substeps, which the substeps sample as a slower motion.
-
-    substeps: number of substeps in each step of the run.
-    """
-    most = 0.5 * substeps / scenario.step
-    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
-        frequency = 0.0
-        if isinstance(signal, Sinusoid):
-            frequency = signal.omega / (2.0 * math.pi)
-        elif isinstance(signal, Chirp):
-            frequency = max(signal.start_frequency, signal.end_frequency)
-        elif isinstance(signal, Multisine):
-            frequency = max(signal.frequencies)
-        if frequency > most:
-            message = (
-                f"has {frequency:g} Hz, more than half the rate of the substeps ({most:g} Hz): they sample a slower motion"
-            )
-            hint = "Lower the frequency or the step"
-            yield scenario.placed(Problem(message, key=key, hint=hint, code="undersampled-sine"))
-
-
-def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
-    """Pairs (key, signal); for sums, scaled and delayed signals, a pair (key, part) for each part."""
-    if isinstance(signal, Sum):
-        for index, term in enumerate(signal.terms):
-            yield from _terms(f"{key}.sum.{index}", term)
-    elif isinstance(signal, Scale | Delay):
-        yield from _terms(f"{key}.{signal.kind}.of", signal.of)
-    else:
-        yield key, signal
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -237,18 +202,28 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if effects.active and modes and not any(MODES[mode].controller for mode in modes):
             message = f"has no effect: no controller reads this sensor in mode {', '.join(map(str, sorted(modes)))}"
             yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
+
+
+# -- toolbox stepping --------------------------------------------------------------------------------------------------
+
+
+def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings in toolbox stepping: motor controllers that diverge at the step, and parameters that the toolbox ignores."""
     for block in robot.actuators if released_order(scenario.stepping) else ():
-        given = [
-            one.name
-            for one in ACTUATORS.get(block.actuator).all_parameters()
-            if one.optional and block.parameters[one.name].value != one.default
-        ]
-        if given:
-            message = f"toolbox stepping ignores {', '.join(given)} of '{block.joint}'"
+        mode, actuator, values = MODES[block.mode], ACTUATORS.get(block.actuator), block.values()
+        ignored = [one.name for one in actuator.all_parameters() if one.optional and values[one.name] != one.default]
+        if ignored:
+            message = f"toolbox stepping ignores {', '.join(ignored)} of '{block.joint}'"
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-model")
+        for i in range(1, actuator.motors + 1) if mode.motor and mode.controller else ():
+            damping = values[f"controller_{i}_derivative"] + values[f"motor_{i}_damping"]
+            gain = scenario.step * damping / values[f"motor_{i}_inertia"]
+            if gain > UNSTABLE:
+                message = f"the controller of motor {i} of '{block.joint}' diverges: h (ctrl_D + mot_D) / mot_J is above 2"
+                yield Problem(message, key="step", value=f"{gain:.3g} at {scenario.step * 1e3:g} ms", code="motor-gains")
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits,
-    _missing_references,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _missing_references,
+    _released,
 )  # fmt: skip

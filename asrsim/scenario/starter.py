@@ -282,7 +282,7 @@ def write_starter(
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file exists or cannot be written.
     """
-    from asrsim.kinematics.sizing import ENOUGH, calming, problems_of_weight, sizing, steadying
+    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
 
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
@@ -293,15 +293,13 @@ def write_starter(
         mode=mode if loaded.actuators else None,
         given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
     )
-    found = sizing(starter.scenario(out.parent), starter.robot)
     for _ in range(ROUNDS if given else 0):
         # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
-        starter = _sized(starter, found.proposal)
-        found = sizing(starter.scenario(out.parent), starter.robot, sag=ENOUGH)
+        starter = _sized(starter, strengthened(starter.scenario(out.parent), starter.robot))
+    found = sizing(starter.scenario(out.parent), starter.robot)
     notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
     if given:
         notes = [problem for problem in notes if problem.key != loaded.name]
-        starter = _sized(starter, steadying(starter.scenario(out.parent), starter.robot))
     lasts, damped = calming(starter.scenario(out.parent), starter.robot)
     if damped:
         message = f"its joints have too little damping, so the arm would oscillate for {lasts:.2g} s after a step"
@@ -322,9 +320,10 @@ def write_starter(
 
 
 def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
-    """Starter with additional parameters."""
-    sized = {name: {**starter.sized.get(name, {}), **values} for name, values in proposal.items()}
-    return replace(starter, robot=with_overrides(starter.robot, parameters=proposal), sized={**starter.sized, **sized})
+    """Starter with additional parameters of the actuators that it gives."""
+    own = {name: values for name, values in proposal.items() if name in starter.given}
+    sized = {name: {**starter.sized.get(name, {}), **values} for name, values in own.items()}
+    return replace(starter, robot=with_overrides(starter.robot, parameters=own), sized={**starter.sized, **sized})
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:

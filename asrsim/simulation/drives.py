@@ -1,18 +1,29 @@
-"""A joint that is ready to run, with its drive and its start values."""
+"""A joint that is ready to run, with its drive, its start values and the ranges of its references."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.electric import largest_command
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
-from asrsim.simulation.effects import Sensor, sensor_of
+from asrsim.simulation.effects import Noise, Sensor
 from asrsim.simulation.steppings import Stepping
+
+EXTERNAL_TORQUE = "external_torque"
+"""Name under which callers set the external torque on a link, like a reference."""
+TURN = math.pi
+"""Range of a joint without limits in each direction, rad."""
+LEVER_SHARE = 0.5
+"""Largest position of an adjuster, as a fraction of the lever length at which the stiffness becomes infinite."""
+
+Range = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +36,10 @@ class SteppedJoint:
     stepping: Stepping
     initial_position: float
     initial_velocity: float = 0.0
-    motor_positions: tuple[float, ...] | None = None
-    """Start positions of the motors in rad; None: the positions at which springs are unloaded, so that runs begin smoothly."""
-    motor_velocities: tuple[float, ...] | None = None
-    """Start velocities of the motors in rad/s; None: the motors start at rest."""
+    motor_positions: tuple[float, ...] = ()
+    """Start positions of the motors in rad; empty: the positions at which springs are unloaded, so that runs begin smoothly."""
+    motor_velocities: tuple[float, ...] = ()
+    """Start velocities of the motors in rad/s; empty: the motors start at rest."""
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
@@ -120,8 +131,8 @@ class SteppedJoint:
         """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
         of the controller (in units of the command). Motors start at the link's position; in the released order, at 0."""
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
-        positions = (*(self.motor_positions or ()), *[at] * count)[:count]
-        velocities = (*(self.motor_velocities or ()), *[0.0] * count)[:count]
+        positions = (*self.motor_positions, *[at] * count)[:count]
+        velocities = (*self.motor_velocities, *[0.0] * count)[:count]
         units = [electric.gain or 1.0 for electric in self.drive.electric] if self.drive else []
         integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), *[0.0] * count][:count]
         return list(zip(positions, velocities, positions, integrals, strict=True))
@@ -144,8 +155,8 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
                 stepping=stepping,
                 initial_position=float(for_joint(scenario.initial_positions, joint.name, 0.0)),
                 initial_velocity=float(for_joint(scenario.initial_velocities, joint.name, 0.0)),
-                motor_positions=for_joint(scenario.initial_motor_positions, joint.name),
-                motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name),
+                motor_positions=for_joint(scenario.initial_motor_positions, joint.name, ()),
+                motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name, ()),
                 link_damping=for_joint(scenario.link_damping, joint.name) if block else None,
                 block=block,
             )
@@ -154,10 +165,53 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
 
 
 def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: float) -> tuple[SteppedJoint, ...]:
-    """The joints with their sensors. substep: length of a substep in s."""
+    """The joints with the sensors of their controllers, if the sensors are imperfect. substep: length of a substep in s."""
     found = []
-    for index, drive in enumerate(drives):
-        effects = for_joint(scenario.sensor_effects, drive.name)
-        sensor = sensor_of(drive.drive, effects, substep=substep, index=index, seed=scenario.seed)
+    for j, drive in enumerate(drives):
+        effects, sensor = for_joint(scenario.sensor_effects, drive.name), None
+        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
+            encoders = range(max(drive.dynamic_motors, 1))
+            noises = tuple(Noise((scenario.seed, j, 2 + i), effects.noise) if effects.noise else None for i in encoders)
+            sensor = Sensor(effects, round(effects.delay / substep), not drive.mode.motor, noises)
         found.append(replace(drive, sensor=sensor))
     return tuple(found)
+
+
+def ranges_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> dict[str, dict[str, Range]]:
+    """Smallest and largest value of each reference, by joint and reference: from the scenario, else from the robot's limits.
+    External torques are included if the robot's file subscribes to them or the scenario declares their range.
+    """
+    found: dict[str, dict[str, Range]] = {}
+    for drive in drives:
+        declared = scenario.ranges_of(drive.name)
+        own = {name: declared.get(name) or _default(drive, slot) for slot, name in enumerate(drive.acting_references)}
+        if EXTERNAL_TORQUE in declared or (drive.block is not None and drive.block.subscribe_external_torque):
+            own[EXTERNAL_TORQUE] = declared.get(EXTERNAL_TORQUE) or _torque(drive)
+        found[drive.name] = own
+    return found
+
+
+def _default(drive: SteppedJoint, slot: int) -> Range:
+    mode, actuator, values = drive.mode, drive.actuator, drive.values
+    if mode is None or actuator is None or mode.number == 0:
+        return _torque(drive)
+    if slot == 1 and actuator.adjuster:
+        return 0.0, LEVER_SHARE * values.get("lever_length", math.inf)
+    if mode.direct:
+        most = largest_command(values, slot + 1, mode)
+        return -most, most
+    spread = values.get("max_deflection", 0.0) if mode.spring else 0.0
+    if slot == 1 and mode.mapped:
+        return -spread, spread
+    joint = drive.joint
+    low = -TURN if joint.lower is None else joint.lower
+    high = TURN if joint.upper is None else joint.upper
+    if mode.mapped or not mode.spring:
+        return low, high
+    # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
+    least, most = (values[f"motor_{slot + 1}_{end}_position"] for end in ("min", "max"))
+    return max(low - spread, least), min(high + spread, most)
+
+
+def _torque(drive: SteppedJoint) -> Range:
+    return -drive.joint.most_effort, drive.joint.most_effort

@@ -7,13 +7,12 @@ a torque. All imperfections are off by default.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from asrsim.actuators.drive import Drive
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
@@ -30,21 +29,16 @@ class Noise:
 
     seed: tuple[int, ...]
     deviation: float
-    _blocks: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def draw(self, index: Array) -> Array:
         """Random values with the numbers `index` (n,), which are integers stored as floats."""
-        indices = index.astype(np.int64)
-        result = np.empty(np.shape(indices))
-        for block in np.unique(indices // _BLOCK):
-            if block not in self._blocks:
-                if len(self._blocks) > 8:
-                    self._blocks.clear()
-                generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([*self.seed, int(block) & 0xFFFFFFFF])))
-                self._blocks[int(block)] = generator.standard_normal(_BLOCK)
-            mask = indices // _BLOCK == block
-            result[mask] = self._blocks[int(block)][indices[mask] % _BLOCK]
-        return self.deviation * result
+        blocks, places = np.divmod(index.astype(np.int64), _BLOCK)
+        values = np.empty(np.shape(index))
+        for block in np.unique(blocks).tolist():
+            generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([*self.seed, block & 0xFFFFFFFF])))
+            mask = blocks == block
+            values[mask] = generator.standard_normal(_BLOCK)[places[mask]]
+        return self.deviation * values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +79,6 @@ class Imperfect(Signal):
         return Delay(by=self.effects.delay, of=self.of) if self.effects.delay else self.of
 
 
-def through(signal: Signal, effects: Effects | None, *, step: float, seed: tuple[int, ...]) -> Signal:
-    """`signal` with the imperfections `effects`; the unchanged signal if none is active."""
-    if effects is None or not effects.active:
-        return signal
-    return Imperfect(of=signal, effects=effects, step=step, seed=seed)
-
-
 @dataclass(frozen=True)
 class Sensor:
     """The encoders of a joint's controllers."""
@@ -121,12 +108,3 @@ class Sensor:
             table[:, 2 * index] = samples_now
             if noise is not None:
                 table[:, 2 * index + 1] = noise.draw(ticks[1:])
-
-
-def sensor_of(drive: Drive | None, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
-    """Sensors of joint number `index`; None if the joint has no controllers or they use the true values."""
-    if effects is None or not effects.active or drive is None or not drive.mode.controller:
-        return None
-    count = max(drive.dynamic_motors, 1)
-    noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))
-    return Sensor(effects, round(effects.delay / substep), not drive.mode.motor, noises)

@@ -1,4 +1,7 @@
-"""Inputs of the loop: references and external torques, sampled chunk by chunk, and the kicks in which an input jumps."""
+"""Inputs of the loop: references and external torques, sampled chunk by chunk, and the kicks in which an input jumps.
+
+A run is divided into chunks. After each chunk, samples go to the sinks, energy is checked and progress is reported.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,22 @@ from numpy.typing import NDArray
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import over_arrays
+from asrsim.errors import InputError
 from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
-from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import through
+from asrsim.simulation.effects import Imperfect
 from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
+LONGEST = 16_384
+"""Largest number of substeps in a chunk."""
+LONGEST_NUMBERS = 61_440
+"""Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
+SHORTEST = 1024
+"""Number of substeps in the first chunks; later chunks are longer."""
 KEPT = 4
 """Number of chunks that are cached, since worlds may be at different times and return to their start."""
 
@@ -79,13 +88,15 @@ class Inputs:
         own, names = drive.drive, drive.references
         if own is None or slot >= len(names):
             return REST
-        # By default motors and controllers hold the joint's start position; torques and voltages are 0.
+        # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
         mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
         moved = position and mode.number != 0 and not mode.direct
-        rest = Constant(value=drive.initial_position) if moved else REST
+        rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
         signal = scenario.references_of(drive.name).get(names[slot], rest)
         effects = for_joint(scenario.command_effects, drive.name)
-        return through(signal, effects, step=scenario.step, seed=(scenario.seed, j, slot))
+        if effects is None or not effects.active:
+            return signal
+        return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
 
     def sample(self, time: Array) -> Array:
         """External torques and references (n, joints, columns) at `time` (n,)."""
@@ -172,6 +183,28 @@ class Inputs:
         inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
         return [edge for edge in edges if substep or edge >= now]
+
+
+def longest_chunk(joints: int, asked: int | None = None) -> int:
+    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number. Raises InputError
+    if `asked` is below 1."""
+    if asked is not None and not asked >= 1:
+        raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
+    return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+
+
+def chunk_at(substep: int, longest: int) -> tuple[int, int]:
+    """First and last substep of the chunk that contains `substep`.
+
+    Chunks end at fixed substeps, so that results do not depend on the grouping of calls. The first chunks are short, so that
+    an early divergence is found early.
+    """
+    begin, length = 0, SHORTEST
+    while length <= substep and length < longest:
+        begin, length = length, 4 * length
+    length = min(length, longest)
+    start = substep - substep % length
+    return max(begin, start), start + length
 
 
 def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:

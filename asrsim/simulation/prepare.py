@@ -1,29 +1,250 @@
-"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps."""
+"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps, describe the run.
+
+A prepared scenario is immutable; simulations and worlds are made from it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, RobotError
+from asrsim.engines import ENGINES
+from asrsim.engines.base import Engine
+from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
+from asrsim.robot.poses import quaternion
+from asrsim.robot.vary import varied_robot
+from asrsim.samples import Frame, JointInfo, RunInfo
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.describe import describe
-from asrsim.simulation.drives import SteppedJoint, make_drives, with_sensors
+from asrsim.signals.base import Signal
+from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
-from asrsim.simulation.prepared import Prepared, make_engine
-from asrsim.simulation.ranges import ranges_of
-from asrsim.simulation.steppings import STEPPINGS
-from asrsim.simulation.substeps import resolution_of
+from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.quantities import recorded_quantities
+from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.substeps import Resolution, resolution_of
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
+WORLD, MAP = "world", "map"
+
+
+def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
+    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
+    entry = ENGINES.get(scenario.engine)
+    if not entry.available:
+        installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
+        raise SimulationError(message)
+    return entry.make(scenario, robot)
+
+
+def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
+    """Fault of a start value of a joint; empty if there is none. what: `initial`, `velocities` or `motors`."""
+    if what == "motors":
+        if np.ndim(value) != 1 or not all(map(_is_finite, value)):
+            return "must be a list of finite numbers, one for each motor"
+        if len(value) > drive.motors:
+            return f"has {len(value)} values, but the number of motors of '{drive.name}' is {drive.motors}"
+        return ""
+    low, high = drive.joint.stops
+    if not _is_finite(value):
+        return "must be a finite number"
+    if what == "initial" and not low <= value <= high:
+        return f"lies outside the limits of '{drive.name}', {low:g} to {high:g}"
+    return ""
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
+
+
+Numbers = Mapping[str, Mapping[str, float]]
+"""Values of parameters by joint or link, and by name, as in `Prepared.vary`."""
+Signals = Mapping[str, Mapping[str, Signal]]
+"""Signals by joint, and by the name of the reference or `external_torque`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Start of a world; values that are not given come from the scenario. If the scenario starts at equilibrium, a world starts
+    at the equilibrium for its own parameters and references."""
+
+    parameters: Numbers = field(default_factory=dict)
+    references: Signals = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+    """Position of each joint's link, by joint, rad (m)."""
+    velocities: Mapping[str, float] = field(default_factory=dict)
+    """Velocity of each joint's link, by joint, rad/s (m/s)."""
+    motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Positions of each joint's motors, by joint, rad; motors without an entry start at their link's position."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A scenario that has been read, checked and prepared. It is immutable and can serve many simulations."""
+
+    scenario: Scenario
+    robot: Robot
+    stepping: Stepping
+    drives: tuple[SteppedJoint, ...]
+    """The moving joints, with their drives, sensors and start."""
+    resolution: Resolution
+    info: RunInfo
+    warnings: tuple[Problem, ...]
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
+    _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
+    """Engine that the preparation built; the first simulation uses this engine."""
+
+    @property
+    def initial_positions(self) -> tuple[float, ...]:
+        """Start positions of the moving joints in rad (m)."""
+        return tuple(drive.initial_position for drive in self.drives)
+
+    @property
+    def initial_velocities(self) -> tuple[float, ...]:
+        """Start velocities of the moving joints in rad/s (m/s)."""
+        return tuple(drive.initial_velocity for drive in self.drives)
+
+    @property
+    def substep(self) -> float:
+        """Length of a substep in s."""
+        return self.scenario.step / self.resolution.substeps
+
+    def last_substep(self, duration: float | None) -> int:
+        """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if the duration is
+        shorter than a step."""
+        seconds = self.scenario.duration if duration is None else duration
+        if not self.scenario.step / 2.0 < seconds < math.inf:
+            raise InputError("must last a step at least", key="duration", value=seconds, code="duration")
+        return round(seconds / self.scenario.step) * self.resolution.substeps
+
+    @property
+    def velocity_cutoff(self) -> bool:
+        """Whether torques that accelerate a joint beyond its velocity limit are set to 0, as Gazebo does with URDF files."""
+        given = self.scenario.velocity_cutoff
+        return self.stepping.released if given is None else given
+
+    def make_engine(self) -> Engine:
+        """A new engine for this scenario; the caller must close it."""
+        return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
+
+    def needed_resolution(self) -> Resolution:
+        """Numbers of substeps that a new preparation with these parameters would choose; `vary` keeps the earlier numbers.
+
+        Raises UnresolvedSpringError.
+        """
+        return resolution_of(self.scenario, self.drives, self.model)
+
+    def range_of(self, joint: str, reference: str) -> tuple[float, float]:
+        """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
+        return self.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
+
+    def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
+        """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
+        unknown names."""
+        if joint not in self._slots:
+            names = tuple(self._slots)
+            hint = did_you_mean(joint, names)
+            raise InputError(f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint")
+        j, known = self._slots[joint]
+        if reference not in known:
+            message = f"joint '{joint}' has no reference '{reference}'"
+            raise InputError(message, choices=tuple(known), code="unknown-reference")
+        return j, known[reference]
+
+    @cached_property
+    def _slots(self) -> dict[str, tuple[int, dict[str, int]]]:
+        """Number of each joint, and the columns of its references in an input row, by name."""
+        found = {}
+        for j, drive in enumerate(self.drives):
+            columns = {name: GOALS + i for i, name in enumerate(drive.references)}
+            found[drive.name] = j, {**columns, EXTERNAL_TORQUE: EXTERNAL}
+        return found
+
+    def check_start(self, start: Start) -> None:
+        """Raise InputError for wrong names and values in the positions, velocities and motors of a start."""
+        joints = {drive.name: drive for drive in self.drives}
+        problems = []
+        for what, given in (("initial", start.positions), ("velocities", start.velocities), ("motors", start.motors)):
+            for name, value in given.items():
+                if name not in joints:
+                    message, hint = "the robot has no moving joint of this name", did_you_mean(name, tuple(joints))
+                    problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
+                elif message := _start_fault(joints[name], what, value):
+                    problems.append(Problem(message, key=f"{what}.{name}", value=value, code="start"))
+        if problems:
+            raise InputError(problems)
+
+    def started(self, start: Start) -> Prepared:
+        """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
+        self.check_start(start)
+        if not (start.positions or start.velocities or start.motors):
+            return self
+        drives = tuple(
+            replace(
+                drive,
+                initial_position=float(start.positions.get(drive.name, drive.initial_position)),
+                initial_velocity=float(start.velocities.get(drive.name, drive.initial_velocity)),
+                motor_positions=tuple(map(float, start.motors.get(drive.name, ()))) or drive.motor_positions,
+            )
+            for drive in self.drives
+        )
+        return replace(self, drives=drives)
+
+    def with_references(self, signals: Signals) -> Prepared:
+        """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
+        again; the substeps are unchanged. A start at equilibrium is computed again.
+
+        An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
+        for values that are not signals; ScenarioError for an arm without equilibrium.
+        """
+        references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
+        for joint, table in signals.items():
+            for name, signal in table.items():
+                self.slot_of(joint, name)
+                if not isinstance(signal, Signal):
+                    raise InputError("must be a signal, such as Constant", key=f"{joint}.{name}", value=signal, code="signal")
+            own = {**self.scenario.references_of(joint), **table}
+            if EXTERNAL_TORQUE in own:
+                torques[joint] = own.pop(EXTERNAL_TORQUE)
+            references[joint] = own
+        scenario = replace(self.scenario, references=references, external_torques=torques)
+        return replace(self, scenario=scenario)._settled()
+
+    def vary(self, parameters: Numbers) -> Prepared:
+        """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
+
+        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`), or by link and name
+        (`mass`; `x`, `y`, `z` of the centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start
+        at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
+        arm without equilibrium.
+        """
+        robot, model = varied_robot(self.robot, parameters), self.model
+        drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
+        if model is not None and robot.links != self.robot.links:
+            model = robot_model(self.scenario, robot)
+            check_inertia(drives, model)
+        return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
+
+    def _settled(self) -> Prepared:
+        """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
+        if self.model is None or not self.scenario.initial_equilibrium:
+            return self
+        return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -53,7 +274,7 @@ def prepare(
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
-    from asrsim.scenario.doubts import undersampled
+    from asrsim.scenario.signal_checks import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
@@ -72,16 +293,15 @@ def prepare(
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
+    model = None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
+    if model is not None:
+        if scenario.initial_equilibrium:
+            drives = at_equilibrium(scenario, drives, model)
+        check_inertia(drives, model)
+    resolution = resolution_of(scenario, drives, model)
+    drives = with_sensors(drives, scenario, scenario.step / resolution.substeps)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
-        if scenario.initial_equilibrium and engine.model is not None:
-            drives = at_equilibrium(scenario, drives, engine.model)
-        if engine.model is not None:
-            check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
-        resolution = resolution_of(scenario, drives, engine.model)
-        substep = scenario.step / resolution.substeps
-        warnings += undersampled(scenario, resolution.substeps)
-        drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:
         engine.close()
@@ -93,15 +313,17 @@ def prepare(
         drives=drives,
         resolution=resolution,
         info=info,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
+        model=model,
+        warnings=(*robot.warnings, *warnings, *engine_warnings, *undersampled(scenario, resolution.substeps)),
         _spare=[engine],
     )
 
 
-def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
-    """Raise RobotError if a motion has no inertia: a joint with a point mass on its axis, or two joints on one axis with no
-    mass between them.
+def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
+    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
+    with no mass between them.
     """
+    mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
         Problem(
             f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
@@ -125,3 +347,78 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
             hint="Give the links between them inertias",
             code="massless-motion",
         )
+
+
+def describe(
+    scenario: Scenario, robot: Robot, drives: Sequence[SteppedJoint], stepping: Stepping, resolution: Resolution, engine: str
+) -> RunInfo:
+    """Description of the run for its log. engine: library and version of the engine."""
+    from asrsim import __version__
+    from asrsim.versions import version
+
+    joints = tuple(
+        JointInfo(
+            name=drive.name,
+            actuator=drive.actuator.name if drive.actuator else "rigid",
+            mode=drive.mode.number if drive.mode else None,
+            namespace=drive.block.namespace if drive.block else "",
+            motors=drive.placed,
+            prismatic=drive.joint.kind == "prismatic",
+            quantities=recorded_quantities(drive),
+        )
+        for drive in drives
+    )
+    order = {name: index for index, name in enumerate(scenario.joint_order)}
+    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
+    return RunInfo(
+        robot=robot.name,
+        joints=joints,
+        step=scenario.step,
+        log_every=scenario.log_every,
+        variant=scenario.variant,
+        urdf=robot.text,
+        urdf_path=str(robot.path),
+        scenario=scenario.text,
+        scenario_path=str(scenario.path or ""),
+        resolved={
+            "scenario": dict(scenario.resolved),
+            "parameters": {drive.name: dict(drive.values) for drive in drives if drive.values},
+        },
+        metadata={
+            "asrsim": __version__,
+            "numpy": version("numpy"),
+            "engine": scenario.engine,
+            "engine_version": engine,
+            "stepping": stepping.name,
+            "order": str(stepping.order),
+            "step": repr(scenario.step),
+            "substeps": str(resolution.substeps),
+            "motor_substeps": str(resolution.motor_substeps),
+            "omega_h": f"{resolution.omega_h:.4g}",
+            "seed": str(scenario.seed),
+            "gravity": repr(tuple(scenario.gravity)),
+        },
+        attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
+        frames=link_frames(scenario, robot),
+        frame_rate=scenario.tf_rate,
+    )
+
+
+def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
+    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
+    listed among the bodies instead."""
+    frames = [
+        Frame(
+            parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
+            joint=joint.name if joint.moves else "", axis=joint.axis, prismatic=joint.kind == "prismatic",
+        )
+        for joint in robot.joints
+    ]  # fmt: skip
+    if scenario.fixed_base:
+        root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
+        # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless moved.
+        if root != WORLD or any((*position, *rpy)):
+            frames.append(
+                Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))
+            )
+    return tuple(frames)

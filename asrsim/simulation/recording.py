@@ -13,7 +13,7 @@ from asrsim.engines.base import Engine, Scene
 from asrsim.errors import InputError
 from asrsim.samples import Array, Samples, concatenate, grid
 from asrsim.simulation.divergence import EnergyGuard, runaway
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class RunRecording:
         self._tip: TipPoses | None = None
         if self.active:
             self._absent = columns.absent(prepared.drives)
-            self._guard = EnergyGuard(prepared, engine.model)
+            self._guard = EnergyGuard(prepared)
             if prepared.scenario.task is not None:
                 from asrsim.kinematics.tip import TipPoses
 

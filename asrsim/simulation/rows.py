@@ -46,7 +46,7 @@ from asrsim.simulation.layout import (
     THETAS,
     TORQUES,
 )  # fmt: skip
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 

@@ -10,17 +10,17 @@ from types import TracebackType
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.inputs import LONGEST, chunk_at
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Numbers, Prepared, Start
+from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Worlds, whole_steps
 
@@ -202,9 +202,9 @@ class Simulation:
         return self._core.engine_of(0)
 
     @property
-    def model(self) -> Model | None:
+    def model(self) -> RobotModel | None:
         """Kinematics and dynamics of the robot; None if the engine prescribes the motion."""
-        return self.engine.model
+        return self.prepared.model
 
     def look(self) -> Engine:
         """The engine in the present state, to read its model and its scene."""

@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.vectorised import energy_law
-from asrsim.engines.base import Model
 from asrsim.errors import UnresolvedSpringError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.steppings import STEPPINGS
 
 SAMPLES = 2000
@@ -72,7 +71,7 @@ class Resolution:
     """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
-def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model | None) -> Resolution:
+def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
     sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
     for j, drive in enumerate(drives):
@@ -82,18 +81,15 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mod
                 # The largest changes: the reference jumps between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
     # An engine without dynamics prescribes the motion of the links: springs need no substeps.
-    masses, load = [1e9 * np.eye(len(drives))], np.max(np.abs(sampled[EXTERNAL]), axis=1)
+    masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     if model is not None:
-        configurations, still = _configurations(drives), [0.0] * len(drives)
-        masses = [model.mass_matrix(positions) for positions in configurations]
-        load = load + np.max([np.abs(model.bias(positions, still)) for positions in configurations], axis=0)
-    inertias = np.max([np.diag(mass) for mass in masses], axis=0).tolist()
+        configurations = _configurations(drives)
+        masses = model.mass_matrix(configurations)
+        loads = loads + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
+    inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
+    rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    stiffness = [
-        _reachable_stiffness(drive, sampled[GOALS:, j], interval=interval, load=float(load[j]), inertia=inertias[j])
-        for j, drive in enumerate(drives)
-    ]
-    return _resolve(scenario, drives, masses, stiffness)
+    return _resolve(scenario, drives, masses, [_reachable_stiffness(*row, interval) for row in rows])
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
@@ -105,7 +101,7 @@ def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]
 
 
-def _reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
+def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, inertia: float, interval: float) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds this stiffness gets a
     warning.
 
@@ -185,30 +181,28 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
     return high
 
 
-def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], masses: Sequence[Array], stiffness: Sequence[float]
-) -> Resolution:
-    """Numbers of substeps. masses: mass matrices (n, n) in the relevant configurations; stiffness: of each joint in N m/rad."""
+def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[float]) -> Resolution:
+    """Numbers of substeps. masses: mass matrices (m, n, n) in the relevant configurations; stiffness: of each joint in N m/rad.
+
+    The released code has no substeps, and also runs springs that the step does not resolve.
+    """
     stepping, step = STEPPINGS.get(scenario.stepping), scenario.step
-    endless = [drive.name for drive, k in zip(drives, stiffness, strict=True) if not math.isfinite(k)]
-    if endless and not stepping.released:
-        raise UnresolvedSpringError(
-            f"the stiffness of joint '{endless[0]}' is not finite at a deflection that its spring can reach: limit the "
-            "deflection (max_deflection)"
-        )
-    limited = np.minimum(stiffness, 1e12).tolist() if stepping.released else stiffness
+    limited = [min(k, 1e12) if stepping.released else k for k in stiffness]
+    for drive, k in zip(drives, limited, strict=True):
+        if not math.isfinite(k):
+            raise UnresolvedSpringError(
+                f"the stiffness of joint '{drive.name}' is not finite at a deflection that its spring can reach: limit the "
+                "deflection (max_deflection)"
+            )
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
         for drive, k in zip(drives, limited, strict=True)
     ]
     omega, shape = _fastest(masses, gains)
-    frequency = math.sqrt(omega)
-    stiffest = drives[int(np.argmax(np.abs(shape)))].name if len(drives) else ""
+    frequency, stiffest = math.sqrt(omega), drives[int(np.argmax(np.abs(shape)))].name
     needed = max(1, math.ceil(frequency * step / TARGET - 1e-9))
-    substeps = scenario.substeps
-    if stepping.released:
-        substeps = needed
-    elif substeps is None:
+    substeps = 1 if stepping.released else scenario.substeps
+    if substeps is None:
         if needed > scenario.substep_cap:
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
@@ -216,31 +210,30 @@ def _resolve(
                 f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit its deflection "
                 "(max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
             )
-        fading = max((_fading(drive, masses, j) for j, drive in enumerate(drives)), default=0.0)
-        substeps = max(needed, min(scenario.substep_cap, math.ceil(fading * step / FADING - 1e-9)))
+        # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
+        mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0).tolist()
+        joints = [drive.joint for drive in drives]
+        growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
+        substeps = max(needed, min(scenario.substep_cap, math.ceil(STEEPEST * max(growths) * step / FADING - 1e-9)))
     h = step / substeps
-    if frequency * h >= UNSTABLE:
+    if frequency * h >= UNSTABLE and not stepping.released:
         raise UnresolvedSpringError(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
         )
-    least = 0.0 if stepping.implicitness == 0.0 else 0.5
-    implicitness = _implicitness(masses, list(map(_damping, drives, limited)), h, least)
-    motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, limited, strict=True)), default=0.0)
-    motor_substeps = scenario.motor_substeps
-    if stepping.released:
-        # The released code has no substeps, and also runs springs that the step does not resolve.
-        substeps = motor_substeps = 1
-    elif motor_substeps is None:
-        steep = max((_motor_fading(drive) for drive in drives), default=0.0)
-        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9), math.ceil(steep * h / FADING - 1e-9))
+    decay = h * _fastest(masses, [_damping(drive, k) for drive, k in zip(drives, limited, strict=True)])[0]
+    frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
+    motor_substeps = 1 if stepping.released else scenario.motor_substeps
+    if motor_substeps is None:
+        rates = max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING
+        motor_substeps = max(1, math.ceil(max(rates) * h - 1e-9))
     return Resolution(
         substeps=substeps,
         motor_substeps=motor_substeps + 1 - motor_substeps % 2,
-        motor_frequency=motor_frequency,
-        omega_h=frequency * step / substeps,
-        stiffness=tuple(float(k) for k in stiffness),
-        link_implicitness=implicitness,
+        motor_frequency=max(frequencies),
+        omega_h=frequency * h,
+        stiffness=tuple(stiffness),
+        link_implicitness=_implicitness(decay, 0.0 if stepping.implicitness == 0.0 else 0.5),
     )
 
 
@@ -248,61 +241,37 @@ def _damping(drive: SteppedJoint, stiffness: float) -> float:
     """Largest viscous damping of the link in N m s/rad, with the derivative action of its controller."""
     law = drive.link_damping
     following = 2.0 * law.ratio * math.sqrt(law.inertia * stiffness) if law and law.ratio else 0.0
-    return drive.constant_damping + drive.link_brake + following
+    return max(drive.constant_damping + drive.link_brake + following, 0.0)
 
 
-def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: float, least: float) -> float:
-    """Weight w of the new velocity in the velocity on which damping acts; at least `least`. With damping c, inertia I and f = c
-    h / I, a substep multiplies the velocity of a damped mode by (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, has
-    second order, but then a strongly damped velocity changes its sign in every step. So w is increased until this factor is not
-    below -`RINGING`.
+def _implicitness(decay: float, least: float) -> float:
+    """Weight w of the new velocity in the velocity on which damping acts; at least `least`. With damping c, inertia I and
+    `decay` f = c h / I, a substep multiplies the velocity of a damped mode by (1 - (1 - w) f) / (1 + w f). The midpoint rule,
+    w = 1/2, has second order, but then a strongly damped velocity changes its sign in every step. So w is increased until this
+    factor is not below -`RINGING`.
     """
-    root = np.sqrt(np.maximum(dampings, 0.0))
-    fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0
-    if not fastest > 1.0 or not math.isfinite(fastest):
-        return least
-    return max(least, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING)))
+    return max(least, (decay - 1.0 - RINGING) / (decay * (1.0 + RINGING))) if decay > 1.0 else least
 
 
-def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Array]:
-    """Largest eigenvalue of M^-1 diag(gains) over the configurations, and the eigenvector of this eigenvalue."""
-    root = np.sqrt(np.asarray(gains, dtype=float))
-    best, shape = 0.0, root
-    for mass in masses:
-        if not np.all(np.isfinite(root)):
-            return math.inf, np.where(np.isfinite(root), 0.0, 1.0)
-        values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(mass) * root[None, :])
-        index = int(np.argmax(np.abs(values))) if values.size else 0
-        if values.size and abs(values[index]) > best:
-            best, shape = float(abs(values[index])), vectors[:, index]
-    return best, shape
+def _fastest(masses: Array, gains: Sequence[float]) -> tuple[float, Array]:
+    """Largest eigenvalue of M^-1 diag(gains) over the mass matrices, and the eigenvector of this eigenvalue."""
+    root = np.sqrt(gains)
+    values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(masses) * root)
+    largest = int(values[:, -1].argmax())
+    return float(values[largest, -1]), vectors[largest, :, -1]
 
 
-def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
-    """Largest growth rate in 1/s of the motion of joint `j` where its friction decreases with speed. This rate limits the step
-    for accuracy only, since bounded friction is stable at any step."""
-    joint = drive.joint
-    if not joint.stribeck_friction:
-        return 0.0
-    return STEEPEST * joint.stribeck_friction / joint.stribeck_velocity * max(float(np.linalg.inv(m)[j, j]) for m in masses)
-
-
-def _motor_fading(drive: SteppedJoint) -> float:
-    """Largest growth rate in 1/s of the motion of the joint's motors where their friction decreases with speed."""
-    values, motors = drive.values, range(1, drive.dynamic_motors + 1)
-    steep = (
-        values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])
-        for i in motors
-    )
-    return STEEPEST * max(steep, default=0.0)
-
-
-def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
-    """Largest natural frequency of a motor in rad/s, from spring, controller and bristles, with a fixed link."""
-    frequency, own = 0.0, drive.drive
+def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
+    """Largest natural frequency of the joint's motors in rad/s, from spring, controller and bristles, with a fixed link; and
+    the largest decrease of their friction with speed, divided by the inertia, 1/s."""
+    own, frequency, growth = drive.drive, 0.0, 0.0
     for i, inertia in enumerate(own.motor_inertia if own else ()):
+        motor = {
+            name: drive.values[f"motor_{i + 1}_{name}"] for name in (*FRICTIONS, "friction_stiffness", "stribeck_velocity")
+        }
         springs = stiffness + (own.proportional[i] if own and own.mode.controller else 0.0)
-        if any(drive.values[f"motor_{i + 1}_{name}"] for name in FRICTIONS):
-            springs += drive.values[f"motor_{i + 1}_friction_stiffness"]
+        if any(motor[name] for name in FRICTIONS):
+            springs += motor["friction_stiffness"]
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / inertia))
-    return frequency
+        growth = max(growth, motor["stribeck_friction"] / (motor["stribeck_velocity"] * inertia))
+    return frequency, growth

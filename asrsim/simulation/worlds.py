@@ -15,20 +15,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError, SimulationError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.chunks import chunk_at, longest_chunk
 from asrsim.simulation.core import make_core
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.inputs import Given, Inputs, joined
+from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import check_inertia, prepare
-from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
@@ -293,10 +292,10 @@ class Worlds:
         return self.columns.values(rows, names)
 
     @property
-    def model(self) -> Model | None:
+    def model(self) -> RobotModel | None:
         """Kinematics and dynamics of the scenario's robot; None if the engine prescribes the motion of the links."""
         self.check_open()
-        return self.core.model
+        return self.prepared.model
 
     def counts(self, world: int) -> Counts:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
@@ -326,8 +325,7 @@ class Worlds:
         the scenario or of `start`.
 
         start: one start for all worlds, or a start for each world. Raises InputError and RobotError for unknown names, and for
-        values that are not finite or beyond limits. Wrong positions, velocities and motors are found before any world changes;
-        if a start has wrong parameters or references, the worlds before it are already reset.
+        values that are not finite or beyond limits; then no world has changed.
         """
         self.check_open()
         numbers = self._numbers(worlds).tolist()
@@ -336,12 +334,7 @@ class Worlds:
         if len(starts) != len(numbers):
             message = f"needs one start for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
-        for one in starts:
-            self.prepared.check_start(one)
-        # The other checks need an engine with the inertias of the start. PyBullet needs a new engine for this, which the world
-        # then uses; with all starts checked first, each of these engines would be built twice.
-        for number, one in zip(numbers, starts, strict=True):
-            world = self._world_of(one)
+        for number, world in zip(numbers, list(map(self._world_of, starts)), strict=True):
             if world.prepared is not self._worlds[number].prepared:
                 self.core.take_over(number, world.prepared)
             self._note(number, world)
@@ -385,21 +378,21 @@ class Worlds:
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
         prepared = self._variants.get(key) if key else self.prepared
         if prepared is None:
-            varied = self.prepared.with_numbers(start.parameters)
-            model = self.core.model_of(varied)
-            if model is not None and model is not self.core.model:
-                check_inertia(varied.drives, model.mass_matrix(varied.initial_positions))
+            prepared = self.prepared.vary(start.parameters)
             if len(self._variants) >= VARIANTS_KEPT:
                 self._variants.clear()
-            prepared = self._variants[key] = varied.settled(model)
-        inputs = self._home_inputs
+            self._variants[key] = prepared
+        inputs, started = self._home_inputs, prepared
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
-            if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
-                self._signals = signals, self._inputs_of(self.prepared.with_references(start.references))
+            other = latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items())
+            if other or self.prepared.scenario.initial_equilibrium:
+                started = prepared.with_references(start.references)
+            if other:
+                self._signals = signals, self._inputs_of(started)
             inputs = self._signals[1]
-        return World(start, prepared, inputs, prepared.started(start))
+        return World(start, prepared, inputs, started.started(start))
 
     def _note(self, number: int, world: World) -> None:
         """Store parameters, inputs and start of a world."""
@@ -455,7 +448,7 @@ class Worlds:
         if the worlds are not watched."""
         self._check_watched()
         self._numbers(world)
-        guard = EnergyGuard(self._worlds[world].started, self.core.engine_of(world).model)
+        guard = EnergyGuard(self._worlds[world].started)
         return bool(self.healthy[world]) and guard.look(self.core.S[world]) is None
 
     def prepared_of(self, world: int) -> Prepared:

@@ -106,7 +106,7 @@ class RunSummary:
     certificate: Mapping[str, Any] = field(default_factory=dict)
     """Estimated numerical error of a certified run."""
     cross_check: Mapping[str, Any] = field(default_factory=dict)
-    """Differences from a run in another engine, if requested (`asrsim.simulation.crosscheck.cross_check`)."""
+    """Differences from a run in another engine, if requested (`asrsim.simulation.accuracy.cross_check`)."""
     live: Mapping[str, Any] = field(default_factory=dict)
     """Data of a real-time run: lateness, load and commands (`asrsim.live.session.Session`)."""
     versions: Mapping[str, str] = field(default_factory=dict)

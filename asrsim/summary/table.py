@@ -1,41 +1,64 @@
-"""Summary as text: cells of the table of joints, and the lines around it."""
+"""Tables about the joints of a run, for terminal, notebook and report, and the lines around them.
+
+The tables are made of the entries of `summary.json`, in which a missing number is None.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from asrsim.errors import counted
 from asrsim.quantities import LIMITS
-from asrsim.summary.data import JointReport, RunSummary
+from asrsim.summary.data import RunSummary
 
 Column = tuple[str, tuple[str, ...], bool]
 """Heading of a table's column, a cell for each joint, and whether the cells are right-aligned."""
+Joints = Sequence[Mapping[str, Any]]
+"""Entries of `summary.json` about joints, of one run or of several."""
 
 
-def measure_columns(summary: RunSummary) -> tuple[Column, ...]:
+def measure_columns(joints: Joints) -> tuple[Column, ...]:
     """Columns of the table of joints: names, actuators and measures."""
-    joints = summary.joints
-    measures = [joint.measures for joint in joints]
-    length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
+    length = " or ".join(dict.fromkeys("m" if joint["prismatic"] else "rad" for joint in joints)) or "rad"
+    modes = ("" if joint["mode"] is None else f", mode {joint['mode']}" for joint in joints)
     return (
-        ("joint", tuple(joint.name for joint in joints), False),
-        ("actuator", tuple(_actuator(joint) for joint in joints), False),
-        (f"steady\n{length}", cells([one.steady_state for one in measures]), True),
-        (f"error\n{length}", cells([one.steady_state_error for one in measures], "{:.3g}"), True),
-        ("over-\nshoot %", cells([100.0 * one.overshoot for one in measures], "{:.1f}"), True),
-        ("settling\ns", cells([one.settling for one in measures], "{:.3f}"), True),
-        (f"peak defl.\n{length}", cells([one.peak_deflection for one in measures], "{:.3g}"), True),
+        ("joint", tuple(joint["name"] for joint in joints), False),
+        ("actuator", tuple(joint["actuator"] + mode for joint, mode in zip(joints, modes, strict=True)), False),
+        _numbers(f"steady\n{length}", joints, "steady_state", "{:.5g}"),
+        _numbers(f"error\n{length}", joints, "steady_state_error", "{:.3g}"),
+        _numbers("over-\nshoot %", joints, "overshoot", "{:.1f}", 100.0),
+        _numbers("settling\ns", joints, "settling", "{:.3f}"),
+        _numbers(f"peak defl.\n{length}", joints, "peak_deflection", "{:.3g}"),
     )
 
 
-def limit_columns(summary: RunSummary) -> tuple[Column, ...]:
-    """Columns of the limits that a joint reached, with each joint's share of the substeps."""
-    return tuple(
-        (heading.replace(" ", "\n"), tuple(share(joint.limits[kind], summary.total_substeps) for joint in summary.joints), True)
+def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[Column, ...]:
+    """Columns of the limits that a joint reached, with each joint's share of the substeps. totals: all substeps of its run."""
+    shares = [
+        (heading, [joint.get("limits", {}).get(kind, 0) / total for joint, total in zip(joints, totals, strict=True)])
         for kind, heading in LIMITS.items()
-        if any(joint.limits[kind] for joint in summary.joints)
-    )
+    ]
+    return tuple((heading.replace(" ", "\n"), tuple(map(_share, values)), True) for heading, values in shares if any(values))
+
+
+def difference_columns(names: Sequence[str], joints: Joints) -> tuple[Column, ...]:
+    """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known."""
+    columns = [
+        _numbers(f"{quantity}\n{word}", joints, f"{quantity}_{key}", "{:.2g}", digits=99)
+        for quantity in ("position", "torque")
+        for key, word in (("max", "max"), ("rms", "RMS"))
+    ]
+    order = [_numbers("order", joints, "order", "{:.2g}")] if any("order" in joint for joint in joints) else []
+    return (("joint", tuple(names), False), *columns, *order)
+
+
+def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 1.0, digits: int = 12) -> Column:
+    """Column of a number with a dash where it is missing. Numbers are rounded to `digits` decimals."""
+    numbers = (joint.get(key) for joint in joints)
+    cells = ("-" if number is None else form.format(round(factor * number, digits) + 0.0) for number in numbers)
+    return heading, tuple(cells), True
 
 
 def headline(summary: RunSummary) -> str:
@@ -60,21 +83,11 @@ def limit_note(summary: RunSummary) -> str:
     return "no limit of effort, velocity, motor torque, deflection or position was reached"
 
 
-def _actuator(joint: JointReport) -> str:
-    return joint.actuator if joint.mode is None else f"{joint.actuator}, mode {joint.mode}"
-
-
-def cells(values: Sequence[float], form: str = "{:.5g}") -> tuple[str, ...]:
-    """Numbers as text for a table; a dash for a missing number."""
-    # Values below 1e-12 are rounding errors: show 0.
-    return tuple(form.format(round(value, 12) + 0.0) if math.isfinite(value) else "-" for value in values)
-
-
-def share(count: int, total: int) -> str:
+def _share(fraction: float) -> str:
     """Fraction of the run's substeps as text for a cell of a table."""
-    if not count:
+    if not fraction:
         return "-"
-    percent = 100.0 * count / total
+    percent = 100.0 * fraction
     if percent < 0.01:
         return "< 0.01 %"
     return f"{percent:.2g} %" if percent < 99.5 else "100 %"

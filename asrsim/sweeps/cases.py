@@ -21,8 +21,7 @@ from asrsim.scenario import Scenario, apply_to_robot, checked_robot, load_scenar
 from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study

@@ -15,9 +15,8 @@ from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
-from asrsim.simulation.chunks import LONGEST_NUMBERS
-from asrsim.simulation.prepared import Prepared, Start
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
+from asrsim.simulation.drives import EXTERNAL_TORQUE
+from asrsim.simulation.prepare import Prepared, Start
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
@@ -29,7 +28,9 @@ from asrsim.sweeps.study import Study
 Row = tuple[Any, ...]
 KINDS = 8
 """Number of prepared scenarios that a worker keeps."""
-LONGEST_RUN = 20 * LONGEST_NUMBERS
+CACHED = 61_440
+"""Largest number of steps times joints, in all worlds together, whose records fit into the processor's cache."""
+LONGEST_RUN = 20 * CACHED
 """Number of values in a run's series above which the run is processed in chunks and not stored as a whole."""
 
 
@@ -190,7 +191,7 @@ def _make_kind(study: Study, point: _Point) -> _Kind | None:
         return None
     runs = 1 if plan.read_again(point.values) else math.prod(study.grid) * study.draws
     # Limit the number of worlds so that their records fit into the processor's cache.
-    size = min(runs, max(1, LONGEST_NUMBERS // numbers))
+    size = min(runs, max(1, CACHED // numbers))
     substeps = scenario.steps * prepared.resolution.substeps
     return _Kind(case, prepared, size, substeps * runs // size)
 
@@ -212,7 +213,7 @@ def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
     """Cells with the results of a run. Raises ScenarioError for claims that cannot be evaluated."""
-    summary = judged(run.scenario, run, collector, None, samples=0)
+    summary = judged(run.scenario, run, collector, samples=0)
     cells: dict[str, Any] = {
         "status": summary.status,
         "reason": summary.message or None,

@@ -21,8 +21,7 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.twin import Twin
 

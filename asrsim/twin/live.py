@@ -19,9 +19,8 @@ from asrsim.live.publisher import APPLIED
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.quantities import EXTERNAL_TORQUE
-from asrsim.simulation.ranges import ranges_of
 from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")

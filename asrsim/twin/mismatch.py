@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from asrsim.kinematics.sizing import linear_parameters
 from asrsim.samples import Array
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared
 from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0

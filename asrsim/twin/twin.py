@@ -16,8 +16,7 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared, Start
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.mismatch import Mismatch, varied
 from asrsim.twin.observer import Observer, noise_gain

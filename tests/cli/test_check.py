@@ -69,7 +69,6 @@ def test_check_prints_json(runner, good):
     assert parameters["motor_1_max_position"]["value"] == "inf"
     assert entry["warnings"][0]["code"] == "unknown-tag"
     assert entry["warnings"][0]["line"] == 7
-    assert entry["figures"][0]["inertia"] == pytest.approx(3.21e-4)
 
 
 def test_a_coarser_step_takes_more_substeps(runner, good, tmp_path):

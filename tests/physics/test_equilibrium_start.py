@@ -105,7 +105,7 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed, tmp_path):
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
-def test_equilibrium_is_recomputed_for_new_parameters_but_not_for_references(parameters, engine):
+def test_worlds_start_at_the_equilibrium_of_their_parameters_and_references(parameters, engine):
     robot = chain(*[Body(actuator="sea", **ARM)] * 2)
     scenario = Scenario(
         name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
@@ -121,9 +121,18 @@ def test_equilibrium_is_recomputed_for_new_parameters_but_not_for_references(par
         simulation.advance(50)
         np.testing.assert_allclose(simulation.observe().link_position, fresh.observe().link_position, atol=1e-8)
     moved = {"joint_1": {"equilibrium_position": Constant(value=FIRST + 0.2)}}
-    with asrsim.Worlds(given, 2) as worlds:
-        worlds.reset([asrsim.Start(parameters=parameters, references=references) for references in ({}, moved)])
-        assert np.array_equal(*worlds.observe().link_position)
+    other = prepare(replace(scenario, references={**scenario.references, **moved}), robot)
+    with asrsim.Worlds(given, 3) as worlds, Simulation(given.with_references(moved)) as referred:
+        worlds.reset([asrsim.Start(parameters=own, references=moved) for own in ({}, parameters, {})])
+        found = worlds.observe().link_position
+        assert np.array_equal(found[0], other.initial_positions)
+        assert np.array_equal(found[1], other.vary(parameters).initial_positions)
+        assert np.array_equal(found[2], referred.observe().link_position)
+
+
+def test_motors_without_references_stay_at_rest_at_the_equilibrium():
+    result = run(chain(*[Body(actuator="sea", **ARM)] * 2), mode=3, duration=0.1, initial_equilibrium=True, initial=[0.4])
+    assert np.ptp(column(result, "link_position")) < 1e-8
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])

@@ -1,7 +1,6 @@
 """A battery that every registered actuator goes through: its laws against physics, and its joint in the simulation."""
 
 import math
-import random
 from dataclasses import replace
 
 import numpy as np
@@ -9,29 +8,13 @@ import pytest
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.base import cosh, sinh
-from asrsim.actuators.checker import parameter_sets
+from asrsim.actuators.checker import Points
 from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import ScenarioError
 from validation.models import Body, chain, column, run
 
 NAMES = ACTUATORS.names()
 BODY = Body(mass=0.3, reach=0.05, inertia=1e-3, damping=0.05)
-
-
-def points(law, count=40):
-    """Positions inside and beyond the deflection limit, with the defaults and perturbed parameters."""
-    source = random.Random(7)
-    found = []
-    for parameters in parameter_sets(law):
-        limit = dict(zip((p.name for p in law.parameters), parameters, strict=True)).get("max_deflection", 0.5)
-        for _ in range(count):
-            q = source.uniform(-1.0, 1.0)
-            theta_1 = q + source.uniform(-1.3, 1.3) * limit
-            theta_2 = q + source.uniform(-1.3, 1.3) * limit
-            if law.adjuster:
-                theta_2 = law.typical_preset * source.uniform(0.5, 1.5)
-            found.append((q, theta_1, theta_2, parameters))
-    return found
 
 
 @pytest.fixture(params=NAMES)
@@ -53,14 +36,13 @@ def test_energies_without_a_law_are_integrated(law):
 
 
 def test_its_laws_on_arrays_are_its_laws(law):
-    q, x, y = (np.array(values) for values in zip(*[point[:3] for point in points(law)[:40]], strict=True))
-    parameters = points(law)[0][3]
-    torques = over_arrays(law.elastic_torques)(q, x, y, parameters)
-    stiffness = over_arrays(law.stiffness)(q, x, y, parameters)
-    for k in range(len(q)):
-        point = float(q[k]), float(x[k]), float(y[k])
-        np.testing.assert_allclose(torques[:, k], law.elastic_torques(*point, parameters), rtol=1e-13, atol=1e-15)
-        assert stiffness[k] == pytest.approx(law.stiffness(*point, parameters), rel=1e-13)
+    """Positions inside and beyond the deflection limit, with the defaults and perturbed parameters."""
+    points = Points(law, reach=1.3)
+    table = np.vstack([points.positions, *points.parameters])[:, ::30].T.tolist()
+    found = np.vstack([points.forces(), points.stiffness()])[:, ::30].T
+    for (q, x, y, *parameters), (torque, *_, stiffness) in zip(table, found, strict=True):
+        assert torque == pytest.approx(sum(law.elastic_torques(q, x, y, parameters)), rel=1e-13, abs=1e-15)
+        assert stiffness == pytest.approx(law.stiffness(q, x, y, parameters), rel=1e-13)
 
 
 def test_beyond_the_deflection_limit_the_torque_stays(law):

@@ -136,6 +136,16 @@ def test_what_mjcf_does_not_have_is_listed(tmp_path):
     assert found.replay.rms.max() > 10.0
 
 
+@pytest.mark.parametrize("effort", [1.9, 2.1])
+def test_an_effort_limit_below_the_springs_is_listed(tmp_path, effort):
+    text = (EXAMPLES / "urdf" / "dof1_sea.urdf").read_text()
+    (tmp_path / "robot.urdf").write_text(re.sub('effort="[^"]*"', f'effort="{effort}"', text))
+    springs = {"joint_1": {"spring_stiffness": 4.0, "max_deflection": 0.5}}
+    given = asrsim.make_scenario(tmp_path / "robot.urdf", engine="mujoco", duration=0.1, modes={"*": 6}, parameters=springs)
+    remarks = "".join(export_mjcf(given, tmp_path / "soft.xml", plot=False).remarks)
+    assert ("does not limit its springs, which reach 2" in remarks) is (effort < 2.0)
+
+
 def test_intervals_of_a_fit_become_ranges_of_model_fields(tmp_path):
     fit = tmp_path / "fit.json"
     keys = ["joint_1.motor_1_friction_torque", "joint_1.spring_k_1", "link_1.mass"]

@@ -207,6 +207,18 @@ def test_commands_reach_their_joints_by_topic_array_place_or_name():
     assert sum(commands.refused.values()) == 2
 
 
+def test_topics_of_the_paper_and_of_the_toolbox_set_the_same_torques():
+    targets = [("arm", "motor_1_torque"), ("arm", "motor_2_torque")]
+    commands = CommandInput(
+        [JointInfo(name="arm", actuator="qbmove", mode=4, motors=2)], {"arm": {name: (-1.0, 1.0) for _, name in targets}}
+    )  # fmt: skip
+    inlets = {inlet.name: number for number, inlet in enumerate(commands.inlets)}
+    for names in ("motor_{}_command", "torque_m{}_command"):
+        assert [commands.check(Received(inlets[f"/arm/{names.format(i)}"], [0.5])) for i in (1, 2)] == [
+            [(target, 0.5)] for target in targets
+        ]
+
+
 POINTS = [(0.05, [0.2, -0.1], [1.0, 0.0]), (0.1, [0.3, 0.1], [0.0, 0.0])]
 
 

@@ -119,6 +119,7 @@ def test_a_multisine_is_exact_whatever_its_period(period, numbers, end):
     time = np.arange(0, end, STEP)
     found = frequency_response(time, lines(period, numbers, time) + 0.3, lines(period, numbers, time, analytic) - 0.1)
     assert found.method == "lines"
+    assert ("single-frequency" in [finding.code for finding in found.findings]) is (len(numbers) == 1)
     np.testing.assert_allclose(found.frequency, np.array(list(numbers)) / period, rtol=1e-9)
     assert off(found) < 1e-9
 

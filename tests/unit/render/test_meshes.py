@@ -1,9 +1,12 @@
 """Meshes of files as pictures show them: places, units and colours of COLLADA scenes and OBJ materials."""
 
+import math
+
 import numpy as np
 import pytest
+import trimesh
 
-from asrsim.render.mesh_files import read_mesh
+from asrsim.render.meshes import read_mesh, solid
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 3]], float)
 FANS = SQUARE[[[0, 1, 2], [0, 2, 3]]]
@@ -33,15 +36,19 @@ def document(group, nodes, unit=""):
     <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 
 
+def corners(triangles):
+    return {frozenset(map(tuple, triangle)) for triangle in np.round(triangles, 9).tolist()}
+
+
 @pytest.mark.parametrize("group", GROUPS)
 def test_nodes_place_and_scale_faces_in_the_file_s_unit(tmp_path, group):
     inner = f'<node id="i"><translate>1 0 0</translate>{SHOWN}</node>'
     nodes = f'<node id="o"><rotate>0 0 1 90</rotate>{inner}</node>'
     (tmp_path / "m.dae").write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))
-    mesh = read_mesh(tmp_path / "m.dae")
+    ((mesh, colour),) = read_mesh(tmp_path / "m.dae")
     turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], float)
-    np.testing.assert_allclose(mesh.points[mesh.triangles], 0.01 * np.add(FANS, (1, 0, 0)) @ turned.T, atol=1e-8)
-    np.testing.assert_allclose(mesh.colours, [[1, 0, 0]] * 2)
+    np.testing.assert_allclose(mesh.triangles, 0.01 * np.add(FANS, (1, 0, 0)) @ turned.T, atol=1e-8)
+    np.testing.assert_allclose(colour, [1, 0, 0])
 
 
 @pytest.mark.parametrize("nodes", ["", f'<node id="n">{SHOWN}<instance_node url="#n"/></node>', '<node id="n"/>'])
@@ -55,10 +62,33 @@ def test_faces_of_obj_files_have_the_material_before_them(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0 0\nNs 5\nnewmtl b\nKd 0 .5 1\n")
     lines = ["mtllib m.mtl", *("v " + " ".join(map(str, point)) for point in SQUARE), "usemtl b", "f 1 3 -1"]
     (tmp_path / "m.obj").write_text("\n".join([*lines, "usemtl a", "f 1 2 3 4"]))
-    mesh = read_mesh(tmp_path / "m.obj")
-    assert mesh.colours is not None
-    blue = mesh.colours[:, 2] > 0.5
-    np.testing.assert_allclose(mesh.points[mesh.triangles[blue]], FANS[1:])
-    np.testing.assert_allclose(mesh.colours[~blue], [[1, 0, 0]] * 2)
-    np.testing.assert_allclose(mesh.colours[blue], [[0, 0.5, 1]], atol=1 / 255)
-    assert len(mesh.triangles) == 3
+    (blue, red) = sorted(read_mesh(tmp_path / "m.obj"), key=lambda part: part[1][0])
+    for (mesh, colour), faces, shown in ((blue, FANS[1:], [0, 0.5, 1]), (red, FANS, [1, 0, 0])):
+        assert corners(mesh.triangles) == corners(faces)
+        np.testing.assert_allclose(colour, shown, atol=1 / 255)
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+def test_stl_files_are_read(tmp_path, kind):
+    trimesh.creation.box(extents=(1.0, 2.0, 3.0)).export(tmp_path / "box.stl", file_type=kind)
+    ((mesh, colour),) = read_mesh(tmp_path / "box.stl")
+    assert (mesh.volume, colour) == (pytest.approx(6.0), None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "volume"),
+    [("box", (1, 2, 3), 6), ("sphere", (0.5,), math.pi / 6), ("cylinder", (0.5, 2), math.pi / 2),
+     ("capsule", (0.5, 2), math.pi / 2 + math.pi / 6)],
+)  # fmt: skip
+def test_solids_have_their_volume_and_sharp_edges_only_where_faces_meet(kind, size, volume):
+    mesh = solid(kind, size)
+    assert mesh.volume == pytest.approx(volume, rel=0.04)
+    bend = np.einsum("mki,mi->mk", mesh.vertex_normals[mesh.faces], mesh.face_normals).min()
+    assert bend == pytest.approx(1.0) if kind == "box" else 0.98 < bend < 0.9999
+
+
+def test_a_fine_mesh_is_simplified_and_keeps_its_shape(tmp_path):
+    trimesh.creation.icosphere(subdivisions=6).export(tmp_path / "ball.stl")
+    ((mesh, _),) = read_mesh(tmp_path / "ball.stl")
+    assert 10_000 < len(mesh.faces) <= 20_000
+    assert mesh.volume == pytest.approx(4.0 / 3.0 * math.pi, rel=0.02)

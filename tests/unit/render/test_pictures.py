@@ -6,15 +6,13 @@ import sys
 
 import numpy as np
 import pytest
-import trimesh
 from typer.testing import CliRunner
 
 from asrsim.actuators import ACTUATORS
 from asrsim.cli.app import app
 from asrsim.errors import InputError, LogError
-from asrsim.render import Film, even_times, solids, telling_times, write_gif, write_mp4, write_strip
+from asrsim.render import Film, even_times, telling_times, write_gif, write_mp4, write_strip
 from asrsim.render.camera import fit_camera, viewpoint
-from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
@@ -174,35 +172,6 @@ def test_the_rasteriser_finds_what_is_in_front(seed):
     np.testing.assert_allclose(found.depth, depth, rtol=1e-6, atol=1e-9)
     corners[:, 2, 2] *= -1.0
     assert not len(rasterise(corners, width, height).pixels)  # a corner behind the camera
-
-
-def volume(points, triangles):
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return abs(float(np.einsum("mi,mi->m", a, np.cross(b, c)).sum())) / 6
-
-
-@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
-def test_stl_files_are_read(tmp_path, kind):
-    trimesh.creation.box(extents=(1.0, 2.0, 3.0)).export(tmp_path / "box.stl", file_type=kind)
-    mesh = read_mesh(tmp_path / "box.stl")
-    assert volume(mesh.points, mesh.triangles) == pytest.approx(6.0)
-
-
-def test_solids_have_their_volume_and_normals_that_point_outwards():
-    for mesh, wanted in (
-        (solids.box(np.array([1.0, 2.0, 3.0])), 6.0), (solids.sphere(0.5), math.pi / 6),
-        (solids.cylinder(0.5, 2.0), math.pi / 2), (solids.capsule(0.5, 2.0), math.pi / 2 + math.pi / 6),
-    ):  # fmt: skip
-        assert volume(mesh.points, mesh.triangles) == pytest.approx(wanted, rel=0.03)
-        centres = mesh.points[mesh.triangles].mean(axis=1)
-        assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
-
-
-def test_merged_triangles_keep_the_shape():
-    sphere = trimesh.creation.icosphere(subdivisions=5)
-    mesh = solids.merged(solids.flat(sphere.vertices, sphere.faces), most=3000)
-    assert len(mesh.triangles) <= 3000
-    assert volume(mesh.points, mesh.triangles) == pytest.approx(4.0 / 3.0 * math.pi, rel=0.05)
 
 
 def test_frames_are_denser_where_more_moves(log):

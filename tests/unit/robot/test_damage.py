@@ -8,7 +8,7 @@ import pytest
 
 from asrsim.cli.findings import robot_report
 from asrsim.errors import AsrsimError, RobotError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_figures, step_findings
+from asrsim.robot import engine_urdf, load_robot, merge_fixed
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
@@ -35,7 +35,6 @@ def read(seed, folder):
             robot = load_robot(write(seed, folder))
             usable_shapes(robot, visuals=True)
             engine_urdf(merge_fixed(robot).robot)
-            step_findings(robot, step_figures(robot, step=1e-3), step=1e-3)
         except RobotError:
             return "error"
     return "robot"

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from asrsim.robot import engine_urdf, load_robot, step_figures, step_findings, with_overrides
+from asrsim.robot import engine_urdf, load_robot, with_overrides
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.engine_text import usable_shapes
-from asrsim.robot.inertia import effective_inertia, zero_pose_matrix
 
 
 def pendulum(extra="", *, block="", inertia=1e-6, dynamics="", body=""):
@@ -87,48 +87,10 @@ def test_packages_of_the_environment_are_found(read, tmp_path_factory, monkeypat
 # -- inertia -----------------------------------------------------------------------------------------------------------
 
 
-def test_mass_matrix_and_effective_inertia_of_a_double_pendulum(read):
-    second = (
-        '<joint name="k" type="revolute"><parent link="l"/><child link="m"/><origin xyz="0 0 -0.1"/><axis xyz="0 1 0"/>'
-        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
-        '<link name="m"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
-        '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
-    )
-    matrix = zero_pose_matrix(read(pendulum(second)))
-    # M11, M12, M22 by hand.
-    m22 = 0.01 + 0.1**2
-    m11, m12 = 1e-6 + 0.2 * 0.04**2 + 0.01 + 0.2**2, 0.01 + 0.1 * 0.2
-    assert matrix == pytest.approx(np.array(((m11, m12), (m12, m22))))
-    assert effective_inertia(matrix)[0] == pytest.approx(m11 - m12**2 / m22)
-
-
 def test_a_link_without_inertia_is_a_point_mass(read):
     robot = read(pendulum())
     points = replace(robot, links=tuple(replace(link, inertia=None) for link in robot.links))
-    assert zero_pose_matrix(points) == pytest.approx(np.array([[0.2 * 0.04**2]]))
-
-
-# -- the step ----------------------------------------------------------------------------------------------------------
-
-
-def test_figures_of_a_step_on_a_pendulum(read):
-    """I = 3.21e-4 kg m^2: natural frequency, c h / I and h (ctrl_D + mot_D) / mot_J."""
-    dynamics, tags = '<dynamics damping="0.1"/>', "<spring_k>400</spring_k><ctrl_D>2</ctrl_D><mot_D>1</mot_D><mot_J>0.1</mot_J>"
-    robot = read(pendulum(block=plugin("sea", 5, tags), dynamics=dynamics))
-    (figures,) = step_figures(robot, step=1e-3)
-    assert figures.natural == pytest.approx((400 / 3.21e-4) ** 0.5 / (2 * np.pi))
-    assert figures.damping == pytest.approx(0.1 * 1e-3 / 3.21e-4)
-    assert figures.motor_gain == pytest.approx(1e-3 * 3.0 / 0.1)
-    (mode_3,) = step_figures(with_overrides(robot, modes={"j": 3}), step=1e-3)
-    assert mode_3.natural == figures.natural
-    (mode_1,) = step_figures(with_overrides(robot, modes={"j": 1}), step=1e-3)
-    assert mode_1.link_gain == pytest.approx(1e-3 * 2.1 / 3.21e-4)
-
-
-@pytest.mark.parametrize(("step", "codes"), [(9.9e-3, []), (9.4e-3, []), (10.1e-3, ["motor-gains"])])
-def test_motor_controllers_diverge_above_a_gain_of_2(read, step, codes):
-    robot = read(pendulum(block=plugin("sea", 5, "<ctrl_D>19</ctrl_D><mot_D>1</mot_D><mot_J>0.1</mot_J>")))
-    assert [problem.code for problem in step_findings(robot, step_figures(robot, step=step), step=step)] == codes
+    assert RobotModel(points).mass_matrix(np.zeros(1)) == pytest.approx(np.array([[0.2 * 0.04**2]]))
 
 
 # -- overrides ---------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from asrsim.errors import RobotError, ScenarioError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_figures, with_overrides
+from asrsim.robot import engine_urdf, load_robot, merge_fixed, with_overrides
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
 from asrsim.scenario import check_against_robot, load_scenario
@@ -159,8 +159,6 @@ def test_a_law_that_divides_by_zero_or_overflows_is_an_error(actuator, tag, valu
     tiny.robot.write_text(text)
     with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be worked out"):
         with_overrides(load_robot(tiny.robot))
-    (figures,) = step_figures(load_robot(tiny.robot), step=1e-3)
-    assert figures.natural == math.inf or value == 0.0
     robot = changed(tiny, (block, ""))
     assert all(law_fault(block) is None for block in robot.actuators)
     with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be worked out"):

@@ -5,21 +5,22 @@ import yaml
 
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
-from asrsim.scenario.doubts import undersampled
+from asrsim.scenario.signal_checks import undersampled
 
+STRONG = """modes: 5
+stepping: toolbox
+parameters: {elbow: {ctrl_D: 19, mot_D: 1, mot_J: 0.1}}
+references: {elbow: {reference_1: 0}}"""
+"""A controller that diverges at steps above 10 ms in the toolbox's order."""
 SCENARIOS = {
     "gravity": "gravity: [0, 0, -9810]",
     "gravity upwards": "gravity: [0, 0, 9.81]",
     "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
-    "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
-    "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
-    "undersampled-sine": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 501}}}}",
-    "undersampled-sine that is scaled and delayed": "references: {elbow: {equilibrium_position: {scale: {by: 2, of: "
-    "{delay: {by: 0.1, of: {sinusoid: {amplitude: 0.1, frequency: 501}}}}}}}}",
-    "undersampled-sine in a sum": "references: {elbow: {equilibrium_position: {sum: [0.1, "
-    "{chirp: {amplitude: 0.1, from: 1, to: 600, duration: 1}}]}}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
+    "odd-step": "step: 0.06",
+    "odd-step of less than a microsecond": "step: 0.75e-6",
+    "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
     "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
     "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
     "no-spring": "parameters: {elbow: {spring_k: 0}}",
@@ -30,10 +31,9 @@ SCENARIOS = {
     "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
     "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
     "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
-    "odd-step": "step: 0.06",
-    "odd-step of less than a microsecond": "step: 0.75e-6",
     "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
     "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
+    "motor-gains": f"step: 0.0125\n{STRONG}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -48,7 +48,6 @@ def warned(tiny, more):
     tiny.scenario.write_text(text)
     errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
     assert not errors
-    warnings += undersampled(scenario, 1)
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given
@@ -67,21 +66,35 @@ def test_probable_mistakes_get_a_warning(case, tiny):
     [
         "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
         "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
-        "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}", "base: {rpy: [0, -3.15, 6.28]}",
+        "base: {rpy: [0, -3.15, 6.28]}", "log_rate: 10",
         "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",
-        "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 2.9, frequency: 250}}}}", "log_rate: 10",
-        "references: {elbow: {equilibrium_position: {multisine: {amplitude: 0.1, frequencies: [1, 20, 300]}}}}",
-        "references: {elbow: {equilibrium_position: {pulse_train: {high: 0.1, period: 0.003, width: 0.0014}}}}",
         "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
         "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
         "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
-        "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", "step: 1e-6",
+        "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", f"step: 0.009375\n{STRONG}",
         "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
         "modes: 0\nreferences: {elbow: {link_torque: 49}}\nreference_ranges: {elbow: {link_torque: [-50, 50]}}",
     ],
 )  # fmt: skip
 def test_usual_values_get_no_warning(more, tiny):
     assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        "{sinusoid: {amplitude: 0.1, frequency: %g}}", "{chirp: {amplitude: 0.1, from: 1, to: %g, duration: 1.5}}",
+        "{sum: [{ramp: {duration: 1, to: 1}}, {scale: {by: 2, of: {sinusoid: {amplitude: 0.1, frequency: %g}}}}]}",
+        "{delay: {by: 0.1, of: {multisine: {amplitude: 0.1, frequencies: [1, %g]}}}}",
+    ],
+)  # fmt: skip
+def test_signals_above_half_the_rate_of_the_substeps_get_a_warning(signal, tiny):
+    for substeps in (1, 3):
+        for share, warnings in ((0.9, 0), (1.05, 1), (1.9, 1), (2.0, 1)):
+            text = signal % (share * 500.0 * substeps)
+            references = f"references: {{elbow: {{equilibrium_position: {text}}}}}"
+            tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{references}\n")
+            assert len(list(undersampled(load_scenario(tiny.scenario)[0], substeps))) == warnings, share
 
 
 @pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",

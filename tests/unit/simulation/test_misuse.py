@@ -83,17 +83,6 @@ def test_quantities_that_no_joint_can_record_are_refused(tiny):
             make(tiny.scenario, names=["link_positon"])
 
 
-@pytest.mark.parametrize(("substeps", "warned"), [(1, True), (2, False)])
-def test_sines_are_compared_with_the_rate_of_the_substeps(tiny, substeps, warned):
-    scenario = asrsim.make_scenario(
-        tiny.robot,
-        duration=0.1,
-        substeps=substeps,
-        external_torques={"elbow": {"sinusoid": {"amplitude": 0.1, "frequency": 700}}},
-    )
-    assert [found.code for found in asrsim.prepare(scenario).warnings].count("undersampled-sine") == warned
-
-
 def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulation, tiny):
     kept = simulation.snapshot()
     other = asrsim.Simulation(tiny.scenario, overrides={"engine": simulation.scenario.engine})
@@ -121,6 +110,9 @@ def test_calls_after_close_are_refused(tiny, call, many):
     simulation.close()
 
 
+MOVED = asrsim.Start(positions={"elbow": 0.2})
+
+
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -132,7 +124,11 @@ def test_calls_after_close_are_refused(tiny, call, many):
         (lambda w: w.set_state({}, motors={"elbow": [[0.1], [0.2]]}), "must be numbers of the shape"),
         (lambda w: w.set_state({"elbow": [0.1, 0.2, 99.0]}), "outside the limits"),
         (lambda w: w.reset(asrsim.Start(references={"elbow": {"position": Constant(value=0.1)}})), "no reference 'position'"),
-        (lambda w: w.reset(asrsim.Start(references={"elbow": {"equilibrium_position": 0.1}})), "must be a signal"),
+        (
+            lambda w: w.reset([MOVED, MOVED, asrsim.Start(references={"elbow": {"equilibrium_position": 0.1}})]),
+            "must be a signal",
+        ),
+        (lambda w: w.reset([MOVED, MOVED, asrsim.Start(parameters={"elbow": {"damping": -1.0}})]), "damping"),
         (lambda w: w.reset([]), "one start for each world"),
         (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
     ],
@@ -144,6 +140,7 @@ def test_wrong_calls_of_worlds_change_nothing(tiny, call, said):
         with pytest.raises(InputError, match=said):
             call(worlds)
         np.testing.assert_array_equal(worlds.observe().link_position, before.link_position)
+        assert worlds.time.tolist() == [0.002] * 3
 
 
 def test_references_that_change_between_resets_take_effect(tiny):

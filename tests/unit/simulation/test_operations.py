@@ -11,8 +11,7 @@ import pytest
 import asrsim
 from asrsim.compiling import available
 from asrsim.samples import concatenate
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.simulation import Simulation
 from support.bits import Tape, assert_same, busy_keys
 from support.random_runs import RandomRun, random_run

@@ -3,8 +3,8 @@
 import pytest
 
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import ranges_of
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.ranges import ranges_of
 from validation.models import Body, chain
 
 LIMITS = '<limit lower="-0.5" upper="0.8" effort="7" velocity="9"/>'

@@ -9,8 +9,7 @@ import asrsim
 from asrsim import make_scenario
 from asrsim.errors import SimulationError
 from asrsim.signals import Sinusoid
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Start
+from asrsim.simulation.prepare import Start, prepare
 from asrsim.simulation.worlds import Worlds
 from support.paths import EXAMPLES
 from validation.models import INSTALLED

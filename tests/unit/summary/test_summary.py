@@ -35,7 +35,7 @@ def test_numbers_are_those_of_the_samples(tiny):
     assert measures.peak_deflection == np.abs(0.5 * (time >= 0.1) - q).max()
     outside = np.flatnonzero(np.abs(q - measures.steady_state) > 0.02 * measures.steady_state)
     assert measures.settling == pytest.approx(time[outside[-1]] - 0.1, abs=0.002)
-    cells = [texts[0] for _, texts, _ in measure_columns(result.summary)]
+    cells = [texts[0] for _, texts, _ in measure_columns([result.summary.joints[0].as_dict()])]
     shown = (measures.steady_state, measures.steady_state_error, 100.0 * measures.overshoot, measures.settling)
     assert [float(text) for text in cells[2:6]] == pytest.approx(shown, rel=5e-3)
 
@@ -101,7 +101,7 @@ def test_limits_are_counted_in_substeps(tiny):
     assert joint.effort == np.count_nonzero(np.abs(torque) >= 2.0) > 0
     assert joint.velocity == np.count_nonzero(np.abs(velocity) > 1.0) > 0
     assert joint.saturation == 0
-    headings = [heading for heading, _, _ in limit_columns(result.summary)]
+    headings = [heading for heading, _, _ in limit_columns([joint.as_dict()], [result.summary.total_substeps])]
     assert "effort\nlimit" in headings
     assert "motor\nlimit" not in headings
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
@@ -130,7 +130,7 @@ def test_undefined_numbers_are_null_in_json(tiny):
     assert joint["steady_state_error"] is None
     assert joint["overshoot"] is None
     json.dumps(result.summary.as_dict(), allow_nan=False)
-    cells = {heading: texts for heading, texts, _ in measure_columns(result.summary)}
+    cells = {heading: texts for heading, texts, _ in measure_columns([joint])}
     assert cells["error\nrad"] == ("-",)
 
 

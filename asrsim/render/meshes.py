@@ -1,0 +1,94 @@
+"""Triangle meshes of solids and of STL, OBJ and COLLADA files with their colours, made by trimesh.
+
+As in ROS, a COLLADA file's `<up_axis>` is ignored: the z axis of the file is the z axis of the link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asrsim.robot.meshes import MESH_FORMATS
+from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+SIDES = 28
+"""Number of facets around a round solid."""
+CREASE = 0.6
+"""Angle between two triangles, rad, above which their common edge is drawn sharp; other edges are shaded smoothly."""
+MOST = 20_000
+"""Number of triangles from which the mesh of a file is simplified: points closer together than a pixel are merged."""
+CELLS = 192
+"""Number of cells along the longest side of the grid in which points are first merged."""
+
+
+def solid(kind: str, size: Sequence[float]) -> Trimesh:
+    """Box (edges x, y, z), sphere (radius), or cylinder or capsule about z (radius, length); sizes in m."""
+    from trimesh import creation
+
+    if kind == "box":
+        return _smooth(creation.box(size))
+    if kind == "cylinder":
+        return _smooth(creation.cylinder(radius=size[0], height=size[1], sections=SIDES))
+    if kind == "sphere":
+        return _smooth(creation.uv_sphere(size[0], count=(SIDES // 2, SIDES)))
+    return _smooth(creation.capsule(radius=size[0], height=size[1], count=(SIDES // 2, SIDES)))
+
+
+def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
+    """Parts of the mesh in a file, in its unit (COLLADA: m), each with its colour (red, green, blue; 0 to 1) or None.
+
+    Raises ValueError and OSError if the file cannot be read.
+    """
+    import trimesh
+
+    if path.suffix.lower() not in MESH_FORMATS:
+        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
+    try:
+        scene: Any = trimesh.load_scene(path, process=False)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+        part: Any
+        for part in parts:
+            part.apply_scale(trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0)
+        size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if len(part.faces))
+    except OSError:
+        raise
+    except Exception as error:  # trimesh raises errors of many types for broken files
+        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+    cells = CELLS
+    coarse = parts
+    while sum(len(part.faces) for part in coarse) > MOST and cells > 4:
+        coarse = [_simplified(part, size / cells) for part in parts]
+        cells = int(0.7 * cells)
+    return [(_smooth(part), _colour(part)) for part in coarse]
+
+
+def _simplified(mesh: Any, cell: float) -> Any:
+    """Mesh in which all points in the same cell of a grid are one point. cell: edge of a cell, m."""
+    coarse = mesh.copy()
+    coarse.apply_scale(1.0 / cell)
+    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
+    coarse.apply_scale(cell)
+    return coarse
+
+
+def _smooth(mesh: Trimesh) -> Trimesh:
+    """Mesh whose triangles share the normals of their points, except along sharp edges."""
+    from trimesh.graph import smooth_shade
+
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    smooth: Trimesh = smooth_shade(mesh, angle=CREASE, facet_minarea=None)
+    return smooth
+
+
+def _colour(part: Any) -> Array | None:
+    """Colour (3,) of a part's material; None without a colour."""
+    material = getattr(part.visual, "material", None)
+    colour = None if material is None else getattr(material, "diffuse", getattr(material, "baseColorFactor", None))
+    return None if colour is None else np.asarray(colour[:3], dtype=np.float64) / 255.0

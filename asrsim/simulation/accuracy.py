@@ -1,0 +1,252 @@
+"""Accuracy of a run: its numerical error, estimated from runs with finer steps, and its difference from another engine.
+
+The runs that are compared advance together, so that no motion is stored.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines import ENGINES
+from asrsim.errors import AsrsimError, DivergenceError, SimulationError
+from asrsim.plain import finite_or_none
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.prepare import Prepared, Start, prepare
+from asrsim.simulation.run import Run, blame_laws
+from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.steppings import STEPPINGS
+
+COMPARED = ("link_position", "link_torque")
+MEASURES = ("position_max", "position_rms", "torque_max", "torque_rms")
+BLOCK = 500
+"""Number of logged samples after which all runs are compared."""
+ORDER_TOLERANCE = 0.35
+"""Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
+is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
+RESOLVED = 1e-12
+"""Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
+differences."""
+LIMIT = 1e-8
+"""Largest difference in rad (m) at which engines agree on motion without contacts (differences of about 1e-12 were
+measured)."""
+NUDGE = 1e-12
+"""Change of the start positions in rad (m) by which the sensitivity of the motion is measured."""
+SENSITIVE = 100.0
+"""Allowed difference between engines, as a multiple of the effect of `NUDGE`: engines round in every step, not only at the
+start."""
+
+
+class Comparison:
+    """Differences between the motions of several runs of one robot; iteration simulates the runs."""
+
+    def __init__(self, runs: Sequence[Prepared]) -> None:
+        self._runs = runs
+        shape = math.comb(len(runs), 2), len(COMPARED), len(runs[0].drives)
+        self._largest, self._squares, self._number = np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)
+
+    def __iter__(self) -> Iterator[float]:
+        """Simulate and compare all runs, and yield the simulated times in s. Raises DivergenceError after the comparison of all
+        samples up to the divergence."""
+        scenario, samples = self._runs[0].scenario, 0
+        for blocks in zip(*map(_motion, self._runs), strict=True):
+            # The last block of a run that diverges is shorter.
+            count = min(map(len, blocks))
+            difference = np.abs([one[:count] - other[:count] for one, other in combinations(blocks, 2)])
+            self._largest = np.fmax(self._largest, np.fmax.reduce(difference, axis=1, initial=np.nan))
+            self._squares += np.nansum(difference**2, axis=1)
+            self._number += np.isfinite(difference).sum(axis=1)
+            samples += count
+            yield (samples - 1) * scenario.step * scenario.log_every
+
+    @property
+    def measures(self) -> Array:
+        """Differences (pairs, joints, `MEASURES`) between the first and each later run, then between the second and each later
+        run, and so on; NaN for quantities that a joint does not have."""
+        with np.errstate(invalid="ignore"):
+            both = np.stack([self._largest, np.sqrt(self._squares / self._number)], axis=-1)
+        return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
+
+
+def _motion(prepared: Prepared) -> Iterator[Array]:
+    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError after all
+    samples up to the divergence."""
+    length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
+    with Simulation(prepared, record=True, names=COMPARED) as simulation:
+        for end in range(length, simulation.last + length, length):
+            fault = None
+            try:
+                simulation.advance_to(min(end, simulation.last) + 1)
+                simulation.flush()
+            except DivergenceError as error:
+                fault = error
+            values = simulation.recording.samples.values
+            simulation.recording.kept.clear()
+            if values:
+                yield np.stack([values[name] for name in COMPARED], axis=1)
+            if fault is not None:
+                raise fault
+
+
+@blame_laws()
+def certify(
+    scenario: Scenario,
+    run: Run,
+    robot: Robot | None = None,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> dict[str, Any]:
+    """Estimate of the numerical error of `run` by Richardson extrapolation, from runs with a half and a quarter of its step.
+
+    robot: the robot as read from its file. progress: function that receives a text and the simulated time. stop: function that
+    is called regularly; if `stop` returns True, the result is empty. Returns plain values for JSON: stepping and its order, the
+    substep of the run in s, and for each joint the largest and the root-mean-square error of position (rad, m) and torque (N m,
+    N) and the measured order of convergence of the position (None where the error is at rounding level). Raises SimulationError
+    if a finer run fails.
+    """
+    stepping = STEPPINGS.get(scenario.stepping)
+    comparison = Comparison([prepare(_finer(scenario, run, finer), robot) for finer in (1, 2, 4)])
+    for time in comparison:
+        if progress is not None:
+            progress("finer steps", time)
+        if stop is not None and stop():
+            return {}
+    joints: dict[str, dict[str, float | None]] = {}
+    warnings = []
+    # Differences of the run from the run with half the step and from that with a quarter, and of these from each other.
+    for joint, half, quarter, finest in zip(run.robot.moving_joints, *comparison.measures, strict=True):
+        order = _order(half[1], finest[1])
+        low = order < stepping.order - ORDER_TOLERANCE
+        used = max(order, 0.5) if low else stepping.order
+        # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
+        errors = quarter / (1.0 - 4.0**-used)
+        joints[joint.name] = {**dict(zip(MEASURES, errors.tolist(), strict=True)), "order": finite_or_none(order)}
+        if low:
+            warnings.append(
+                f"joint '{joint.name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
+                f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
+            )
+    return {
+        "stepping": stepping.name, "scheme_order": stepping.order, "step": scenario.step / run.resolution.substeps,
+        "joints": joints, "warnings": warnings,
+    }  # fmt: skip
+
+
+def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
+    """The scenario with the run's substeps, divided by `finer`, and with unchanged logging times."""
+    if STEPPINGS.get(scenario.stepping).released:
+        return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
+    resolution = run.resolution
+    return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
+
+
+def _order(first: float, second: float) -> float:
+    """Measured order of convergence, computed from the differences between runs with the whole, half and quarter step; NaN if
+    these differences are rounding errors."""
+    return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
+
+
+def other_engine(engine: str) -> str | None:
+    """Name of the first installed engine with dynamics other than `engine`; None if there is none, or `engine` has no
+    dynamics."""
+    if ENGINES.get(engine).prescribed:
+        return None
+    entries = ((name, ENGINES.get(name)) for name in ENGINES.names() if name != engine)
+    return next((name for name, entry in entries if entry.available and not entry.prescribed), None)
+
+
+def require_other_engine(scenario: Scenario) -> str:
+    """Name of the engine for a cross-check of the scenario. Raises SimulationError if there is none."""
+    other = other_engine(scenario.engine)
+    if other is None:
+        raise SimulationError(
+            f"there is no other engine to compare '{scenario.engine}' with: a cross-check needs two installed engines with "
+            "dynamics, such as bullet (package pybullet) and mujoco (package mujoco-core)"
+        )
+    return other
+
+
+@blame_laws()
+def cross_check(
+    scenario: Scenario, run: Run, robot: Robot | None = None, *, progress: Callable[[str, float], None] | None = None
+) -> dict[str, Any]:
+    """Repeat a run in another engine and compare the motions.
+
+    robot: the robot as read from its file. progress: function that receives the name of the engine and its simulated time.
+    Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
+    of each joint (rad, m; N m, N; None for a joint without drive); `finding`: description of a fault, empty if the engines
+    agree or may differ; `note`: explanation of the differences. Raises SimulationError if there is no other engine.
+    """
+    other, version = require_other_engine(scenario), ""
+    names = [joint.name for joint in run.robot.moving_joints]
+    contacts, finding, note = not scenario.world.empty, "", ""
+    same = _finer(scenario, run, 1)
+    own = prepare(same, robot)
+    found = np.full((len(names), len(MEASURES)), np.nan)
+    try:
+        repeated = prepare(replace(same, engine=other), robot)
+        version = repeated.info.metadata["engine_version"]
+        found, fault = _differences(own, repeated, other, progress)
+        if fault:
+            message = f"the run diverges with {other}: {fault}"
+            finding, note = ("", message) if contacts else (message, "")
+    except AsrsimError as error:
+        note = f"{other} cannot run this: {error}"
+    difference = np.nan_to_num(found[:, 0])
+    worst = int(difference.argmax())
+    if contacts:
+        note = note or (
+            f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
+        )
+    elif difference[worst] > LIMIT and not finding:
+        effect, fault = _differences(own, _nudged(own), "sensitivity", progress)
+        sensitivity = math.inf if fault else float(effect[:, 0].max())
+        if difference[worst] <= SENSITIVE * sensitivity:
+            note = (
+                f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
+                f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
+            )
+        else:
+            finding = (
+                f"joint '{names[worst]}': {scenario.engine} and {other} differ by {difference[worst]:.2g} rad though nothing "
+                f"touches (at most {LIMIT:g} is rounding): one of them is wrong"
+            )
+    values = {name: map(finite_or_none, row) for name, row in zip(names, found.tolist(), strict=True)}
+    joints = {name: dict(zip(MEASURES, row, strict=True)) for name, row in values.items()}
+    return {
+        "engine": scenario.engine, "other": other, "versions": [run.info.metadata["engine_version"], version or other],
+        "contacts": contacts, "joints": joints, "finding": finding, "note": note, "agrees": not finding,
+    }  # fmt: skip
+
+
+def _differences(
+    one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None
+) -> tuple[Array, str]:
+    """Differences (joints, `MEASURES`) between two runs, and the message of a divergence, which ends the comparison; "" if
+    there is none."""
+    comparison, fault = Comparison([one, other]), ""
+    try:
+        for time in comparison:
+            if progress is not None:
+                progress(title, time)
+    except DivergenceError as error:
+        fault = str(error)
+    return comparison.measures[0], fault
+
+
+def _nudged(prepared: Prepared) -> Prepared:
+    """The run with start positions that are moved by `NUDGE`, away from stops. A joint beyond a stop keeps its start."""
+    positions = {}
+    for drive in prepared.drives:
+        start, (low, high) = drive.initial_position, drive.joint.stops
+        if low <= start <= high:
+            positions[drive.name] = start + NUDGE if start + NUDGE <= high else start - NUDGE
+    return prepared.started(Start(positions=positions))
