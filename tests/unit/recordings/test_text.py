@@ -97,8 +97,9 @@ def test_blank_lines_are_no_bad_rows(tmp_path, end):
     assert not read_recording(path).findings
 
 
-def test_digits_joined_by_an_underscore_are_no_number(tmp_path):
-    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()[:4], "0.04,1_0,0", *rows()[5:]])
+@pytest.mark.parametrize("cell", ["1_0", '"1,5"'])
+def test_digits_joined_by_an_underscore_or_a_comma_are_no_number(tmp_path, cell):
+    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()[:4], f"0.04,{cell},0", *rows()[5:]])
     assert finding(read_recording(path).findings, "not-a-number").line == 6
 
 
