@@ -27,6 +27,9 @@ LOADED = 64
 NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 """Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
 substep, and without tests for divisions by 0, which give inf or NaN."""
+VECTORISED = 0
+"""Numba's setting for the vectorisation of loops. Our loops over joints and motors are short, and read numbers that have just
+been written one by one: a vector of such numbers would have to wait until they are in the cache."""
 _loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
@@ -228,20 +231,31 @@ def _through_cache(
     The process compiles or loads each function only once, since loading takes as long as thousands of substeps.
     """
     import numba
+    from numba.core import config
 
+    settings: Any = config
     _without_algebra()
-    ingredients = [repr((inline, NUMERIC)), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
+    ingredients = [
+        repr((inline, NUMERIC, VECTORISED)),
+        numba.__version__,
+        sys.version,
+        version,
+        repr(_code(function, names, set())),
+    ]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     cached = cache_file(digest)
     key = digest, cached
     if key in _loaded:
         _loaded.move_to_end(key)
         return _loaded[key]  # type: ignore[no-any-return]
+    usual, settings.LOOP_VECTORIZE = settings.LOOP_VECTORIZE, VECTORISED
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
         # The cache may be damaged or read-only: compile without the cache.
         made = compiled(_marked(function, names, digest, None, inline), False)
+    finally:
+        settings.LOOP_VECTORIZE = usual
     _loaded[key] = made
     if len(_loaded) > LOADED:
         _loaded.popitem(last=False)

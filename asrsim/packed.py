@@ -41,8 +41,6 @@ def reader(kind: Any) -> Any:
 
     def read_packed(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            # The loops over degrees of freedom are short, so that versions of them for many rounds would cost time.
-            builder.function.attributes.add("optsize")
             take = _words_at(builder, arguments[0])
 
             def read(member: Any) -> Any:

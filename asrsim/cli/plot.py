@@ -88,13 +88,16 @@ def plot(
     from asrsim.cli.progress import FractionBar
     from asrsim.plots.job import PlotJob
     from asrsim.plots.job import plot as draw
-    from asrsim.runs.folder import find_logs, unreadable_logs
+    from asrsim.runs.folder import find_logs
 
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
-    say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
-    found = [log for place in logs or () for log in find_logs(place)]
+    found: list[Path] = []
+    for place in logs or ():
+        own, problems = find_logs(place)
+        found += own
+        say_problems(problems, "warning")
     job = PlotJob(
         logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
         experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,

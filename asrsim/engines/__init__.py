@@ -6,7 +6,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from asrsim.engines.base import ENGINES, Engine, EngineEntry, Model
+from asrsim.engines.base import ENGINES, Engine, EngineEntry
 
 if TYPE_CHECKING:
     from asrsim.errors import Problem
@@ -42,4 +42,4 @@ def default_engine() -> str:
     return "bullet" if ENGINES.get("bullet").available else "mujoco"
 
 
-__all__ = ["ENGINES", "Engine", "EngineEntry", "Model", "default_engine"]
+__all__ = ["ENGINES", "Engine", "EngineEntry", "default_engine"]

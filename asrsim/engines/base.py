@@ -32,9 +32,6 @@ N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of
 velocity (rad/s, m/s) at its end to the rows of the last piece."""
 ROUNDING = 1e-9
 """Largest rounding error of the sum of the lengths of a kick's pieces."""
-Point = tuple[float, float, float]
-Values = Sequence[float] | Array
-"""One number for each moving joint."""
 GROUND, ROBOT = "ground", "robot"
 """Names of the ground and of the robot in the names of contact forces."""
 NOTHING = (0.0, 0.0, 0.0)
@@ -49,28 +46,6 @@ def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array,
         return exchange[0], wrenches, whole
     shares = lengths / total
     return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None] if wrenches.size else wrenches, whole
-
-
-class Model(Protocol):
-    """Kinematics and dynamics of the robot without its world, at any state. Arrays are in the order of `joints`."""
-
-    joints: tuple[str, ...]
-    links: tuple[str, ...]
-
-    def mass_matrix(self, positions: Values) -> Array:
-        """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
-
-    def bias(self, positions: Values, velocities: Values) -> Array:
-        """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
-
-    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
-        """Joint torques (n,) in N m that give `accelerations`, on a fixed base; the arguments have the shape (n,)."""
-
-    def energy(self, positions: Values, velocities: Values) -> float:
-        """Kinetic and gravitational energy of the links in J, on a fixed base."""
-
-    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
-        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
 
 
 class Scene(NamedTuple):
@@ -131,8 +106,6 @@ class Engine(Protocol):
     """Moving joints; arrays and sequences below are in this order."""
     version: str
     """Name and version of the engine's library, for the log."""
-    model: Model | None
-    """Model of the robot; None if the motion of the links is prescribed."""
     state: Any
     """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
 

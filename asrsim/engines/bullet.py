@@ -29,7 +29,7 @@ from asrsim.engines.base import (
     contact_forces,
     whole_kick,
 )
-from asrsim.engines.bullet_model import BASE, BulletModel, Client, inertial_frame, load_body, matrix_of
+from asrsim.engines.bullet_model import BASE, BulletDynamics, Client, inertial_frame, load_body, matrix_of
 from asrsim.engines.exact_friction import STICKING
 from asrsim.engines.rigid import (
     BEFORE,
@@ -45,8 +45,9 @@ from asrsim.errors import Problem, SimulationError
 from asrsim.robot.engine_text import engine_urdf, usable_shapes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix
+from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
@@ -101,9 +102,11 @@ class BulletEngine(RigidEngine):
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
-        self.model = model = BulletModel(scenario, robot)
-        self.joints, self.root, self.centre = model.joints, model.root, model.centre
-        count, base = len(self.joints), model.free
+        self._dynamics = dynamics = BulletDynamics(scenario, robot)
+        self._kinematics = robot_model(scenario, robot)
+        """Model that places the wrenches."""
+        self.joints, self.root, self.centre = dynamics.joints, dynamics.root, dynamics.centre
+        count, base = len(self.joints), dynamics.free
         self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
         room = make_room(
@@ -119,21 +122,38 @@ class BulletEngine(RigidEngine):
     def turned(self, configuration: Array) -> Array:
         """Rotation matrix (3, 3) of the base link, if it floats."""
         w, *vector = configuration[3:7].tolist()
-        return matrix_of(self.model._p, (*vector, w))
+        return matrix_of(self._dynamics.p, (*vector, w))
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
-        room, model = self._room, self.model
+        room, dynamics = self._room, self._dynamics
         rotation = self.turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
-        room.matrix[:] = model.matrix_at(positions, rotation)
-        room.bias[:] = model.bias_at(positions, rotation, room.qvel)
+        room.matrix[:] = dynamics.matrix_at(positions, rotation)
+        room.bias[:] = dynamics.bias_at(positions, rotation, room.qvel)
         for piece, values in enumerate(wrenches if wrenches.size else ()):
-            forces[piece, :, 0] = model.push(self._scenario.wrenches, values, positions, rotation)
+            forces[piece, :, 0] = self._push(values, positions, rotation)
+
+    def _push(self, values: Array, positions: Array, rotation: Array | None) -> Array:
+        """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
+        model, total = self._kinematics, np.zeros(self._room.freedoms)
+        # The origin is the centre of mass of a floating base.
+        base = None if rotation is None else frame(-rotation @ self.centre, rotation)
+        for wrench, value in zip(self._scenario.wrenches, values, strict=True):
+            if not value.any():
+                continue
+            at, turned = model.pose(positions, wrench.link, wrench.point, base)
+            force, torque = value.reshape(2, 3) if wrench.frame == "world" else value.reshape(2, 3) @ turned.T
+            jacobian = model.jacobian(positions, wrench.link, wrench.point, base)
+            total[self._dynamics.free :] += np.concatenate([force, torque]) @ jacobian
+            if rotation is not None:
+                total[:3] += force
+                total[3:6] += (torque + np.cross(at, force)) @ rotation
+        return total
 
     def close(self) -> None:
         """Disconnect the physics client."""
-        self.model.close()
+        self._dynamics.close()
 
 
 class BulletContacts(BulletEngine):
@@ -228,7 +248,7 @@ class BulletContacts(BulletEngine):
 
     def _place(self, positions: Array, velocities: Array) -> None:
         """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
-        base = self.model.free
+        base = self._dynamics.free
         for index, position, velocity in zip(self._indices, positions.tolist(), velocities[base:].tolist(), strict=True):
             self._p.resetJointState(self._body, index, position, velocity)
         if base:
@@ -237,7 +257,7 @@ class BulletContacts(BulletEngine):
 
     def _read(self) -> None:
         """Read positions and velocities of the robot."""
-        p, body, room, base = self._p, self._body, self._room, self.model.free
+        p, body, room, base = self._p, self._body, self._room, self._dynamics.free
         if self._indices:
             states = zip(*p.getJointStates(body, self._indices), strict=True)
             room.qpos[self._start :], room.velocity[base:], *_ = states
@@ -248,7 +268,7 @@ class BulletContacts(BulletEngine):
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
-        p, room, model = self._p, self._room, self.model
+        p, room, dynamics = self._p, self._room, self._dynamics
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
         now, positions = room.velocity.copy(), room.qpos[self._start :]
         push, load, _, length = self._arrays
@@ -257,7 +277,7 @@ class BulletContacts(BulletEngine):
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
         self.look(forces, self._forces)
         self._calculation(*self._arrays)
-        targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[model.free :])
+        targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[dynamics.free :])
         self._before[:] = now
         if fraction != 1.0:
             # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
@@ -266,11 +286,11 @@ class BulletContacts(BulletEngine):
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
-        push += model.bias_at(positions, rotation, room.velocity) - room.bias
+        push += dynamics.bias_at(positions, rotation, room.velocity) - room.bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
             set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
-            set_motors(p.TORQUE_CONTROL, forces=push[model.free :].tolist())
+            set_motors(p.TORQUE_CONTROL, forces=push[dynamics.free :].tolist())
         if rotation is not None:
             centre = p.getBasePositionAndOrientation(self._body)[0]
             p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME)
@@ -278,7 +298,7 @@ class BulletContacts(BulletEngine):
         p.stepSimulation()
         self._read()
         exchange[-1, :, POSITION] = positions
-        exchange[-1, :, VELOCITY] = room.velocity[model.free :]
+        exchange[-1, :, VELOCITY] = room.velocity[dynamics.free :]
 
     def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
         """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb
@@ -288,7 +308,7 @@ class BulletContacts(BulletEngine):
         ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
         its stop at most.
         """
-        room, step, before = self._room, float(self._room.scheme[STEP]), self._room.velocity[self.model.free :]
+        room, step, before = self._room, float(self._room.scheme[STEP]), self._room.velocity[self._dynamics.free :]
         rows = list(zip(room.qpos[self._start :].tolist(), ends.tolist(), before.tolist(), strict=True))
         targets, bounds = np.zeros(len(friction)), friction.copy()
         for j, lower, upper in self._stops:

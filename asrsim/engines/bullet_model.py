@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of the robot without its world, by PyBullet's routines on a separate physics client.
+"""Mass matrix and bias of the robot without its world, by PyBullet's routines on a separate physics client.
 
 PyBullet reads only files, may crash on a mesh, and prints to the terminal. Its dynamics routines follow unusual conventions,
 which this module converts. The routines order the degrees of freedom by Bullet's links. For a floating base, the routines use
@@ -20,16 +20,14 @@ from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.base import Point, Values
 from asrsim.engines.foreign import crashes, quiet
-from asrsim.engines.rigid import RigidModel
 from asrsim.errors import RobotError
 from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, Wrench
+from asrsim.scenario.data import Scenario
 
 BASE = 6
 """Degrees of freedom of a floating base."""
@@ -62,11 +60,11 @@ def _disconnect(p: Any, number: int) -> None:
         p.disconnect(number)
 
 
-class BulletModel(RigidModel):
-    """PyBullet's `asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot simulate."""
+class BulletDynamics:
+    """Mass matrix and bias of a robot, computed by PyBullet. Raises RobotError for a robot that PyBullet cannot simulate."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self._p = p = Client()
+        self.p = p = Client()
         self.close = p.close
         merged = merge_fixed(robot)
         bare = replace(merged.robot, links=tuple(replace(link, collisions=()) for link in merged.robot.links))
@@ -75,24 +73,22 @@ class BulletModel(RigidModel):
         self._scenario, self._robot = scenario, bare
         self._body, index = self._load()
         self.indices = [index[joint.child] for joint in bare.moving_joints]
-        self._places = {name: (index[place.body], place.pose) for name, place in merged.places.items()}
-        self.root = bare.root.name
-        self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
+        self.root, self.joints = bare.root.name, tuple(joint.name for joint in bare.moving_joints)
         self.free = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
         self._to_bullet = np.argsort(self.indices).tolist()
         joints = (self.free + np.argsort(self._to_bullet)).tolist()
         # The base: translation before rotation.
-        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
+        rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
         self._forces: Any = np.array([*range(self.free), *joints], dtype=np.int64)
-        self._block: Any = np.ix_(self._rows, self._rows)
+        self._block: Any = np.ix_(rows, rows)
         if not self.free and joints == list(range(len(joints))):
             # Bullet's order is ours: `...` is faster than indices.
             self._forces = self._block = ...
         self._zero = [0.0] * len(self.indices)
         dynamics = p.getDynamicsInfo(self._body, -1)
         self.centre, self.axes = np.array(dynamics[3]), matrix_of(p, dynamics[4])
-        self._home, standing = p.getBasePositionAndOrientation(self._body)
+        _, standing = p.getBasePositionAndOrientation(self._body)
         self._standing = matrix_of(p, standing)
         self._parts: list[tuple[float, int]] = []
         self._set_gravity(self._standing)
@@ -109,7 +105,7 @@ class BulletModel(RigidModel):
             return
         with quiet():
             try:
-                self.full_matrix(self._zero)
+                self.full_matrix(np.zeros(len(self.indices)))
                 return
             except SystemError:
                 moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
@@ -117,17 +113,15 @@ class BulletModel(RigidModel):
                 self._body = self._load(lift)[0]
                 self._parts = [(1.0, self._body), (-1.0, self._load(2.0 * lift)[0])]
             try:
-                self.full_matrix(self._zero)
+                self.full_matrix(np.zeros(len(self.indices)))
             except SystemError as error:
                 message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
-    def _ordered(self, values: Values) -> list[float]:
+    def _ordered(self, values: Array) -> list[float]:
         """`values` of the moving joints in Bullet's order."""
-        plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]
+        plain = values.tolist()
         return [plain[j] for j in self._to_bullet]
-
-    # -- for stepping ------------------------------------------------------------------------------------------------
 
     def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
         """Mass matrix (v, v) of all degrees of freedom, a floating base first: translation of its centre of mass along the axes
@@ -153,23 +147,6 @@ class BulletModel(RigidModel):
         bias[:3], bias[3:6] = turned @ bias[:3], self.axes @ bias[3:6]
         return bias
 
-    def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
-        """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
-        total = np.zeros(self.free + len(self.indices))
-        # The base of this model keeps the pose of the start.
-        turn = np.eye(3) if rotation is None else rotation @ self.axes @ self._standing.T
-        for wrench, value in zip(wrenches, values, strict=True):
-            if not value.any():
-                continue
-            at, frame, jacobian = self.link_point(wrench.link, wrench.point, positions)
-            axes = np.eye(3) if wrench.frame == "world" else turn @ frame
-            force, torque = axes @ value[:3], axes @ value[3:]
-            total[self.free :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
-            if rotation is not None:
-                total[:3] += force
-                total[3:6] += rotation.T @ (torque + np.cross(turn @ (at - self._home), force))
-        return total
-
     def _sum(self, routine: Any, *arguments: list[float]) -> Array:
         """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
         total = np.array(routine(self._body, *arguments))
@@ -187,54 +164,14 @@ class BulletModel(RigidModel):
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
             # Bullet ignores the orientation of the base: gravity is turned instead.
             self._set_gravity(turned)
-        return np.asarray(self._sum(self._p.calculateInverseDynamics, *states)[self._forces])
+        return np.asarray(self._sum(self.p.calculateInverseDynamics, *states)[self._forces])
 
     def _set_gravity(self, turned: Array) -> None:
-        self._p.setGravity(*(turned.T @ self._scenario.gravity).tolist())
+        self.p.setGravity(*(turned.T @ self._scenario.gravity).tolist())
 
-    # -- the model ---------------------------------------------------------------------------------------------------
-
-    def full_matrix(self, positions: Values) -> Array:
+    def full_matrix(self, positions: Array) -> Array:
         """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
-        return np.asarray(self._sum(self._p.calculateMassMatrix, self._ordered(positions))[self._block])
-
-    def inverse_dynamics(self, positions: Values, velocities: Values, accelerations: Values) -> Array:
-        """Joint torques (n,) in N m that give `accelerations`, on a fixed base."""
-        states = [self._ordered(values) for values in (positions, velocities, accelerations)]
-        return self._forces_at(self._standing, *states)[self.free :]
-
-    def potential(self, positions: Values) -> float:
-        """Gravitational energy of the links in J."""
-        p, body = self._p, self._body
-        self._place(positions)
-        weights = [
-            p.getDynamicsInfo(body, index)[0] * np.array(p.getLinkState(body, index, 0, 1)[0])
-            for index in range(p.getNumJoints(body))
-        ]
-        return -float(np.sum(weights, axis=0) @ self._scenario.gravity) if weights else 0.0
-
-    def link_point(self, link: str, point: Point, positions: Values) -> tuple[Array, Array, Array]:
-        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
-        p, body = self._p, self._body
-        index, pose = self._places[link]
-        self._place(positions)
-        at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
-        centre, rotation, local = inertial_frame(p, body, index)
-        position = np.asarray(centre) + rotation @ (at - np.asarray(local))
-        if index == -1:
-            return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
-        # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
-        # Jacobian in the frame of the base's inertia; Bullet's manual states other conventions. The tests check the Jacobian by
-        # differences of poses.
-        turned = (matrix_of(p, p.getDynamicsInfo(body, index)[4]).T @ at).tolist()
-        parts = p.calculateJacobian(body, index, turned, self._ordered(positions), self._zero, self._zero)
-        jacobian = np.vstack([self._standing @ np.array(part) for part in parts])
-        return position, rotation @ pose.rotation, jacobian[:, self._rows[self.free :]]
-
-    def _place(self, positions: Values) -> None:
-        """Set the positions of the joints."""
-        for joint, value in zip(self.indices, positions, strict=True):
-            self._p.resetJointState(self._body, joint, float(value), 0.0)
+        return np.asarray(self._sum(self.p.calculateMassMatrix, self._ordered(positions))[self._block])
 
 
 def load_body(p: Client, urdf: str, scenario: Scenario, robot: Robot, lift: float = 0.0) -> tuple[int, dict[str, int]]:

@@ -37,7 +37,6 @@ from asrsim.engines.mujoco_library import (
     overlaps,
     stop_the_clock,
 )
-from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.packed import pack
@@ -80,8 +79,8 @@ class MujocoEngine(RigidEngine):
         self.centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
-        places = {name: self._place(place) for name, place in merged.places.items()}
-        self.model = MujocoModel(mujoco, self._m, joints=self.joints, free=6 * self._free, home=home, places=places)
+        self._places = {name: self._place(place) for name, place in merged.places.items()}
+        """MuJoCo body of each link, and position (3,) in m and rotation (3, 3) of the link in the body."""
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step)
@@ -121,12 +120,12 @@ class MujocoEngine(RigidEngine):
         return self.centre if link == self.root else np.zeros(3)
 
     def _make_record(self, data: Any) -> mujoco_step.Record:
-        model = self.model
+        joints = [self._m.joint(name) for name in self.joints]
         room = make_room(
-            self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=model.at_q, joint_v=model.at_v,
-            free=self._free, parent=self._m.dof_parentid,
+            self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=[joint.qposadr[0] for joint in joints],
+            joint_v=[joint.dofadr[0] for joint in joints], free=self._free, parent=self._m.dof_parentid,
         )  # fmt: skip
-        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, model.places)
+        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places)
 
     def _make_native_record(self) -> Record:
         data = self._mujoco.MjData(self._m)
@@ -156,7 +155,6 @@ class MujocoEngine(RigidEngine):
             if not np.array_equal(self.centre, base_centre(self._scenario, merged)):
                 return False
             self._set_inertials(merged.links, self._d)
-            self.model.forget()
         self.robot = robot
         return True
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from asrsim import compiling
 from asrsim.compiling import Callback
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Model, Scene, Values
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
 from asrsim.robot.model import Robot
@@ -406,35 +406,3 @@ class RigidEngine(Engine):
     def vary(self, robot: Robot) -> bool:
         """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""
         return robot.links == self.robot.links
-
-
-class RigidModel(Model):
-    """The part of `asrsim.engines.base.Model` that does not depend on the physics library."""
-
-    free: int
-    """Number of degrees of freedom of a floating base, which precede the joints; 0 for a fixed base."""
-
-    def full_matrix(self, positions: Values) -> Array:
-        """Mass matrix (v, v) of all degrees of freedom."""
-        raise NotImplementedError
-
-    def potential(self, positions: Values) -> float:
-        """Gravitational energy of the links in J."""
-        raise NotImplementedError
-
-    def mass_matrix(self, positions: Values) -> Array:
-        """Mass matrix (n, n) of the moving joints in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
-        matrix = self.full_matrix(positions)
-        if not self.free:
-            return matrix
-        base, cross = matrix[: self.free, : self.free], matrix[: self.free, self.free :]
-        return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
-
-    def bias(self, positions: Values, velocities: Values) -> Array:
-        """Joint torques (n,) in N m that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
-        return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
-
-    def energy(self, positions: Values, velocities: Values) -> float:
-        """Kinetic and gravitational energy of the links in J, on a fixed base."""
-        speeds = np.asarray(velocities, dtype=float)
-        return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + self.potential(positions)

@@ -45,7 +45,9 @@ class Readings:
                 problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
         model = source.model
         if tip is not None and model is None:
-            problems.append(Problem("the engine has no model that gives the position of a tip", code="no-model"))
+            problems.append(
+                Problem("the engine prescribes the motion, so no model gives the position of a tip", code="no-model")
+            )
         elif tip is not None and model is not None and tip[0] not in model.links:
             problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=model.links, code="unknown-link"))
         if tip is not None and not _is_point(tip[1]):
@@ -91,8 +93,7 @@ class Readings:
         if model is None or tip is None:
             raise RuntimeError("the tip was checked before")
         x, y, z = tip[1]
-        places = [model.link_point(tip[0], (x, y, z), row)[0] for row in positions.reshape(-1, positions.shape[-1])]
-        return np.array(places, dtype=float).reshape(*positions.shape[:-1], 3)
+        return model.pose(positions, tip[0], (x, y, z))[0]
 
 
 def _is_point(values: Any) -> bool:

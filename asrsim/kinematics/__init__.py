@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from asrsim.kinematics.drive_inverse import equilibrium_for_load
-from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.path import PoseTrajectory, follow
 from asrsim.kinematics.plan import plan, plan_references, plan_task
 
@@ -11,7 +10,6 @@ __all__ = [
     "PoseTrajectory",
     "equilibrium_for_load",
     "follow",
-    "model_of",
     "plan",
     "plan_references",
     "plan_task",

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,12 +26,11 @@ from asrsim.kinematics.drive_inverse import (
 )
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
-
-if TYPE_CHECKING:
-    from asrsim.kinematics.engine_model import EngineModel
 
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
@@ -115,10 +113,14 @@ class SoftArm:
 
     scenario: Scenario
     robot: Robot
-    model: EngineModel
 
     def __post_init__(self) -> None:
         check_two_motors(self.robot, "inverse dynamics")
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """Rigid-body model of the robot on its base."""
+        return robot_model(self.scenario, self.robot)
 
     @cached_property
     def drives(self) -> dict[str, Drive]:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.engines.base import Point
-from asrsim.kinematics.engine_model import EngineModel
+from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.model import Vector
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
@@ -107,9 +107,9 @@ class JointPath:
 
 
 def follow(
-    model: EngineModel,
+    model: RobotModel,
     link: str,
-    point: Point,
+    point: Vector,
     trajectory: PoseTrajectory,
     start: Array,
     time: Array,

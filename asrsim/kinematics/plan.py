@@ -13,11 +13,12 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.drive_inverse import equilibria_for_loads
-from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
 from asrsim.kinematics.path import JointPath, NDArrayBool, PoseTrajectory, follow
 from asrsim.robot import drive_of
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import CartesianTask, for_joint
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
@@ -59,7 +60,7 @@ class PlannedReferences:
 
 def plan(
     task: CartesianTask,
-    model: EngineModel,
+    model: RobotModel,
     drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
@@ -93,7 +94,7 @@ def plan(
         damping=task.damping,
     )
     _check_path(task, model, trajectory, path, moving)
-    loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None
+    loads = model.gravity_torques(path.positions) if task.gravity_compensation else None
     references = {}
     for drive in drives:
         index = model.joints.index(drive.joint)
@@ -106,7 +107,7 @@ def plan(
 
 
 def _check_path(
-    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
+    task: CartesianTask, model: RobotModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
 ) -> None:
     """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
@@ -218,9 +219,8 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     joints = tuple(names)
     time = scenario.step_times()
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
-    with model_of(scenario, robot) as model:
-        arm = SoftArm(scenario=scenario, robot=robot, model=model)
-        inverse = arm.inverse(time, joints, wanted)
+    arm = SoftArm(scenario=scenario, robot=robot)
+    inverse = arm.inverse(time, joints, wanted)
     unheld = [demand for demand in inverse.out_of_reach if demand.what == "spring torque"]
     if unheld:
         raise ScenarioError(
@@ -251,5 +251,5 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
         if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
     initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
-    with model_of(scenario, robot) as model:
-        return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)
+    model = robot_model(scenario, robot)
+    return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)

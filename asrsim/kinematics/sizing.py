@@ -20,11 +20,11 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.rest import resting_motors
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
-from asrsim.robot import ActuatorBlock, Joint, Robot, merge_fixed
-from asrsim.robot.chain import Chain
-from asrsim.robot.inertia import zero_pose_matrix
+from asrsim.robot import ActuatorBlock, Joint, Robot
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.mounting import drive_of, with_overrides
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
 
@@ -116,47 +116,41 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, found by overdamped relaxation from the position of its references. The sag is NaN
     if the torques of opposing springs overflow."""
-    chain = _chain(scenario, robot)
-    time = _instants(scenario, blocks)
-    wanted = {
-        joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
-        for joint in robot.moving_joints
-    }
-    goals: dict[str, Array] = {}
-    for block in blocks:
-        goals[block.joint], goal = goals_of(scenario, block, time)
-        wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
-    weights = _weights(scenario, robot)
-    joints = {
-        block.joint: _Joint(drive_of(block), goals[block.joint], wanted[block.joint], robot, weights[block.joint])
-        for block in blocks
-    }
-    start = chain.gravity_load(wanted, scenario.gravity)
-    positions = dict(wanted)
+    model, time = robot_model(scenario, robot), _instants(scenario, blocks)
+    wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
+    weights, columns, goals = _weights(model), [model.joints.index(block.joint) for block in blocks], []
+    for block, column in zip(blocks, columns, strict=True):
+        own, goal = goals_of(scenario, block, time)
+        goals.append(own)
+        wanted[:, column] = np.clip(goal, *robot.joint(block.joint).stops)
+    joints = [
+        _Joint(drive_of(block), own, wanted[:, column], robot, weights[block.joint])
+        for block, own, column in zip(blocks, goals, columns, strict=True)
+    ]
+    start = -model.gravity_torques(wanted)
+    positions = wanted.copy()
     share, before = np.ones(len(time)), np.zeros((len(joints), len(time)))
     for _ in range(STEPS):
-        loads = chain.gravity_load(positions, scenario.gravity)
-        after = {name: joint.settle(positions[name], loads[name], share) for name, joint in joints.items()}
-        moved = np.stack([after[name] - positions[name] for name in joints])
-        positions |= after
+        loads = -model.gravity_torques(positions)
+        pairs = zip(joints, positions.T[columns], loads.T[columns], strict=True)
+        after = np.array([joint.settle(position, load, share) for joint, position, load in pairs])
+        moved = after - positions.T[columns]
+        positions[:, columns] = after.T
         if np.max(np.abs(moved) / share) < 1e-5:
             break
         # The relaxation of coupled joints may oscillate: after a step that reverses the motion, the next is shorter.
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
-    return tuple(joint.holding(time, wanted[name], positions[name], start[name]) for name, joint in joints.items())
+    return tuple(
+        joint.holding(time, wanted[:, column], positions[:, column], start[:, column])
+        for joint, column in zip(joints, columns, strict=True)
+    )
 
 
-def _chain(scenario: Scenario, robot: Robot) -> Chain:
-    return Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-
-
-def _weights(scenario: Scenario, robot: Robot) -> dict[str, float]:
+def _weights(model: RobotModel) -> dict[str, float]:
     """Largest gravity load on each joint in random postures, N m or N."""
-    generator = np.random.default_rng(0)
-    postures = {joint.name: generator.uniform(-np.pi, np.pi, POSTURES) for joint in robot.moving_joints}
-    loads = _chain(scenario, robot).gravity_load(postures, scenario.gravity)
-    return {name: float(np.abs(values).max()) for name, values in loads.items()}
+    postures = np.random.default_rng(0).uniform(-np.pi, np.pi, (len(model.joints), POSTURES)).T
+    return dict(zip(model.joints, np.abs(model.gravity_torques(postures)).max(axis=0).tolist(), strict=True))
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
@@ -300,7 +294,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
 def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
     """Values of parameters, by joint and parameter, with which springs and motors hold the arm in any posture, and no joint is
     slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter."""
-    inertia, weights, found = _carried(robot), _weights(scenario, robot), {}
+    inertia, weights, found = _carried(robot), _weights(robot_model(scenario, robot)), {}
     for block in _sprung(robot):
         drive, weight = drive_of(block), weights[block.joint]
         present, pretension, step = _springs(scenario, block)
@@ -347,7 +341,7 @@ def _weak(joints: tuple[Holding, ...]) -> tuple[Holding, ...]:
 def _carried(robot: Robot) -> dict[str, float]:
     """Inertia that the spring of each joint moves if all joints accelerate equally, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
-    return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
+    return dict(zip(names, np.abs(RobotModel(robot).mass_matrix(np.zeros(len(names)))).sum(axis=1).tolist(), strict=True))
 
 
 def _springs(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float, float]:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.kinematics.path import PoseTrajectory
-from asrsim.robot.chain import Chain, Pose
+from asrsim.robot.poses import frame
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
-    from asrsim.scenario.data import Scenario
+    from asrsim.scenario import robot_model
+from asrsim.scenario.data import Scenario
 
 
 class TipPoses:
@@ -26,24 +28,19 @@ class TipPoses:
         if task is None:
             raise ValueError("the scenario has no task")
         self._task = task
-        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-        start = {
-            joint.name: np.array([float(for_joint(scenario.initial_positions, joint.name, 0.0))])
-            for joint in robot.moving_joints
-        }
-        position, rotation = self._tip(start, None)
-        self._path = PoseTrajectory.through(task.poses, task.interpolation, (position[0], rotation[0]))
+        self._model = robot_model(scenario, robot)
+        start = np.array([float(for_joint(scenario.initial_positions, joint, 0.0)) for joint in self._model.joints])
+        self._path = PoseTrajectory.through(task.poses, task.interpolation, self._tip(start, None))
 
-    def _tip(self, positions: dict[str, Array], base: Pose | None) -> tuple[Array, Array]:
-        """Position (n, 3) in m and rotation (n, 3, 3) of the task's point."""
-        rotation, position = self._chain.poses(positions, base)[self._task.link]
-        return position + rotation @ np.array(self._task.point), rotation
+    def _tip(self, positions: Array, base: Array | None) -> tuple[Array, Array]:
+        """Position (..., 3) in m and rotation (..., 3, 3) of the task's point."""
+        return self._model.pose(positions, self._task.link, self._task.point, base)
 
     def added(self, samples: Samples) -> Samples:
         """Samples with the bodies `tip` and `tip_goal`. If the orientation is free, the goal has the orientation of the tip."""
-        table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
-        root = self._chain.robot.root.name
-        position, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)
+        root = self._model.robot.root.name
+        base = _frames(samples.bodies[root]) if root in samples.bodies else None
+        position, rotation = self._tip(samples.values["link_position"], base)
         goal, turned = self._path.at(samples.time)
         poses = {TIP: _row(position, rotation), TIP_GOAL: _row(goal, rotation if turned is None else turned)}
         return replace(samples, bodies={**samples.bodies, **poses})
@@ -56,7 +53,8 @@ def _row(position: Array, rotation: Array) -> Array:
     return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=1)
 
 
-def _pose(rows: Array) -> Pose:
+def _frames(rows: Array) -> Array:
+    """Frames (n, 4, 4) of poses (n, 7)."""
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_quat(rows[:, 3:]).as_matrix()), rows[:, :3]
+    return frame(rows[:, :3], Rotation.from_quat(rows[:, 3:]).as_matrix())

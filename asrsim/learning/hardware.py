@@ -97,24 +97,24 @@ def next_input(
             message = f"was used already, as trial {digests.index(digest)}; record the motion under {folder / NEXT} instead"
             raise InputError(message, file=path, code="recording-taken")
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
-        with learning_model(plant) as model:
-            prepared = prepare_learning(plant, model)
-            problem, settings = prepared.problem, prepared.settings
-            trials = load_state(folder / STATE, problem, settings) if (folder / STATE).exists() else []
-            if len(trials) != len(digests):
-                message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to start again"
-                raise InputError(message, file=folder / STATE, hint=hint, code="state")
-            if again:
-                digests.pop()
-            played = trials.pop().inputs if again else _pending(folder, prepared, trials)
-            found = recorded(recording, plant, lag)
-            trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
-            ended = verdict(problem, trials, settings, prepared.law)
-            twin, ratio = None, 0.0
-            if ended is None:
-                inputs, twin, ratio = _proposed(prepared, trials, _start(folder, again=again))
-            else:
-                inputs = best_of(trials).inputs
+        model = learning_model(plant)
+        prepared = prepare_learning(plant, model)
+        problem, settings = prepared.problem, prepared.settings
+        trials = load_state(folder / STATE, problem, settings) if (folder / STATE).exists() else []
+        if len(trials) != len(digests):
+            message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to start again"
+            raise InputError(message, file=folder / STATE, hint=hint, code="state")
+        if again:
+            digests.pop()
+        played = trials.pop().inputs if again else _pending(folder, prepared, trials)
+        found = recorded(recording, plant, lag)
+        trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
+        ended = verdict(problem, trials, settings, prepared.law)
+        twin, ratio = None, 0.0
+        if ended is None:
+            inputs, twin, ratio = _proposed(prepared, trials, _start(folder, again=again))
+        else:
+            inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
@@ -149,8 +149,7 @@ def _proposed(
     if not isinstance(prepared.law, NormOptimal):
         inputs = prepared.law.propose(trials)
         return inputs, twin, foretold(inputs)
-    with learning_model(twin.plant) as model:
-        lifted = model.lifted
+    lifted = learning_model(twin.plant).lifted
     change = rehearsed(problem, lifted, best, rho, forecasts[0]) - best.inputs
     for share in SHARES:
         inputs = best.inputs + share * change

@@ -20,7 +20,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.drive_inverse import DesiredMotion, reference_map
-from asrsim.kinematics.engine_model import EngineModel
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 
 POSTURES = 101
@@ -136,7 +136,7 @@ def _rho(drive: Drive) -> Array:
 
 
 def linearise_along(
-    model: EngineModel,
+    model: RobotModel,
     drives: Sequence[Drive],
     motion: DesiredMotion,
     springs: Array,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,7 +10,6 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import resting_motors
-from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.inverse import InverseDynamics, SoftArm
 from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
 from asrsim.learning.optimal import Lifted
@@ -77,9 +74,6 @@ class ArmModel:
         return Lifted(self.plant.time, self.linear, self.delays, from_rest=self.plant.scenario.initial_equilibrium)
 
 
-@contextmanager
-def learning_model(plant: Plant) -> Iterator[ArmModel]:
-    """Context manager with the model of a plant; the model is released at the end."""
-    robot = plant.prepared.robot
-    with model_of(plant.scenario, robot) as model:
-        yield ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=robot, model=model))
+def learning_model(plant: Plant) -> ArmModel:
+    """Model of a plant."""
+    return ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot))

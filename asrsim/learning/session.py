@@ -68,9 +68,9 @@ def run_session(
     are always replaced. on_start receives the problem before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
-    with owned(folder), learning_model(plant) as model:
+    with owned(folder):
         earlier, replaced = _earlier(folder, plant.scenario, resume=resume, overwrite=overwrite)
-        prepared = prepare_learning(plant, model)
+        prepared = prepare_learning(plant, learning_model(plant))
         if on_start is not None:
             on_start(prepared)
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from asrsim.render.meshes import read_mesh, solid
 from asrsim.robot import Robot
-from asrsim.robot.chain import Chain
 from asrsim.robot.model import Vector
-from asrsim.robot.poses import rotation_matrix
+from asrsim.robot.poses import frame, rotation_matrix
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class RenderScene:
         self.notes: list[str] = []
         self._base = _rpy_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
-        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+        self._model = robot_model(scenario, robot)
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
         self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}
@@ -88,36 +88,26 @@ class RenderScene:
         positions: position of each joint in rad or m, 0 if missing; poses: pose (x y z, quaternion x y z w) of each object and
         of a floating base.
         """
-        name = self._chain.robot.root.name
+        name = self._model.robot.root.name
         root = _pose_frame(poses[name]) if name in poses else self._base
-        links = self._chain.poses(
-            {name: np.array([at]) for name, at in positions.items()}, (root[None, :3, :3], root[None, :3, 3])
-        )
-        frames = {link: _frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
+        frames = self._model.poses([positions.get(joint, 0.0) for joint in self._model.joints], root)
         for name, at_start in self.objects.items():
             frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
         """Axis (3,) of each revolute joint in the world."""
-        turning = [joint for joint in self._chain.robot.joints if joint.kind in ("revolute", "continuous")]
+        turning = [joint for joint in self._model.robot.joints if joint.kind in ("revolute", "continuous")]
         return {joint.name: frames[joint.child][:3, :3] @ joint.axis for joint in turning}
-
-
-def _frame(position: Array, rotation: Array) -> Array:
-    """Homogeneous frame (4, 4) at a position (3,) in m."""
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = rotation, position
-    return result
 
 
 def _rpy_frame(position: Vector, rpy: Vector) -> Array:
     """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
-    return _frame(np.array(position), rotation_matrix(rpy))
+    return frame(np.array(position), rotation_matrix(rpy))
 
 
 def _pose_frame(pose: Array) -> Array:
     """Frame (4, 4) of a logged pose: x y z (m), quaternion x y z w."""
     from scipy.spatial.transform import Rotation
 
-    return _frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))
+    return frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))

@@ -1,43 +1,11 @@
-"""Inertia of links, and the mass matrix of a robot at the zero pose, for checks of its file."""
+"""Inertia of links, and effective inertia of joints."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from asrsim.robot.model import Link, Robot, Vector
-from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
-
-
-def zero_pose_matrix(robot: Robot) -> np.ndarray:
-    """Mass matrix (n, n) of the moving joints at the zero pose with a fixed base, kg m^2 (kg for prismatic joints).
-
-    Links without inertia count as massless.
-    """
-    columns = {joint.name: i for i, joint in enumerate(robot.moving_joints)}
-    parents = {joint.child: joint for joint in robot.joints}
-    poses = link_poses(robot)
-    matrix = np.zeros((len(columns), len(columns)))
-    for link in robot.links:
-        if not link.mass and link.inertia is None:
-            continue
-        pose = poses[link.name]
-        centre = pose.position + pose.rotation @ link.centre_of_mass
-        linear, angular = np.zeros((3, len(columns))), np.zeros((3, len(columns)))
-        name = link.name
-        while name in parents:
-            joint = parents[name]
-            if joint.moves:
-                axis = poses[name].rotation @ joint.axis
-                column = columns[joint.name]
-                if joint.kind == "prismatic":
-                    linear[:, column] = axis
-                else:
-                    linear[:, column] = np.cross(axis, centre - poses[name].position)
-                    angular[:, column] = axis
-            name = joint.parent
-        tensor = pose.rotation @ inertia_tensor(link) @ pose.rotation.T
-        matrix += (link.mass or 0.0) * linear.T @ linear + angular.T @ tensor @ angular
-    return matrix
+from asrsim.robot.model import Link, Vector
+from asrsim.robot.poses import roll_pitch_yaw, rotation_matrix
 
 
 def inertia_tensor(link: Link) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import atan2, cos, sin
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from asrsim.robot.model import Robot, Vector
 
@@ -32,6 +33,14 @@ class Pose:
 
 
 HERE = Pose(position=np.zeros(3), rotation=np.eye(3))
+
+
+def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
+    """Pose (..., 4, 4) of a frame at a position (..., 3) in m with a rotation matrix (..., 3, 3), as a homogeneous matrix."""
+    turned = np.asarray(rotation)
+    pose = np.zeros((*turned.shape[:-2], 4, 4))
+    pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = turned, position, 1.0
+    return pose
 
 
 def rotation_matrix(rpy: Vector) -> Array:

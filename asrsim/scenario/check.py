@@ -17,6 +17,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.model import UNREAD
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
@@ -96,6 +97,17 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
     if problems:
         raise ScenarioError(problems)
     return changed
+
+
+def robot_model(scenario: Scenario, robot: Robot) -> RobotModel:
+    """Rigid-body model of the robot on the scenario's base under the scenario's gravity, without the objects of the world."""
+    return RobotModel(
+        robot,
+        base_position=scenario.base_position,
+        base_rpy=scenario.base_rpy,
+        gravity=scenario.gravity,
+        floating=not scenario.fixed_base,
+    )
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:

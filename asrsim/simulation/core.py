@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.compiling import available
-from asrsim.engines.base import Engine, Model
+from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import kernel, laws
@@ -93,8 +93,6 @@ class Core:
         """States of the engine, (worlds, values), if the engine has a compiled step."""
         self._own: dict[int, BoundEngine] = {}
         """Separate engines, by number of the world that has used one."""
-        self._spare: BoundEngine | None = None
-        """Engine that no world has used yet."""
         self._shared = self._bound(engine, prepared)
         self._engines = [self._shared] * worlds
         """Engine of each world."""
@@ -115,15 +113,10 @@ class Core:
         """Whether the whole loop is machine code, including the engine's step."""
         return isinstance(self._shared, NativeEngine)
 
-    @property
-    def model(self) -> Model | None:
-        """Model of the prepared scenario's robot."""
-        return self._shared.engine.model
-
     def close(self) -> None:
         """Close the engines. Separate engines are closed when no snapshot refers to them any longer."""
         self._shared.engine.close()
-        self._spare, self._own, self._engines = None, {}, [self._shared] * len(self._engines)
+        self._own, self._engines = {}, [self._shared] * len(self._engines)
 
     # -- engines ----------------------------------------------------------------------------------------------------
 
@@ -144,21 +137,6 @@ class Core:
             staggered=prepared.stepping.staggered, implicitness=float(self._z[LINK_IMPLICITNESS]),
         )  # fmt: skip
 
-    def _fitted(self, bound: BoundEngine | None, prepared: Prepared) -> BoundEngine:
-        """The engine with the inertias of these parameters, or a new engine if the engine cannot change its inertias."""
-        if bound is not None and bound.engine.vary(prepared.robot):
-            return bound
-        fitted = self._bound(prepared.make_engine(), prepared)
-        finalize(fitted, fitted.engine.close)
-        return fitted
-
-    def model_of(self, prepared: Prepared) -> Model | None:
-        """Model of the robot with other parameters, valid until the next call."""
-        if prepared.robot.links == self.prepared.robot.links:
-            return self.model
-        self._spare = self._fitted(self._spare, prepared)
-        return self._spare.engine.model
-
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
         _, self.P[world] = tables(prepared, self.shape)
@@ -166,8 +144,8 @@ class Core:
         if prepared.robot.links != self.prepared.robot.links:
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
-                # The spare engine often has these inertias already, from the last call of `model_of`.
-                own, self._spare = self._fitted(self._spare, prepared), None
+                own = self._bound(prepared.make_engine(), prepared)
+                finalize(own, own.engine.close)
             self._own[world] = self._engines[world] = own
 
     # -- state ------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ but is wrong.
 
 from __future__ import annotations
 
-from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.kernel import SHARE
@@ -37,9 +36,9 @@ class EnergyGuard:
     residual exceeds this bound.
     """
 
-    def __init__(self, prepared: Prepared, model: Model | None) -> None:
-        """prepared: the scenario with the start of the run. model: model of the robot."""
-        scenario, self._joints = prepared.scenario, prepared.drives
+    def __init__(self, prepared: Prepared) -> None:
+        """prepared: the scenario with the start of the run."""
+        scenario, model, self._joints = prepared.scenario, prepared.model, prepared.drives
         # The released order is not passive and runs springs that the step does not resolve: it is not checked.
         self._active = model is not None and not prepared.stepping.released
         # The energy balance of the links ignores the work of contacts and wrenches.
@@ -47,7 +46,7 @@ class EnergyGuard:
         self._model = model if self._active and alone else None
         self._start = self._fastest = 0.0
         if self._model is not None:
-            self._start = self._model.energy(prepared.initial_positions, prepared.initial_velocities)
+            self._start = float(self._model.energy(prepared.initial_positions, prepared.initial_velocities))
 
     def look(self, state: Array) -> tuple[str, str] | None:
         """Joint with a violated energy balance and a description of the fault; None if there is none. state: (joints,
@@ -64,7 +63,7 @@ class EnergyGuard:
             return None
         positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
-        created = model.energy(positions, velocities) - self._start - float(given.sum()) - float(residual.sum())
+        created = float(model.energy(positions, velocities)) - self._start - float(given.sum()) - float(residual.sum())
         # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
         kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
         self._fastest = max(self._fastest, kinetic)

@@ -14,12 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines import ENGINES
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, Frame, JointInfo, RunInfo
+from asrsim.samples import Frame, JointInfo, RunInfo
+from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
@@ -37,8 +40,6 @@ WORLD, MAP = "world", "map"
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
-    from asrsim.engines import ENGINES
-
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
@@ -103,6 +104,8 @@ class Prepared:
     resolution: Resolution
     info: RunInfo
     warnings: tuple[Problem, ...]
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
 
@@ -144,11 +147,7 @@ class Prepared:
 
         Raises UnresolvedSpringError.
         """
-        engine = self.make_engine()
-        try:
-            return resolution_of(self.scenario, self.drives, engine.model)
-        finally:
-            engine.close()
+        return resolution_of(self.scenario, self.drives, self.model)
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
         """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
@@ -213,10 +212,6 @@ class Prepared:
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals; ScenarioError for an arm without equilibrium.
         """
-        return self.with_signals(signals)._at_rest()
-
-    def with_signals(self, signals: Signals) -> Prepared:
-        """A copy with other signals, as `with_references` makes it, but with unchanged start values."""
         references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
         for joint, table in signals.items():
             for name, signal in table.items():
@@ -227,7 +222,8 @@ class Prepared:
             if EXTERNAL_TORQUE in own:
                 torques[joint] = own.pop(EXTERNAL_TORQUE)
             references[joint] = own
-        return replace(self, scenario=replace(self.scenario, references=references, external_torques=torques))
+        scenario = replace(self.scenario, references=references, external_torques=torques)
+        return replace(self, scenario=scenario)._settled()
 
     def vary(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
@@ -237,26 +233,18 @@ class Prepared:
         at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
         arm without equilibrium.
         """
-        return self.with_numbers(parameters)._at_rest()
+        robot, model = varied_robot(self.robot, parameters), self.model
+        drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
+        if model is not None and robot.links != self.robot.links:
+            model = robot_model(self.scenario, robot)
+            check_inertia(drives, model)
+        return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
 
-    def _at_rest(self) -> Prepared:
+    def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
-        if not self.scenario.initial_equilibrium:
+        if self.model is None or not self.scenario.initial_equilibrium:
             return self
-        engine = self.make_engine()
-        return replace(self.settled(engine.model), _spare=[engine])
-
-    def settled(self, model: Model | None) -> Prepared:
-        """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
-        if model is None or not self.scenario.initial_equilibrium:
-            return self
-        return replace(self, drives=at_equilibrium(self.scenario, self.drives, model))
-
-    def with_numbers(self, parameters: Numbers) -> Prepared:
-        """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
-        robot = varied_robot(self.robot, parameters)
-        drives = make_drives(robot, self.stepping, self.scenario)
-        return replace(self, robot=robot, drives=with_sensors(drives, self.scenario, self.substep), _spare=[])
+        return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -286,6 +274,7 @@ def prepare(
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
@@ -304,15 +293,15 @@ def prepare(
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
+    model = None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
+    if model is not None:
+        if scenario.initial_equilibrium:
+            drives = at_equilibrium(scenario, drives, model)
+        check_inertia(drives, model)
+    resolution = resolution_of(scenario, drives, model)
+    drives = with_sensors(drives, scenario, scenario.step / resolution.substeps)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
-        if engine.model is not None:
-            if scenario.initial_equilibrium:
-                drives = at_equilibrium(scenario, drives, engine.model)
-            check_inertia(drives, engine.model.mass_matrix([drive.initial_position for drive in drives]))
-        resolution = resolution_of(scenario, drives, engine.model)
-        substep = scenario.step / resolution.substeps
-        drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:
         engine.close()
@@ -324,15 +313,17 @@ def prepare(
         drives=drives,
         resolution=resolution,
         info=info,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
+        model=model,
+        warnings=(*robot.warnings, *warnings, *engine_warnings, *undersampled(scenario, resolution.substeps)),
         _spare=[engine],
     )
 
 
-def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
-    """Raise RobotError if a motion has no inertia: a joint with a point mass on its axis, or two joints on one axis with no
-    mass between them.
+def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
+    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
+    with no mass between them.
     """
+    mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
         Problem(
             f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",

@@ -50,7 +50,7 @@ class RunRecording:
         self._tip: TipPoses | None = None
         if self.active:
             self._absent = columns.absent(prepared.drives)
-            self._guard = EnergyGuard(prepared, engine.model)
+            self._guard = EnergyGuard(prepared)
             if prepared.scenario.task is not None:
                 from asrsim.kinematics.tip import TipPoses
 

@@ -10,8 +10,9 @@ from types import TracebackType
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Model
+from asrsim.engines.base import Engine
 from asrsim.errors import InputError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -201,9 +202,9 @@ class Simulation:
         return self._core.engine_of(0)
 
     @property
-    def model(self) -> Model | None:
+    def model(self) -> RobotModel | None:
         """Kinematics and dynamics of the robot; None if the engine prescribes the motion."""
-        return self.engine.model
+        return self.prepared.model
 
     def look(self) -> Engine:
         """The engine in the present state, to read its model and its scene."""

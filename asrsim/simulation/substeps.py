@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.vectorised import energy_law
-from asrsim.engines.base import Model
 from asrsim.errors import UnresolvedSpringError
+from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
@@ -71,7 +71,7 @@ class Resolution:
     """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
-def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model | None) -> Resolution:
+def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
     sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
     for j, drive in enumerate(drives):
@@ -83,9 +83,9 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mod
     # An engine without dynamics prescribes the motion of the links: springs need no substeps.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     if model is not None:
-        configurations, still = _configurations(drives), [0.0] * len(drives)
-        masses = np.array([model.mass_matrix(positions) for positions in configurations])
-        loads = loads + np.max([np.abs(model.bias(positions, still)) for positions in configurations], axis=0)
+        configurations = _configurations(drives)
+        masses = model.mass_matrix(configurations)
+        loads = loads + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES

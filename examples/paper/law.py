@@ -24,13 +24,13 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
 
     Inertia: torque per unit acceleration while the other joints rest.
     """
-    from asrsim.kinematics.engine_model import model_of
+    from asrsim.scenario import robot_model
 
     run = result.run
-    with model_of(run.scenario, run.robot) as model:
-        end = np.array([float(result[joint].link_position[-1]) for joint in model.joints])
-        rows, still, unit = np.tile(end, (len(end), 1)), np.zeros((len(end),) * 2), np.eye(len(end))
-        inertias = np.diag(model.inverse_dynamics(rows, still, unit) - model.gravity_torques(end))
+    model = robot_model(run.scenario, run.robot)
+    end = np.array([float(result[joint].link_position[-1]) for joint in model.joints])
+    rows, still, unit = np.tile(end, (len(end), 1)), np.zeros((len(end),) * 2), np.eye(len(end))
+    inertias = np.diag(model.inverse_dynamics(rows, still, unit) - model.gravity_torques(end))
     return tuple(
         f"link_damping.{joint}={{ratio: {RATIO}, inertia: {float(inertia)!r}}}"
         for joint, inertia in zip(model.joints, inertias, strict=True)

@@ -8,18 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from asrsim.cli.console import json_errors
-from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem, RobotError
 from asrsim.robot import load_robot
-from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.reader import MAX_MOVING
-from asrsim.scenario import Scenario
 from support.paths import ROOT
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -55,24 +51,6 @@ def test_largest_robot_of_pybullet_stays_at_its_start(tiny, asrsim_command):
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--json").code == 0
     joints = json.loads((tiny.folder / "out/step/default/summary.json").read_text())["joints"]
     assert [round(joint["steady_state"], 9) for joint in joints] == [0.01] * MAX_MOVING
-
-
-@pytest.mark.parametrize("padding", [0, 4, 8, 12])
-def test_a_robot_on_one_line_keeps_its_numbers(padding, tmp_path):
-    """PyBullet reads lines in blocks of 8 kB. A block that ends inside a tag would break the document."""
-    text = (
-        chain(28)
-        .replace('value="1"', 'value="1.234567890123456789"')
-        .replace("<link name", f"<!--{'x' * padding}--><link name", 1)
-    )
-    path = tmp_path / "line.urdf"
-    path.write_text(text)
-    robot = load_robot(path)
-    engine = BulletEngine(Scenario(name="line", robot=path), robot)
-    try:
-        np.testing.assert_allclose(engine.model.mass_matrix([0.0] * 28), zero_pose_matrix(robot), rtol=1e-12)
-    finally:
-        engine.close()
 
 
 def test_long_lists_of_problems_are_shortened(tiny, asrsim_command):

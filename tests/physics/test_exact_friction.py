@@ -5,7 +5,7 @@ import pytest
 
 from asrsim.engines import ENGINES
 from asrsim.engines.base import FRICTION, TORQUE, VELOCITY
-from asrsim.scenario.data import Scenario
+from asrsim.scenario import Scenario, robot_model
 from validation.models import Body, chain
 
 STEP = 1e-5
@@ -40,7 +40,8 @@ def step(engine, place, before, torque, friction):
 def test_every_joint_sticks_or_slides(name, seed, resting):
     random = np.random.default_rng([seed, resting])
     robot = arm(random)
-    engine, _ = ENGINES.get(name).make(Scenario(name="chain", robot=robot.path), robot)
+    scenario = Scenario(name="chain", robot=robot.path)
+    engine, model = ENGINES.get(name).make(scenario, robot)[0], robot_model(scenario, robot)
     try:
         friction = np.array([joint.friction for joint in robot.moving_joints])
         kinds = set()
@@ -50,9 +51,7 @@ def test_every_joint_sticks_or_slides(name, seed, resting):
             before[random.permutation(JOINTS)[:resting]] = 0.0
             torque = random.uniform(-6.0, 6.0, JOINTS)
             after = step(engine, place, before, torque, friction)[:, VELOCITY]
-            model = engine.model
-            assert model is not None
-            held = model.mass_matrix(place) @ (after - before) / STEP + model.bias(place, before) - torque
+            held = model.inverse_dynamics(place, before, (after - before) / STEP) - torque
             assert np.all(np.abs(held) <= friction + 1e-6)
             sticks = np.abs(after) < 1e-9
             if np.all((before == 0.0) | (before * after > 0.0)):

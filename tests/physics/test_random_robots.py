@@ -3,19 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio
 import pytest
 
 import asrsim
-from asrsim.kinematics import model_of
-from asrsim.robot import load_robot
 from asrsim.simulation.run import simulate
 from support.convergence import check
-from support.independent_ode import Truth
 from support.random_runs import random_run
 from validation.models import INSTALLED
-
-Array = np.ndarray
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
@@ -45,31 +39,3 @@ def test_energies_balance_at_second_order(tmp_path, seed, fixed):
     left = [np.nanmax(np.abs(result.samples.values["energy_residual"])) for result in (first, simulate(finer))]
     assert left[0] < 1e-3
     assert np.log2(left[0] / left[1]) / 2.0 > 1.7
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("seed", [5, 6])
-def test_poses_and_slopes_of_all_links(tmp_path, engine, seed):
-    """Links behind fixed joints are included, since engines merge them into one body."""
-    run = random_run(seed)
-    scenario = asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys())
-    truth = Truth(run)
-    q = np.array([joint.start for joint in run.joints])
-    placed = pinocchio.neutral(truth.model)
-    placed[truth.q_of] = q
-    pinocchio.computeJointJacobians(truth.model, truth.data, placed)
-    pinocchio.updateFramePlacements(truth.model, truth.data)
-    point = (0.1, -0.2, 0.3)
-    with model_of(scenario, load_robot(scenario.robot)) as model:
-        order = [model.joints.index(joint.name) for joint in run.joints]
-        for link in model.links:
-            frame = truth.model.getFrameId(link)
-            pose = truth.data.oMf[frame]
-            place, rotation = model.pose(q[np.argsort(order)], link, point)
-            np.testing.assert_allclose(place, truth.rotation @ (pose.translation + pose.rotation @ point), atol=1e-9)
-            np.testing.assert_allclose(rotation, truth.rotation @ pose.rotation, atol=1e-9)
-            slopes = pinocchio.getFrameJacobian(truth.model, truth.data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:, truth.v_of]
-            lever = pose.rotation @ point
-            slopes[:3] += np.cross(slopes[3:].T, lever).T
-            found = model.jacobian(q[np.argsort(order)], link, point)[:, order]
-            np.testing.assert_allclose(found, np.vstack([truth.rotation @ slopes[:3], truth.rotation @ slopes[3:]]), atol=1e-9)

@@ -22,8 +22,8 @@ def test_six_trials_learn_a_robot_and_setbacks_give_warnings(tmp_path):
         arm, motion, duration = random_arm(seed)
         folder = tmp_path / str(seed)
         plant, robot = plant_of(folder, arm, motion, duration), perturbed(arm, seed)
-        with learning_model(plant) as model:
-            inputs = model.guess
+        model = learning_model(plant)
+        inputs = model.guess
         errors, warned = [], False
         for number in range(6):
             errors.append(record(folder / f"{number}.csv", plant, robot, inputs, seed=number))
@@ -41,23 +41,22 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
     right, reached = [], []
     for seed in range(200, 220):
         arm, motion, duration = random_arm(seed)
-        with learning_model(plant_of(tmp_path / str(seed), arm, motion, duration)) as model:
-            scores = [
-                max(d.score for d in model.inverse.demands if d.joint == j and d.what == "motor torque")
-                for j in model.plant.joints
-            ]
+        model = learning_model(plant_of(tmp_path / str(seed), arm, motion, duration))
+        scores = [
+            max(d.score for d in model.inverse.demands if d.joint == j and d.what == "motor torque") for j in model.plant.joints
+        ]
         factor = np.random.default_rng(seed).uniform(0.6, 1.3)
         limits = arm.values("motor_1_max_torque") * np.array(scores) * factor
         joints = zip(arm.joints, limits.tolist(), strict=True)
         weak = replace(arm, joints=tuple({**joint, "motor_1_max_torque": limit} for joint, limit in joints))
         plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
-        with learning_model(plant) as model:
-            prepared = prepare_learning(plant, model)
-            found = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
-            true = learn(
-                prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
-                law=prepared.law,
-            )  # fmt: skip
+        model = learning_model(plant)
+        prepared = prepare_learning(plant, model)
+        found = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+        true = learn(
+            prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
+            law=prepared.law,
+        )  # fmt: skip
         right.append(prepared.reach(found).startswith("within") == true.converged)
         reached.append(true.converged)
     assert 3 <= sum(reached) <= 17

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+
+from asrsim.engines.base import TORQUE, VELOCITY
+from asrsim.robot.model import Robot
 
 Array = np.ndarray
 
@@ -52,11 +56,26 @@ class PinocchioModel:
 
 
 def differences(engine: Any, truth: PinocchioModel, q: Array, v: Array) -> Array:
-    """Errors (3,) of an engine's mass matrix, gravity torques and torques in motion, relative to the largest value."""
-    still, model = np.zeros(len(q)), engine.model
+    """Errors (3,) of an engine's mass matrix, gravity torques and torques in motion, relative to the largest torque, from
+    single steps of a robot without stops."""
+
+    def acceleration(velocity: Array, torque: Array) -> Array:
+        exchange = np.zeros((1, len(q), 5))
+        exchange[0, :, TORQUE] = torque
+        engine.start(q, velocity, step=1.0, staggered=False, implicitness=0.5)
+        engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))
+        return np.asarray(exchange[0, :, VELOCITY] - velocity)
+
+    still, mass, push = np.zeros(len(q)), truth.mass_matrix(q), np.ones(len(q))
+    falls = acceleration(still, still)
     pairs = (
-        (model.mass_matrix(q), truth.mass_matrix(q), 0.0),
-        (model.bias(q, still), truth.bias(q, still), 1e-3),
-        (model.bias(q, v), truth.bias(q, v), 1e-3),
+        (mass @ (acceleration(still, push) - falls), push, 0.0),
+        (-mass @ falls, truth.bias(q, still), 1e-3),
+        (-mass @ acceleration(v, still), truth.bias(q, v), 1e-3),
     )
     return np.array([np.abs(ours - true).max() / max(np.abs(true).max(), least) for ours, true, least in pairs])
+
+
+def without_stops(robot: Robot) -> Robot:
+    """The robot without joint limits."""
+    return replace(robot, joints=tuple(replace(joint, lower=None, upper=None) for joint in robot.joints))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from asrsim.kinematics import model_of, plan_references, plan_task
+from asrsim.kinematics import plan_references, plan_task
 from asrsim.robot import load_robot
-from asrsim.scenario import load_scenario, make_scenario
+from asrsim.scenario import load_scenario, make_scenario, robot_model
 from support.paths import EXAMPLES
 
 
@@ -18,9 +18,9 @@ def test_the_planned_tip_stays_on_the_path():
     scenario, robot = box_push()
     planned = plan_task(scenario, robot)
     assert planned.path.position_error.max() < 1e-4
-    with model_of(scenario, robot) as model:
-        start, _ = model.pose(planned.path.positions[0], "link_5", (0.094, 0.0, 0.0))
-        goal, _ = model.pose(planned.path.positions[-1], "link_5", (0.094, 0.0, 0.0))
+    model = robot_model(scenario, robot)
+    start, _ = model.pose(planned.path.positions[0], "link_5", (0.094, 0.0, 0.0))
+    goal, _ = model.pose(planned.path.positions[-1], "link_5", (0.094, 0.0, 0.0))
     assert start == pytest.approx([0.30, -0.10, 0.1565], abs=1e-4)
     assert goal == pytest.approx([0.30, 0.10, 0.1565], abs=1e-6)
 

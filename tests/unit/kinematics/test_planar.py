@@ -51,9 +51,9 @@ class Planar2R:
         return jacobian
 
     def gravity_torques(self, positions):
-        first, last = positions[0], positions[0] + positions[1]
-        inner = self.weight[1] * B * math.cos(last)
-        return np.array([(self.weight[0] + self.weight[1]) * A * math.cos(first) + inner, inner])
+        first, last = positions[..., 0], positions[..., 0] + positions[..., 1]
+        inner = self.weight[1] * B * np.cos(last)
+        return np.stack([(self.weight[0] + self.weight[1]) * A * np.cos(first) + inner, inner], axis=-1)
 
 
 def elbow(x, y):
@@ -146,7 +146,7 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     )
     for row in range(0, len(planned.time), 50):
         q = planned.path.positions[row]
-        loads = model.gravity_torques(q)
+        loads = model.gravity_torques(np.asarray(q))
         for index, drive in enumerate(drives):
             references = planned.references[drive.joint]
             motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])

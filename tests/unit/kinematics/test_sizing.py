@@ -1,7 +1,6 @@
 """Sag under the arm's own weight, compared with simulations; proposed parameters."""
 
 import re
-import shutil
 import warnings
 
 import numpy as np
@@ -9,10 +8,8 @@ import pytest
 
 import asrsim
 from asrsim.kinematics.sizing import problems_of_weight, sizing
-from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.starter import write_starter
-from support.paths import ROOT
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
 
@@ -152,34 +149,6 @@ def test_joints_without_springs_are_not_judged(tmp_path):
     for mode, reference in ((4, "motor_1_torque"), (7, "motor_1_voltage"), (8, "motor_1_current")):
         actuator = {"type": "sea", "mode": mode, "parameters": driven}
         assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
-
-
-@pytest.mark.parametrize("name", ["dof5_arm", 3, 9])
-def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
-    """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
-    from asrsim.kinematics import model_of
-
-    place = tmp_path / "robot.urdf"
-    if isinstance(name, int):
-        place.write_text(random_urdf(name, moving=5, fixed=2))
-        assert 'type="prismatic"' in place.read_text()
-    else:
-        shutil.copy(ROOT / "examples" / "urdf" / f"{name}.urdf", place)
-    base = {"position": [0.1, -0.2, 0.3], "rpy": [0.4, -0.3, 0.7]}
-    scenario = make_scenario(place, duration=1.0, base=base)
-    robot, _ = checked_robot(scenario)
-    chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-    random = np.random.default_rng(3)
-    with model_of(scenario, robot) as model:
-        postures = random.uniform(-1.0, 1.0, (5, len(model.joints)))
-        table = {joint: postures[:, column] for column, joint in enumerate(model.joints)}
-        loads, poses = chain.gravity_load(table, scenario.gravity), chain.poses(table)
-        for row, posture in enumerate(postures):
-            assert [loads[joint][row] for joint in model.joints] == pytest.approx(-model.gravity_torques(posture), abs=1e-9)
-            for link in model.links:
-                position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
-                assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
-                assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)
 
 
 @pytest.mark.parametrize("travel", [0.31, 0.6])

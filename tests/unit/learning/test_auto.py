@@ -30,9 +30,9 @@ ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
 
 def learned(plant):
     """(prepared, result) of an arm in simulation."""
-    with learning_model(plant) as model:
-        prepared = prepare_learning(plant, model)
-        return prepared, learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+    model = learning_model(plant)
+    prepared = prepare_learning(plant, model)
+    return prepared, learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
 
 
 def weaker(arm, factor):
@@ -58,8 +58,8 @@ def test_a_motion_out_of_reach_names_joint_and_time(tmp_path):
 def test_a_short_torque_beyond_the_limit_may_be_within_reach(tmp_path):
     """Inverse dynamics needs 140 % of the torque; with the limit in force trials come within the tolerance."""
     arm, *motion = random_arm(2)
-    with learning_model(plant_of(tmp_path, arm, *motion)) as model:
-        most = max(item.score for item in model.inverse.demands if item.what == "motor torque")
+    model = learning_model(plant_of(tmp_path, arm, *motion))
+    most = max(item.score for item in model.inverse.demands if item.what == "motor torque")
     prepared, result = learned(plant_of(tmp_path, weaker(arm, most / 1.4), *motion))
     assert prepared.demands[0].what == "motor torque"
     assert prepared.demands[0].score == pytest.approx(1.4, abs=0.01)
@@ -80,11 +80,11 @@ def test_joints_that_do_not_learn_are_soft_too():
     for joints in (("joint_1", "joint_2"), ("joint_1",)):
         block = {"trajectory": dict.fromkeys(joints, 0.0), "tolerance": 1e-3}
         plant = make_plant(make_scenario(ARM, ilc=block, **still))
-        with learning_model(plant) as model:
-            linear = model.linear
-            moved.append(pushed(linear, len(joints)))
-            held = replace(linear, springs=linear.springs * np.array([1.0, 1e4])[:, None])
-            stiff = pushed(held, len(joints))
+        model = learning_model(plant)
+        linear = model.linear
+        moved.append(pushed(linear, len(joints)))
+        held = replace(linear, springs=linear.springs * np.array([1.0, 1e4])[:, None])
+        stiff = pushed(held, len(joints))
     np.testing.assert_allclose(moved[1], moved[0], atol=1e-3 * np.abs(moved[0]).max())
     assert np.abs(stiff - moved[0]).max() > 0.1 * np.abs(moved[0]).max()
 
@@ -138,8 +138,8 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     links = [plant.robot.joint(joint).child for joint in plant.joints]
     masses = {link.name: link.mass for link in plant.robot.links}
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
-    with learning_model(plant) as model:
-        problem = prepare_learning(plant, model).problem
+    model = learning_model(plant)
+    problem = prepare_learning(plant, model).problem
     found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))])
     assert found.residual < 0.05 * found.before
     assert found.changes["delay"] == pytest.approx(0.02, abs=0.002)
@@ -150,8 +150,8 @@ def test_learning_continues_with_recordings_of_an_independent_robot(tmp_path):
     """Masses and stiffnesses off by 25 %, losses by 50 %, 10 ms, 1 mrad of noise."""
     arm, *motion = random_arm(0)
     plant, robot = plant_of(tmp_path, arm, *motion), perturbed(arm, 0)
-    with learning_model(plant) as model:
-        inputs = model.guess
+    model = learning_model(plant)
+    inputs = model.guess
     errors = []
     for number in range(3):
         path = tmp_path / f"trial_{number}.csv"
@@ -177,8 +177,8 @@ def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
     robot = perturbed(arm, 4)
     for name, ilc in {"fixed": {"law": "paper", "gain": 3.0, "first_guess": "inverse_dynamics"}, "auto": {}}.items():
         plant = plant_of(tmp_path / name, arm, *motion, **ilc)
-        with learning_model(plant) as model:
-            first = model.guess
+        model = learning_model(plant)
+        first = model.guess
         before = record(tmp_path / name / "trial_0.csv", plant, robot, first)
         step = next_input(plant, tmp_path / name, tmp_path / name / "trial_0.csv")
         after = np.abs(plant.reference - play(robot, plant, inputs_in(tmp_path / name / "next.csv", plant))).max()
@@ -203,9 +203,9 @@ def test_the_model_of_learning_contains_the_scenario_s_effects(changes):
     stiff = {"*": {"stiffness_preset": 0.2}}
     scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, **changes)
     plant = make_plant(scenario)
-    with learning_model(plant) as model:
-        prepared = prepare_learning(plant, model)
-        result = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+    model = learning_model(plant)
+    prepared = prepare_learning(plant, model)
+    result = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
     worst = [trial.worst for trial in result.trials]
     assert worst[0] < 5e-3
     assert worst == sorted(worst, reverse=True)

@@ -123,11 +123,11 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     arm, *motion = random_arm(seed)
     plant = plant_of(tmp_path, arm.scaled(lambda name: 0.0 if "friction" in name else 1.0), *motion)
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
-    with learning_model(plant) as model:
-        linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)
-        splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
-        expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
-        rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
-        inputs = model.guess
+    model = learning_model(plant)
+    linear, band = model.linear, InputSplines.over(plant.time[-1], 0.0)
+    splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
+    expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
+    rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
+    inputs = model.guess
     moved = (plant.outputs(inputs + bump) - plant.outputs(inputs))[rows]
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()

@@ -51,9 +51,9 @@ def holds(scenario, robot=None):
 
 
 def solve(chosen):
-    with learning_model(chosen) as model:
-        prepared = prepare_learning(chosen, model)
-        return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
+    model = learning_model(chosen)
+    prepared = prepare_learning(chosen, model)
+    return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
 
 
 @pytest.mark.parametrize("initial", [{}, "equilibrium"])

@@ -77,15 +77,14 @@ def compare(path, result):
     moved = {joint.child for joint in result.run.robot.moving_joints}
     time, frames = [entry for entry in found["/tf"] if set(entry[1]) & moved][-1]
     still = found["/tf_static"][0][1] if found["/tf_static"] else {}
-    engine = prepare(path).make_engine()
+    model = prepare(path).model
     row = round(time / result.run.scenario.step)
-    positions = [result[joint]["link_position"][row] for joint in engine.joints]
-    for link in engine.model.links:
-        point, rotation, _ = engine.model.link_point(link, (0.0, 0.0, 0.0), positions)
+    positions = [result[joint]["link_position"][row] for joint in model.joints]
+    for link in model.links:
+        point, rotation = model.pose(positions, link, (0.0, 0.0, 0.0))
         pose = placed(link, {**still, **frames})
         np.testing.assert_allclose(pose[:3, 3], point, atol=1e-6)
         np.testing.assert_allclose(pose[:3, :3], rotation, atol=1e-6)
-    engine.close()
 
 
 @pytest.mark.parametrize("every", [1, 4])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from asrsim.robot import engine_urdf, load_robot, with_overrides
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.engine_text import usable_shapes
-from asrsim.robot.inertia import zero_pose_matrix
 
 
 def pendulum(extra="", *, block="", inertia=1e-6, dynamics="", body=""):
@@ -87,24 +87,10 @@ def test_packages_of_the_environment_are_found(read, tmp_path_factory, monkeypat
 # -- inertia -----------------------------------------------------------------------------------------------------------
 
 
-def test_mass_matrix_of_a_double_pendulum(read):
-    second = (
-        '<joint name="k" type="revolute"><parent link="l"/><child link="m"/><origin xyz="0 0 -0.1"/><axis xyz="0 1 0"/>'
-        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
-        '<link name="m"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
-        '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
-    )
-    matrix = zero_pose_matrix(read(pendulum(second)))
-    # M11, M12, M22 by hand.
-    m22 = 0.01 + 0.1**2
-    m11, m12 = 1e-6 + 0.2 * 0.04**2 + 0.01 + 0.2**2, 0.01 + 0.1 * 0.2
-    assert matrix == pytest.approx(np.array(((m11, m12), (m12, m22))))
-
-
 def test_a_link_without_inertia_is_a_point_mass(read):
     robot = read(pendulum())
     points = replace(robot, links=tuple(replace(link, inertia=None) for link in robot.links))
-    assert zero_pose_matrix(points) == pytest.approx(np.array([[0.2 * 0.04**2]]))
+    assert RobotModel(points).mass_matrix(np.zeros(1)) == pytest.approx(np.array([[0.2 * 0.04**2]]))
 
 
 # -- overrides ---------------------------------------------------------------------------------------------------------

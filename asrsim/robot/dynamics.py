@@ -1,0 +1,175 @@
+"""Kinematics and dynamics of a robot without its world, in NumPy, at one posture or at many postures at once.
+
+Poses are homogeneous matrices (4, 4). The twist of a body is also a matrix (4, 4): the cross-product matrix of the angular
+velocity, and the velocity of the origin, along the axes of the body. With the pseudo-inertia J of a body, which is the integral
+of x x^T over its mass with x = (position, 1), the load (V' + V V) J of a body with twist V is the integral of the acceleration
+times x^T. The sum of the products of a load and the twist of a joint at unit velocity is a torque of this joint (Legnani et al.
+1996, Mechanism and Machine Theory 31(5)).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asrsim.robot.inertia import inertia_tensor
+from asrsim.robot.merge import merge_fixed
+from asrsim.robot.model import Joint, Link, Robot, Vector
+from asrsim.robot.poses import frame, rotation_matrix
+
+Array = NDArray[np.float64]
+ZERO = (0.0, 0.0, 0.0)
+FREEDOMS = tuple(
+    Joint(name="base", kind=kind, parent="", child="", axis=axis)
+    for kind in ("prismatic", "revolute")
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+)
+"""Joints that replace a floating base; they always stand at 0."""
+
+
+class RobotModel:
+    """Rigid-body model of a robot on its base. Arrays of joints (..., n) are in the order of `joints`; leading axes count
+    postures."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        base_position: Vector = ZERO,
+        base_rpy: Vector = ZERO,
+        gravity: Vector = ZERO,
+        floating: bool = False,
+    ) -> None:
+        """floating: whether the base is free to accelerate, which affects the mass matrix only."""
+        merged, moving = merge_fixed(robot), robot.moving_joints
+        self.robot = robot
+        self.joints = tuple(joint.name for joint in moving)
+        self.links = tuple(link.name for link in robot.links)
+        self.lower, self.upper = np.array([joint.stops for joint in moving]).reshape(-1, 2).T
+        """Lower and upper stops (n,), rad or m; infinite for joints without stops."""
+        self._gravity = np.array(gravity)
+        self._base = frame(base_position, rotation_matrix(base_rpy))
+        self._free = len(FREEDOMS) if floating else 0
+        joints = (*FREEDOMS[: self._free], *merged.robot.outward_joints)
+        # Joint k moves body k + 1; body 0 stands still.
+        bodies = {merged.robot.root.name: self._free} | {joint.child: k + 1 for k, joint in enumerate(joints) if joint.child}
+        self._parents = [bodies[joint.parent] if joint.parent else k for k, joint in enumerate(joints)]
+        self._at = np.array([bodies[joint.child] - 1 for joint in moving], dtype=np.int64)
+        """Indices (n,) of the robot's joints among all joints."""
+        self._slides = np.array([joint.kind == "prismatic" for joint in joints])
+        self._twists = np.array([_unit_twist(joint) for joint in joints]).reshape(-1, 4, 4)
+        origins = [frame(joint.origin, rotation_matrix(joint.rpy)) for joint in joints]
+        self._origins = np.array(origins).reshape(-1, 4, 4)
+        self._inertias = np.zeros((len(joints) + 1, 4, 4))
+        for link in merged.robot.links:
+            self._inertias[bodies[link.name]] = _pseudo_inertia(link)
+        self._places = {
+            name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
+        }
+
+    def poses(self, positions: ArrayLike, base: Array | None = None) -> dict[str, Array]:
+        """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the start."""
+        bodies = self._bodies(positions, base)
+        return {name: bodies[body] @ place for name, (body, place) in self._places.items()}
+
+    def pose(self, positions: ArrayLike, link: str, point: Vector, base: Array | None = None) -> tuple[Array, Array]:
+        """Position (..., 3) in m of a point (m, in the frame of `link`) and rotation (..., 3, 3) of the link, in the world."""
+        body, place = self._places[link]
+        pose = self._bodies(positions, base)[body] @ place
+        return (pose @ (*point, 1.0))[..., :3], pose[..., :3, :3]
+
+    def jacobian(self, positions: ArrayLike, link: str, point: Vector, base: Array | None = None) -> Array:
+        """Jacobian (..., 6, n): velocity of the point and angular velocity of the link per joint velocity, world frame."""
+        bodies = self._bodies(positions, base)
+        body, place = self._places[link]
+        at = bodies[body] @ place @ (*point, 1.0)
+        jacobian = np.zeros((*at.shape[:-1], 6, len(self._parents)))
+        while body:
+            # The twist along the axes of the world, at the origin of the world.
+            twist = bodies[body] @ self._twists[body - 1] @ np.linalg.inv(bodies[body])
+            jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
+            jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
+            body = self._parents[body - 1]
+        return jacobian[..., self._at]
+
+    def mass_matrix(self, positions: ArrayLike) -> Array:
+        """Mass matrix (..., n, n) in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
+        unit, at, free = np.eye(len(self._parents)), self._at, slice(self._free)
+        matrix = self._torques(self._all(positions)[..., None, :], np.zeros_like(unit), unit, np.zeros(3))
+        own, base, cross = matrix[..., at[:, None], at], matrix[..., free, free], matrix[..., free, at]
+        return np.asarray(own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross) if self._free else own)
+
+    def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
+        """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""
+        q, v, a = map(self._all, (positions, velocities, accelerations))
+        return self._torques(q, v, a, self._gravity)[..., self._at]
+
+    def gravity_torques(self, positions: ArrayLike) -> Array:
+        """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
+        still = np.zeros(len(self.joints))
+        return self.inverse_dynamics(positions, still, still)
+
+    def energy(self, positions: ArrayLike, velocities: ArrayLike) -> Array:
+        """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
+        speeds = np.asarray(velocities, dtype=float)[..., None]
+        kinetic = 0.5 * np.swapaxes(speeds, -1, -2) @ self.mass_matrix(positions) @ speeds
+        bodies = zip(self._bodies(positions), self._inertias, strict=True)
+        potential = -sum((body @ inertia)[..., :3, 3] @ self._gravity for body, inertia in bodies)
+        return np.asarray(kinetic[..., 0, 0] + potential)
+
+    def _all(self, values: ArrayLike) -> Array:
+        """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""
+        own = np.asarray(values, dtype=float)
+        everything = np.zeros((*own.shape[:-1], len(self._parents)))
+        everything[..., self._at] = own
+        return everything
+
+    def _steps(self, positions: Array) -> Array:
+        """Pose of each body in the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
+        first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
+        # The square of a sliding joint's twist is 0.
+        second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
+        return np.moveaxis(self._origins @ (np.eye(4) + first + second), -3, 0)
+
+    def _bodies(self, positions: ArrayLike, base: Array | None = None) -> list[Array]:
+        """Poses (..., 4, 4) of the bodies in the world."""
+        poses = [self._base if base is None else base]
+        for parent, step in zip(self._parents, self._steps(self._all(positions)), strict=True):
+            poses.append(poses[parent] @ step)
+        return poses
+
+    def _torques(self, positions: Array, velocities: Array, accelerations: Array, gravity: Array) -> Array:
+        """Torques (..., joints) of all joints. An upward acceleration of the base replaces gravity."""
+        steps = self._steps(positions)
+        rates, boosts = (np.moveaxis(values[..., None, None] * self._twists, -3, 0) for values in (velocities, accelerations))
+        twists, changes = [np.zeros((4, 4))], [frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)]
+        for parent, step, back, rate, boost in zip(self._parents, steps, np.linalg.inv(steps), rates, boosts, strict=True):
+            twist = back @ twists[parent] @ step + rate
+            twists.append(twist)
+            changes.append(back @ changes[parent] @ step + boost + twist @ rate - rate @ twist)
+        bodies = zip(twists, changes, self._inertias, strict=True)
+        loads = [(change + twist @ twist) @ inertia for twist, change, inertia in bodies]
+        torques = np.zeros(np.broadcast_shapes(positions.shape, velocities.shape, accelerations.shape))
+        for k in range(len(steps) - 1, -1, -1):
+            torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
+            loads[self._parents[k]] = loads[self._parents[k]] + steps[k] @ loads[k + 1] @ np.swapaxes(steps[k], -1, -2)
+        return torques
+
+
+def _unit_twist(joint: Joint) -> Array:
+    """Twist (4, 4) of the body that the joint moves at unit velocity."""
+    twist = np.zeros((4, 4))
+    if joint.kind == "prismatic":
+        twist[:3, 3] = joint.axis
+    else:
+        twist[:3, :3] = np.cross(np.eye(3), joint.axis)
+    return twist
+
+
+def _pseudo_inertia(link: Link) -> Array:
+    """Pseudo-inertia (4, 4) of a link about the origin of its frame: kg m^2, kg m and kg."""
+    mass, tensor = link.mass or 0.0, inertia_tensor(link)
+    centre = np.array([*link.centre_of_mass, 1.0])
+    inertia: Array = mass * np.outer(centre, centre)
+    inertia[:3, :3] += 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    return inertia
