@@ -137,7 +137,7 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
         ({"measure": "overshoot", "options": {"initial": {}}}, "number"),
         *(
             ({"measure": "rmse", "against": Path("lab.csv"), "options": {key: value}}, f"options.{key}")
-            for key, value in (("map", ["a=elbow.link_position", 3]), ("map", 3), ("lag", "soon"), ("rate", -1.0))
+            for key, value in (("map", {"a": 1}), ("lag", "soon"), ("rate", -1.0))
         ),
     ],
 )
@@ -151,6 +151,8 @@ def test_claims_that_cannot_be_evaluated_are_errors_before_the_run(changes, word
 def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
     (tmp_path / "lab.csv").write_text("time [s],a,b\n0,0,0\n0.01,0.1,1\n0.02,0.3,2\n0.03,0.2,1\n")
     check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], JOINTS, file=None)
+    with pytest.raises(ScenarioError, match=r"3: is not COLUMN=JOINT\.QUANTITY"):
+        check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": 3})], JOINTS, file=None)
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart():
