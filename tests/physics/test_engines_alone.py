@@ -39,7 +39,7 @@ def chain(folder):
     )
     (folder / "robot.urdf").write_text(f'<robot name="chain">{links}{joints}</robot>')
     path = folder / "s.yaml"
-    path.write_text(f"robot: robot.urdf\nduration: 1\nwrenches: [{{link: l4, force: [1, 0, 0], point: [0, 0, -0.1]}}]\n")
+    path.write_text("robot: robot.urdf\nduration: 1\nwrenches: [{link: l4, force: [1, 0, 0], point: [0, 0, -0.1]}]\n")
     return path
 
 
