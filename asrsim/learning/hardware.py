@@ -77,7 +77,7 @@ def next_input(
     folder: Path,
     path: Path,
     *,
-    mapping: Mapping[str, str] | Sequence[str] | Path | None = None,
+    mapping: Sequence[str] | Path | None = None,
     lag: LagChoice = "off",
 ) -> HardwareStep:
     """Process the recording of the last input, and write the next input into `folder`.
@@ -169,7 +169,7 @@ def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) 
     path = folder / (NEXT if trials else INPUTS)
     if not path.is_file():
         return prepared.problem.first_guess
-    columns = [read_column(path, joint, None)[1] for joint in prepared.plant.joints]
+    columns = [read_column(path, joint)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
         message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
         raise InputError(message, file=path, hint="Choose another folder with --out", code="input-of-another-run")
