@@ -16,8 +16,7 @@ from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.outfile import write_text
 from asrsim.plots.curves import available, stored
-from asrsim.plots.decimate import BINS, decimate
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import BINS, Curve, decimate
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, band, compare
 from asrsim.recordings.align import Alignment, LagChoice, align_recording

@@ -231,9 +231,11 @@ def test_text_with_a_json_object_in_each_line_is_json(tmp_path):
 
 def test_records_name_the_joints_of_their_lists(tmp_path):
     path = tmp_path / "lab.jsonl"
-    states = [{"t": t, "name": ["arm", "leg"], "position": [q, 0.0]} for t, q in zip(TIME, Q1, strict=True)]
+    states = [{"t": t, "name": ["arm", "leg"], "position": [q, 0.0], "raw": [q]} for t, q in zip(TIME, Q1, strict=True)]
     path.write_text("\n".join(map(json.dumps, states)))
-    np.testing.assert_allclose(read_recording(path, joints=["leg", "arm"]).column("arm", "link_position").values, Q1)
+    recording = read_recording(path, joints=["leg", "arm"])
+    np.testing.assert_allclose(recording.column("arm", "link_position").values, Q1)
+    np.testing.assert_allclose(recording.channels["raw[0]"].values, Q1)
 
 
 def test_deeply_nested_json_is_refused(tmp_path):

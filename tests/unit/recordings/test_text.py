@@ -92,8 +92,9 @@ def test_zero_bytes_after_a_power_failure_are_ignored(tmp_path):
     assert not read_recording(path).findings
 
 
-def test_digits_joined_by_an_underscore_are_no_number(tmp_path):
-    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()[:4], "0.04,1_0,0", *rows()[5:]])
+@pytest.mark.parametrize("cell", ["1_0", '"1,5"'])
+def test_digits_joined_by_an_underscore_or_a_comma_are_no_number(tmp_path, cell):
+    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()[:4], f"0.04,{cell},0", *rows()[5:]])
     assert finding(read_recording(path).findings, "not-a-number").line == 6
 
 
