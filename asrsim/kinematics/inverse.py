@@ -75,15 +75,15 @@ class InverseDynamics:
     demands: tuple[Demand, ...]
     """Demands on all parts of all joints, the highest score first."""
 
-    def inputs_at(self, time: Array, delays: Sequence[float] = ()) -> Array:
+    def inputs_at(self, time: Array, delays: Sequence[float]) -> Array:
         """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
         from scipy.interpolate import CubicSpline
 
         own = self.motion.time
-        columns = []
-        for index, drive in enumerate(self.drives):
-            ahead = np.clip(time + (delays[index] if len(delays) else 0.0), own[0], own[-1])
-            columns.append(CubicSpline(own, drive.inputs)(ahead))
+        columns = [
+            CubicSpline(own, drive.inputs)(np.clip(time + delay, own[0], own[-1]))
+            for drive, delay in zip(self.drives, delays, strict=True)
+        ]
         return np.column_stack(columns)
 
 
