@@ -146,13 +146,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     """
     if "scenario" not in info.resolved:
         raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
-    files: dict[str, Path] = {}
-    for number, (name, data) in enumerate(sorted(info.attachments.items())):
-        # The names come from a file that may be malicious: only the last part of each name is used, in a separate folder.
-        own_folder = folder / "files" / str(number)
-        own_folder.mkdir(parents=True)
-        files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
-        files[name].write_bytes(data)
+    files = _written(info.attachments, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
@@ -173,6 +167,21 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot
 
 
+def _written(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
+    """Files with the attachments, by name, each in a folder of its own."""
+    files = {}
+    for number, (name, data) in enumerate(attachments.items()):
+        # The names come from a file that may be malicious: only the last part of each name is used.
+        files[name] = folder / str(number) / _last_part(name)
+        files[name].parent.mkdir(parents=True)
+        files[name].write_bytes(data)
+    return files
+
+
+def _last_part(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).name or "file"
+
+
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
     from asrsim.actuators import ACTUATORS
     from asrsim.actuators.user import load_plugin_file
@@ -183,12 +192,9 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
     if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):
         return
     if not trust:
-        names = ", ".join(name.removeprefix(PLUGINS) for name in carried)
+        names = ", ".join(map(_last_part, carried))
         message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
         hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
         raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
-    for number, (name, data) in enumerate(carried.items()):
-        path = folder / "plugins" / str(number) / (PurePosixPath(name).name or "plugin.py")
-        path.parent.mkdir(parents=True)
-        path.write_bytes(data)
+    for path in _written(carried, folder / "plugins").values():
         load_plugin_file(path)

@@ -151,10 +151,6 @@ class Prepared:
         """
         return resolution_of(self.scenario, self.drives, self.model)
 
-    def range_of(self, joint: str, reference: str) -> tuple[float, float]:
-        """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
-        return self.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
-
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
         """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
         unknown names."""
@@ -353,7 +349,7 @@ def describe(
     from asrsim import __version__
     from asrsim.versions import version
 
-    joints = tuple(
+    joints = [
         JointInfo(
             name=drive.name,
             actuator=drive.actuator.name if drive.actuator else "rigid",
@@ -364,12 +360,11 @@ def describe(
             quantities=recorded_quantities(drive),
         )
         for drive in drives
-    )
+    ]
     order = {name: index for index, name in enumerate(scenario.joint_order)}
-    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
     return RunInfo(
         robot=robot.name,
-        joints=joints,
+        joints=tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))),
         step=scenario.step,
         log_every=scenario.log_every,
         variant=scenario.variant,
