@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from asrsim.robot.model import Vector
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
 MAX_BYTES = 256 * 1024 * 1024
@@ -32,6 +37,39 @@ def mesh_fault(path: Path) -> str | None:
         return "is a Git LFS pointer, not the mesh itself (git lfs pull fetches it)"
     check = {".stl": _stl_fault, ".obj": _obj_fault, ".dae": _dae_fault}.get(path.suffix.lower())
     return f"is none of {', '.join(MESH_FORMATS)}" if check is None else check(data)
+
+
+def mesh_parts(path: Path) -> list[Trimesh]:
+    """Parts of the mesh in a file, in its unit (COLLADA: m). As in ROS, a COLLADA file's `<up_axis>` is ignored.
+
+    Raises ValueError and OSError if the file cannot be read.
+    """
+    import trimesh
+
+    if path.suffix.lower() not in MESH_FORMATS:
+        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
+    try:
+        scene: Any = trimesh.load_scene(path, process=False)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        part: Any
+        for part in parts:
+            part.apply_scale(trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0)
+    except OSError:
+        raise
+    except Exception as error:  # trimesh raises errors of many types for broken files
+        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+    if not parts:
+        raise ValueError(f"{path.name} has no triangle")
+    return parts
+
+
+def convex_hull(path: Path, scale: Vector) -> Trimesh:
+    """Convex hull of the mesh in a file, scaled along its axes. Raises ValueError and OSError if the file cannot be read."""
+    from trimesh.convex import convex_hull as hull_of
+
+    points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
+    hull: Trimesh = hull_of(points)
+    return hull
 
 
 def _stl_fault(data: bytes) -> str | None:
