@@ -42,9 +42,9 @@ from asrsim.engines.rigid import (
     make_room,
 )
 from asrsim.errors import Problem
-from asrsim.robot.engine_text import NO_LIMIT, usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed, merge_for_engine
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
 from asrsim.samples import Array
@@ -57,6 +57,8 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
 NO_CLAMP = 1e9
 """Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
+NO_LIMIT = 1e9
+"""Stop in rad or m in the place of a missing stop."""
 BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 ARREST = 1e9

@@ -40,9 +40,9 @@ from asrsim.engines.mujoco_library import (
 from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.packed import pack
-from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import LinkPlacement, merge_for_engine
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array

@@ -16,9 +16,9 @@ from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaterni
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import ScenarioError, SimulationError
 from asrsim.export.springs import Spline, spline_of
-from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Link
 from asrsim.robot.poses import roll_pitch_yaw
 from asrsim.samples import Array
