@@ -109,6 +109,7 @@ def scenario_report(path: Path) -> FileReport:
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     alone = report.kind == "robot"
     errors, notes = check_against_robot(scenario, robot)
@@ -120,6 +121,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
     substeps, unbuildable = _built(scenario, robot, report.path)
     if substeps is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
+        warnings += undersampled(scenario, substeps["substeps"])
     return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
 
 

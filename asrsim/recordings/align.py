@@ -28,7 +28,7 @@ SeriesOf = Callable[[tuple[str, str]], tuple[Array, Array] | None]
 
 def align_recording(
     recording: Recording, pairing: Mapping[str, str], series: SeriesOf, *, lag: LagChoice = "auto",
-    limit: float | None = None, infos: Sequence[JointInfo] = (),
+    infos: Sequence[JointInfo] = (),
 ) -> Alignment:  # fmt: skip
     """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
 
@@ -37,7 +37,6 @@ def align_recording(
         pairing: Maps each joint of the recording to a joint of the run.
         series: Function that returns the run's series.
         lag: See `LagChoice`.
-        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         infos: The run's joints; columns whose unit does not fit their joint are left out.
 
     Raises:
@@ -61,7 +60,7 @@ def align_recording(
         )
     name, time, values, column = best
     try:
-        return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
+        return align(time, values, column.time, column.values, choice=lag, name=name)
     except RecordingError as error:
         raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
 
@@ -149,7 +148,7 @@ class Alignment:
 
 def align(
     time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
-    limit: float | None = None, name: str = "",
+    name: str = "",
 ) -> Alignment:  # fmt: skip
     """Lag of a recording behind a simulation.
 
@@ -159,30 +158,26 @@ def align(
         time_recording: Times of the recording (m,), s.
         recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
-        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         name: Name of the quantity, for messages.
 
     Raises:
         RecordingError: With `auto` or `off`, the records do not overlap in time.
     """
-    if choice == "off":
-        return Alignment(lag=0.0, how="off")
-    if choice == "start":
-        return Alignment(lag=float(time_recording[0] - time_simulation[0]), how="start")
-    if isinstance(choice, float | int) and np.isfinite(choice):
-        return Alignment(lag=float(choice), how="set")
-    if choice != "auto":
-        raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
     start = float(time_recording[0] - time_simulation[0])
+    stated = {"off": 0.0, "start": start}.get(str(choice), choice)
+    if stated != "auto":
+        if not isinstance(stated, float | int) or not np.isfinite(stated):
+            raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
+        return Alignment(lag=float(stated), how=choice if isinstance(choice, str) else "set")
     if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
         # One clock began long before the other: the search starts where both records begin together.
-        together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
+        together = align(time_simulation, simulation, time_recording - start, recording, name=name)
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
-    found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
+    found = estimate_lag(time_simulation, simulation, time_recording, recording)
     # A periodic signal with reversed sign would be aligned half a period off.
-    turned = estimate_lag(time_simulation, simulation, time_recording, -recording, limit=limit)
+    turned = estimate_lag(time_simulation, simulation, time_recording, -recording)
     how = f"cross-correlation of {name}"
     if found is None:
         why = f"{name} must move in both records"

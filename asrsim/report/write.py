@@ -43,7 +43,7 @@ def write_report(
     place = Path(folder)
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
     tell = progress or (lambda what, fraction: None)
-    logs = find_logs(place)
+    logs, _ = find_logs(place)
     check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
     grid, runs = read_runs(logs, quantities=QUANTITIES)

@@ -9,7 +9,6 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError
 from asrsim.log import LogReader, open_log
 from asrsim.plain import one_or_more
@@ -99,7 +98,6 @@ def repeat(
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
-        _require_engine(reader, scenario.engine)
         try:
             run = simulate(
                 scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
@@ -139,19 +137,6 @@ def _whole_steps(reader: LogReader) -> float:
     """Duration of the log in whole steps, s; its last chunk may contain a command after the last sample."""
     step = reader.info.step
     return max(1, math.floor(reader.duration / step + 1e-6)) * step
-
-
-def _require_engine(reader: LogReader, name: str) -> None:
-    """Raise LogError unless the engine of the run is installed; another engine would give other results."""
-    entry = ENGINES.get(name)
-    if not entry.available:
-        version = reader.info.metadata.get("engine_version", name)
-        raise LogError(
-            f"the run used the engine '{name}' ({version}), but '{entry.module}' is not installed",
-            file=reader.path,
-            hint="Install it, or run the scenario in another engine with asrsim run --engine NAME",
-            code="engine-missing",
-        )
 
 
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:

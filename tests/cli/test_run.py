@@ -136,14 +136,6 @@ def test_invalid_claims_are_reported_before_the_run(tiny, asrsim_command):
     assert not log_of(tiny).exists()
 
 
-def test_repeated_run_reports_that_it_replaces_results(tiny, asrsim_command):
-    assert "replaced" not in asrsim_command("run", tiny.scenario, "--no-plot").out
-    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2")
-    assert outcome.code == 0
-    assert "replaced 2 files" in outcome.out
-    assert read_log(log_of(tiny)).samples.time[-1] == 0.2
-
-
 def test_rerun_reports_the_missing_part_of_a_shorter_repetition(tiny, asrsim_command, monkeypatch):
     from asrsim.runs import repeat
     from asrsim.simulation.run import simulate

@@ -345,7 +345,7 @@ def test_what_knows_two_motors_only_refuses_three(tmp_path):
     scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
     prepared = asrsim.prepare(scenario)
     with pytest.raises(RobotError, match="three has 3"):
-        SoftArm(scenario=prepared.scenario, robot=prepared.robot, model=None)  # type: ignore[arg-type]
+        SoftArm(scenario=prepared.scenario, robot=prepared.robot)
     with pytest.raises(RobotError, match="three has 3"):
         Door(prepared.scenario, prepared.robot)
 

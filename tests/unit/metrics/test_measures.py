@@ -268,15 +268,3 @@ def test_measures_of_a_response_are_those_of_its_frequency_response():
     assert 0.99 < measure("coherence", time, output, given, **band) <= 1.0
     assert measure("gain", time, output, given, hertz=5.0, **band) == pytest.approx(abs(found.at(np.array([5.0]))[0]))
     assert np.isnan(measure("gain", time, np.zeros_like(time), given, hertz=5.0, **band))
-
-
-@pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])
-def test_natural_frequency_and_decay_of_the_last_swings(decay):
-    """Natural frequency 40 Hz, damping ratio up to 0.8."""
-    time = np.arange(4001) * 1e-3
-    omega = np.sqrt((2 * np.pi * 40.0) ** 2 - decay**2)
-    velocity = np.where(time > 0.1, np.exp(-decay * (time - 0.1)) * np.sin(omega * (time - 0.1)), 0.0)
-    assert measure("natural_frequency", time, velocity, start=0.1) == pytest.approx(40.0, rel=1e-6)
-    assert measure("decay_rate", time, velocity, start=0.1) == pytest.approx(decay, rel=1e-5)
-    still = np.eye(1, 100, 50)[0]
-    assert np.isnan(measure("natural_frequency", time[:100], still))

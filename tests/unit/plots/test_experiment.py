@@ -159,9 +159,10 @@ def test_the_command_prints_how_the_recording_was_read(tmp_path):
 
 def test_json_is_one_document(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    recording.write_text(recording.read_text().replace("joint_1_reference", "temperature"))
     data = json.loads(CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--json"]).stdout)
     assert data["ok"] is True
-    assert data["experiments"][0]["columns"]["joint_1_position [rad]"] == "joint_1.link_position"
+    assert data["experiments"][0]["columns"] == {"joint_1_position [rad]": "joint_1.link_position"}
     assert Path(data["files"][0]).name == "comparison.png"
     bad = CliRunner().invoke(app, ["plot", str(log), "-e", "nowhere.csv", "--json"])
     assert bad.exit_code == 1

@@ -13,7 +13,7 @@ from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
-from support.plot_example import made_up_log
+from support.plot_example import made_up_log, simulated_log
 
 TIME = np.linspace(0.0, 1.0, 21)
 
@@ -48,6 +48,13 @@ def test_every_line_is_the_curve_of_its_name(tmp_path):
         assert [axes.get_xlabel() for axes in page.figure.axes].count("time (s)") == 2
     wanted = {"link_position", "link_torque", "stiffness", "external_torque", "motor_1_position", "motor_2_position"}
     assert {(joint, name, str(n)) for joint in ("joint_1", "joint_2") for name in wanted for n in (0, 1)} <= seen
+
+
+@pytest.mark.parametrize(("scenario", "drawn"), [("step_1dof_sea", False), ("step_2dof", True)])
+def test_an_equilibrium_that_is_the_motors_position_is_not_drawn(tmp_path, scenario, drawn):
+    (page, *_) = run_pages([read_curves(simulated_log(scenario, tmp_path / "log.mcap", variant="soft"))])
+    lines = [line.get_gid().split(".")[1] for axes in page.figure.axes for line in axes.get_lines() if line.get_gid()]
+    assert ("equilibrium_position" in lines, "motor_1_position" in lines) == (drawn, True)
 
 
 def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path):

@@ -75,6 +75,16 @@ def test_a_spike_of_one_sample_is_drawn(tmp_path):
     assert run.samples == 60_000
 
 
+@pytest.mark.parametrize(("limit", "is_near"), [(1.29, True), (1.31, False), (-0.29, True), (-0.31, False), (0.5, True)])
+def test_an_axis_reaches_to_the_limits_near_its_curves(limit, is_near):
+    axes, time = new_figure(2.0, 2.0).subplots(), np.linspace(0.0, 1.0, 50)
+    bound = Curve(time=time, values=np.full(50, limit))
+    show_values(axes, [Curve(time=time, values=time)], limits=[bound], brief=False)
+    low, high = axes.get_ylim()
+    assert (low < limit < high) == is_near
+    assert low < 0.0 < 1.0 < high
+
+
 @pytest.mark.parametrize(("joints", "pages"), [(3, 1), (5, 2)])
 def test_many_joints_take_several_pages_and_an_overview(tmp_path, joints, pages):
     run = read_curves(made_up_log(tmp_path / "log.mcap", joints=joints, count=50))
