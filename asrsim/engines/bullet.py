@@ -135,11 +135,11 @@ class BulletEngine(RigidEngine):
     def look(self, wrenches: Array, forces: Array) -> None:
         """Fill in mass matrix, bias and generalised forces of the wrenches."""
         room, dynamics, rotation = self._room, self._dynamics, self._rotation
-        positions = room.qpos[self._start :]
+        positions = dynamics.ordered(room.qpos[self._start :])
         room.matrix[:] = dynamics.matrix(positions, rotation)
         room.bias[:] = dynamics.bias(positions, room.qvel, rotation)
         for piece, values in enumerate(wrenches if wrenches.size else ()):
-            forces[piece, :, 0] = self._push(values, positions, rotation)
+            forces[piece, :, 0] = self._push(values, room.qpos[self._start :], rotation)
 
     def _push(self, values: Array, positions: Array, rotation: Array | None) -> Array:
         """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
@@ -291,7 +291,7 @@ class BulletContacts(BulletEngine):
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
-        push += dynamics.bias(positions, room.velocity, rotation) - room.bias
+        push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
             set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())

@@ -143,16 +143,16 @@ class BulletDynamics:
         self._to_bullet = [ours.index(joint.name) for joint in self._robot.outward_joints]
         """Index of each of Bullet's joints among ours: Bullet needs parents before children, a file may have another order."""
         order = np.argsort(self._to_bullet)
+        self._same = self._to_bullet == sorted(self._to_bullet)
         # If Bullet's order is ours: `...` is faster than indices.
-        same = self._to_bullet == sorted(self._to_bullet)
-        self._from_bullet: Any = ... if same else order
-        self._block: Any = ... if same else np.ix_(order, order)
-        self._positions = np.zeros(len(ours))
-        self._still = self._positions.tolist()
+        self._from_bullet: Any = ... if self._same else order
+        self._block: Any = ... if self._same else np.ix_(order, order)
+        self._still = [0.0] * len(ours)
         self._gravity = np.array(scenario.gravity)
         self._set_gravity(rotation_matrix(scenario.base_rpy))
-        self._bodies: list[tuple[float, int]] = [(1.0, make_body(p, self._robot))]
-        """Factors and Bullet's numbers of bodies: mass matrix and bias are the sums of the values of these bodies."""
+        self._body = make_body(p, self._robot)
+        self._parts: list[tuple[float, int]] = []
+        """Factors and Bullet's numbers of further bodies, whose mass matrix and bias are added to those of the first body."""
         if ours:
             self._set_up()
 
@@ -162,61 +162,56 @@ class BulletDynamics:
         Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
         inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
         """
-        at = self._positions[self.free :]
         with quiet():
             try:
-                self.matrix(at, None)
+                self.matrix(self._still, None)
                 return
             except SystemError:
                 moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
                 lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
-                parts = (2.0, lift), (-1.0, 2.0 * lift)
-                self._bodies = [(part, make_body(self._p, self._robot, lift=size)) for part, size in parts]
+                self._body = make_body(self._p, self._robot, lift=lift)
+                self._parts = [(1.0, self._body), (-1.0, make_body(self._p, self._robot, lift=2.0 * lift))]
             try:
-                self.matrix(at, None)
+                self.matrix(self._still, None)
             except SystemError as error:
                 message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
-    def _ordered(self, values: Array) -> list[float]:
-        """Values (v,) in Bullet's order."""
-        plain = values.tolist()
-        return [plain[j] for j in self._to_bullet]
+    def ordered(self, values: Array) -> list[float]:
+        """Values (v,) in Bullet's order; of values (n,) of the joints alone, the base's are 0."""
+        plain = [0.0] * (len(self._to_bullet) - len(values)) + values.tolist()
+        return plain if self._same else [plain[j] for j in self._to_bullet]
 
     def _set_gravity(self, rotation: Array) -> None:
         """Turn gravity in the place of the base. rotation: (3, 3) rotation of the base."""
         self._p.setGravity(*(self._gravity @ rotation).tolist())
 
     def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:
-        """Sum of the results of one of Bullet's routines for `_bodies`."""
-        (part, first), *others = self._bodies
-        total = part * np.array(routine(first, *arguments))
-        for part, body in others:
+        """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
+        total = np.array(routine(self._body, *arguments))
+        for part, body in self._parts:
             total += part * np.array(routine(body, *arguments))
         return total
 
-    def matrix(self, positions: Array, rotation: Array | None) -> Array:
-        """Mass matrix (v, v). positions: positions (n,) of the joints. rotation: (3, 3) rotation of a floating base, None for a
-        fixed base."""
-        self._positions[self.free :] = positions
-        full = np.asarray(self._sum(self._p.calculateMassMatrix, self._ordered(self._positions))[self._block])
+    def matrix(self, positions: Sequence[float], rotation: Array | None) -> Array:
+        """Mass matrix (v, v). positions: see `ordered`. rotation: (3, 3) rotation of a floating base, None for a fixed base."""
+        full = np.asarray(self._sum(self._p.calculateMassMatrix, positions)[self._block])
         if rotation is not None:
             full[:3] = rotation @ full[:3]
             full[:, :3] = full[:, :3] @ rotation.T
         return full
 
-    def bias(self, positions: Array, velocity: Array, rotation: Array | None) -> Array:
+    def bias(self, positions: Sequence[float], velocity: Array, rotation: Array | None) -> Array:
         """Gravity, Coriolis and centrifugal forces (v,) in N m. velocity: velocities (v,)."""
-        self._positions[self.free :] = positions
         accelerations = self._still
         if rotation is not None:
             self._set_gravity(rotation)
             x, y, z = velocity[3:6].tolist()
             # The base turns about three axes in succession: these accelerations keep its angular velocity constant.
-            accelerations = [0.0] * 3 + [-y * z, x * z, -x * y] + [0.0] * (len(velocity) - BASE)
+            turning = np.array([0.0, 0.0, 0.0, -y * z, x * z, -x * y, *self._still[BASE:]])
+            accelerations = self.ordered(turning)
             velocity = np.concatenate([velocity[:3] @ rotation, velocity[3:]])
-            accelerations = self._ordered(np.array(accelerations))
-        states = self._ordered(self._positions), self._ordered(velocity), accelerations
+        states = positions, self.ordered(velocity), accelerations
         bias = np.asarray(self._sum(self._p.calculateInverseDynamics, *states)[self._from_bullet])
         if rotation is not None:
             bias[:3] = rotation @ bias[:3]
