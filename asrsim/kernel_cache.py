@@ -20,7 +20,7 @@ def cache_file(digest: str) -> Path | None:
         for folder in (root, root / "__pycache__"):
             with suppress(FileExistsError):
                 folder.mkdir(mode=0o700)
-        for one in (root, root / "__pycache__", *root.glob(f"**/{path.stem}*")):
+        for one in (root, root / "__pycache__", path, *(root / "__pycache__").glob(f"{path.stem}*")):
             if not _is_own(one):
                 _warn_of_cache(one)
                 return None

@@ -51,7 +51,6 @@ class FileReport:
                     for joint in moving
                     if joint.spring_stiffness
                 },
-                "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
                 "actuators": [_block(block) for block in self.robot.actuators],
                 "step": self.step,
             }
@@ -109,6 +108,7 @@ def scenario_report(path: Path) -> FileReport:
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     alone = report.kind == "robot"
     errors, notes = check_against_robot(scenario, robot)
@@ -116,10 +116,11 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
         warnings = [*(robot.warnings if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
     changed = apply_to_robot(scenario, robot)
-    warnings = [*changed.warnings, *([] if alone else notes)]
+    warnings = [*map(scenario.placed, changed.warnings), *([] if alone else notes)]
     substeps, unbuildable = _built(scenario, robot, report.path)
     if substeps is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
+        warnings += undersampled(scenario, substeps["substeps"])
     return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
 
 

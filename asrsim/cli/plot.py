@@ -52,7 +52,6 @@ def plot(
     joint: Annotated[Texts, option("Only this joint; may be repeated.")] = None,
     quantity: Annotated[Texts, option("Only this quantity; may be repeated.")] = None,
     align: Align = "auto",
-    max_lag: Annotated[float | None, option("Largest lag that auto may find, s.", default="a quarter of the record")] = None,
     rate: Rate = None,
     bode: Annotated[bool, option("Draw frequency responses with coherence.", "--bode")] = False,
     band: Annotated[
@@ -88,18 +87,21 @@ def plot(
     from asrsim.cli.progress import FractionBar
     from asrsim.plots.job import PlotJob
     from asrsim.plots.job import plot as draw
-    from asrsim.runs.folder import find_logs, unreadable_logs
+    from asrsim.runs.folder import find_logs
 
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
-    say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
-    found = [log for place in logs or () for log in find_logs(place)]
+    found: list[Path] = []
+    for place in logs or ():
+        own, problems = find_logs(place)
+        found += own
+        say_problems(problems, "warning")
     job = PlotJob(
         logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
         experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,
         joints=tuple(joint) if joint else None, quantities=tuple(quantity) if quantity else None,
-        lag=lag_of(align), lag_limit=max_lag, formats=tuple(formats or ("png",)),
+        lag=lag_of(align), formats=tuple(formats or ("png",)),
         bode=bode, band=band, given=given, output=output, start=start, end=end,
     )  # fmt: skip
     if job.empty:

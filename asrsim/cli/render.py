@@ -42,11 +42,11 @@ def render(
     from asrsim.cli.progress import FractionBar
     from asrsim.outfile import make_folder
     from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
-    from asrsim.runs.folder import find_logs, unreadable_logs
+    from asrsim.runs.folder import find_logs
 
     check_window(start, end)
-    logs = find_logs(log)
-    say_problems(unreadable_logs(log), "warning")
+    logs, problems = find_logs(log)
+    say_problems(problems, "warning")
     files: list[Path] = []
     rates = {} if fps is None else {"fps": fps}
     with FractionBar(show=not quiet) as progress:

@@ -29,9 +29,9 @@ def report(
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.report import write_report
-    from asrsim.runs.folder import unreadable_logs
+    from asrsim.runs.folder import find_logs
 
-    say_problems(unreadable_logs(folder), "warning")
+    say_problems(find_logs(folder)[1], "warning")
     with FractionBar(show=not quiet) as progress:
         page = write_report(folder, out, film=film, progress=progress.update)
     size = page.stat().st_size

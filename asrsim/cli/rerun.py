@@ -38,11 +38,11 @@ def rerun(
     """
     from asrsim.cli.progress import RunBar
     from asrsim.log import open_log
-    from asrsim.runs.folder import find_logs, unreadable_logs
+    from asrsim.runs.folder import find_logs
     from asrsim.runs.repeat import repeat
 
-    logs, repetitions = find_logs(log), []
-    say_problems(unreadable_logs(log), "warning")
+    (logs, problems), repetitions = find_logs(log), []
+    say_problems(problems, "warning")
     with Interruption() as interruption:
         for one in logs:
             with RunBar(one.name, open_log(one).duration, show=not quiet) as progress:

@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.errors import InputError, Problem
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.laws import Distribution, Values
-from asrsim.sweeps.study import Axis, axis_of
+from asrsim.sweeps.study import axis_of
 
 if TYPE_CHECKING:
     from asrsim.simulation.prepare import Prepared
@@ -43,8 +43,11 @@ class Draws:
 
     def bounds(self) -> tuple[list[float], list[float]]:
         """Lower and upper bounds of the values, in the order of the keys; infinite for unbounded laws."""
-        pairs = [_bounds(axis, key) for axis in self._axes for key in axis.keys]
-        return [low for low, _ in pairs], [high for _, high in pairs]
+        rows: list[list[float]] = []
+        for axis in self._axes:
+            ends = axis.law.values if isinstance(axis.law, Values) else axis.law.quantile(np.array([0.0, 1.0])).tolist()
+            rows += [[float(axis.assign(value)[key]) for value in ends] for key in axis.keys]
+        return [min(row) for row in rows], [max(row) for row in rows]
 
 
 def plan(draws: Draws, prepared: Prepared) -> KeyPlan:
@@ -67,13 +70,3 @@ def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     # The interval is open, since quantiles at 0 and 1 may be infinite.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])
-
-
-def _bounds(axis: Axis, key: str) -> tuple[float, float]:
-    law = axis.law
-    if isinstance(law, Values):
-        values = [float(axis.assign(value)[key]) for value in law.values]
-        return min(values), max(values)
-    if law.name.endswith("uniform"):
-        return law.first, law.second
-    return (0.0 if law.name == "lognormal" else -np.inf), np.inf

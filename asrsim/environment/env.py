@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
+import numpy as np
 
 from asrsim.environment.task import Single
 from asrsim.environment.vector import SoftRobotVectorEnv, again
@@ -56,8 +57,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
         """Apply one action for one control period. If the simulation diverges, the episode is terminated."""
-        given, values = self._many.task.values_of(action)
-        observations, rewards, ended, truncated, _ = self._many.apply(given[None], values[None])
+        observations, rewards, ended, truncated, _ = self._many.step(np.asarray(action)[None])
         return observations[0], float(rewards[0]), bool(ended[0]), bool(truncated[0]), {}
 
     def render(self) -> Image | None:

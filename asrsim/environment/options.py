@@ -29,41 +29,27 @@ class Options(TypedDict, total=False):
     tip: tuple[str, Sequence[float]] | None
 
 
-def _is_names(value: Any) -> bool:
-    # Sets are rejected: their order differs from process to process.
-    return isinstance(value, str) or (isinstance(value, Sequence) and all(isinstance(name, str) for name in value))
-
-
-def _is_action(value: Any) -> bool:
-    return value is None or (_is_names(value) and len(value) > 0)
-
-
-def _is_laws(value: Any) -> bool:
-    return isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
-
-
-def _is_function(value: Any) -> bool:
-    return value is None or callable(value)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
-
-
 def _is_tip(value: Any) -> bool:
-    return value is None or (isinstance(value, Sequence) and len(value) == 2 and isinstance(value[0], str))
+    if value is None:
+        return True
+    try:
+        link, point = value
+        return isinstance(link, str) and np.shape(point) == (3,) and bool(np.isfinite(point).all())
+    except (TypeError, ValueError):
+        return False
 
 
-_LAWS: Any = ({}, _is_laws, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}")
-_FUNCTION: Any = (None, _is_function, "a function of the state, or None")
-_NAMES = "a name or a list of names"
-_FORMS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
-    "variant": (None, lambda _: True, ""), "overrides": ((), lambda _: True, ""),
-    "control_rate": (50.0, _is_number, "a number of Hz"), "observe": (("link_position", "link_velocity"), _is_names, _NAMES),
-    "act": (None, _is_action, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
-    "goal": _LAWS, "tip": (None, _is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
+# Sets are no sequences: their order differs from process to process.
+_NAMES: Any = Sequence, "a name or a list of names"
+_LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}"
+_FUNCTION: Any = None, Callable | None, "a function of the state, or None"
+_FORMS: dict[str, tuple[Any, Any, str]] = {
+    "variant": (None, object, ""), "overrides": ((), object, ""),
+    "control_rate": (50.0, int | float | np.number, "a number of Hz"), "observe": (("link_position", "link_velocity"), *_NAMES),
+    "act": ((), *_NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
+    "tip": (None, object, ""),
 }  # fmt: skip
-"""Options by name: default, function that validates a value, and description of valid values."""
+"""Options by name: default, types of valid values, and description of valid values."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -77,9 +63,12 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
     options = {name: given.get(name, default) for name, (default, _, _) in _FORMS.items()}
     problems += [
         Problem(f"must be {kind}", key=name, value=options[name], code="option-type")
-        for name, (_, is_kind, kind) in _FORMS.items()
-        if not is_kind(options[name])
+        for name, (_, types, kind) in _FORMS.items()
+        if not isinstance(options[name], types)
     ]
+    if not _is_tip(options["tip"]):
+        message = "must be a link's name and a point of three finite numbers in m, such as ('link_2', (0.1, 0, 0))"
+        problems.append(Problem(message, key="tip", value=options["tip"], code="option-type"))
     if problems:
         raise InputError(problems)
     return options

@@ -50,8 +50,6 @@ class Readings:
             )
         elif tip is not None and model is not None and tip[0] not in model.links:
             problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=model.links, code="unknown-link"))
-        if tip is not None and not _is_point(tip[1]):
-            problems.append(Problem("the point of a tip must be three finite numbers in m", value=tip[1], code="tip"))
         if not names:
             problems.append(Problem("the option observe names no quantity", choices=KNOWN, code="no-quantity"))
         if problems:
@@ -94,12 +92,3 @@ class Readings:
             raise RuntimeError("the tip was checked before")
         x, y, z = tip[1]
         return model.pose(positions, tip[0], (x, y, z))[0]
-
-
-def _is_point(values: Any) -> bool:
-    """Whether `values` are three finite numbers."""
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        return False
-    return found.shape == (3,) and bool(np.isfinite(found).all())

@@ -61,7 +61,7 @@ class ControlTask:
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Number of actions per episode."""
-        self.actions, low, high = _actions(prepared, one_or_more(options["act"] or ()))
+        self.actions, low, high = _actions(prepared, one_or_more(options["act"]))
         """Joint and reference that each entry of an action sets."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
@@ -119,15 +119,11 @@ class ControlTask:
             for joint, reference in places
         ]
 
-    def values_of(self, actions: Any, count: int | None = None) -> tuple[Array, Array]:
-        """The actions as an array, and the same actions as references in SI units. count: number of environments; None: a
-        single environment, whose action is one row. Raises InputError."""
-        given = np.asarray(actions, dtype=np.float64)
-        shape = (len(self.actions),) if count is None else (count, len(self.actions))
-        if given.shape != shape or not np.isfinite(given).all():
-            whose = "an action must be" if count is None else f"actions must be {count} rows of"
-            raise InputError(f"{whose} {len(self.actions)} finite numbers", value=actions, code="action")
-        return given, self._middle + self._half * np.clip(given, -1.0, 1.0)
+    def values_of(self, actions: Array) -> Array:
+        """References (environments, actions) in SI units for the actions of some environments. Raises InputError."""
+        if actions.shape[1:] != (len(self.actions),) or not np.isfinite(actions).all():
+            raise InputError(f"an action must be {len(self.actions)} finite numbers", value=actions, code="action")
+        return self._middle + self._half * np.clip(actions, -1.0, 1.0)
 
     @property
     def judges(self) -> bool:

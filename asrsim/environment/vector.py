@@ -78,11 +78,10 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
-        return self.apply(*self.task.values_of(actions, self.num_envs))
-
-    def apply(self, given: Array, values: Array) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Apply checked actions `given` (num_envs, actions), which are the references `values` in SI units; see `step`."""
-        task, worlds = self.task, self.worlds
+        given = np.asarray(actions, dtype=np.float64)
+        if len(given) != self.num_envs:
+            raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
+        task, worlds, values = self.task, self.worlds, self.task.values_of(given)
         going, fresh = ~self._over, self._over.copy()
         if fresh.any():
             self._begin(fresh)

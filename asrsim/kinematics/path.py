@@ -7,7 +7,7 @@ springs, and the references would drift without end.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,19 +114,20 @@ def follow(
     start: Array,
     time: Array,
     *,
-    moving: NDArrayBool | None = None,
+    moving: Sequence[bool] = (True,),
     gain: float = 10.0,
     damping: float = 1e-3,
 ) -> JointPath:
     """Joint positions that move the point along the trajectory, beginning at `start` (joints,).
 
-    time: ascending times (n,), s; the loop takes one step per entry. moving: mask of the joints that may move (None: all).
+    time: ascending times (n,), s; the loop takes one step per entry. moving: whether each joint may move.
     gain: gain on position and orientation errors, 1/s. damping: damping factor of the least squares, in m for position rows
     and in rad for orientation rows.
     A joint that would pass its stop is placed at the stop; the other joints take over as much of the motion as they can.
     """
     wanted, turned = trajectory.at(time)
-    free = np.ones(len(start), dtype=bool) if moving is None else moving
+    # A joint with equal bounds does not move.
+    stops = np.where(moving, [model.lower, model.upper], start)
 
     def missing(index: int, position: Array, rotation: Array | None) -> Array:
         """Displacement and rotation vector from a pose to the trajectory's pose at an index; 3 numbers if only the position is
@@ -149,27 +150,25 @@ def follow(
         displacement = missing(index + 1, wanted[index], None if turned is None else turned[index])
         displacement += min(gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[: len(error)]
-        q = q + bounded_step(jacobian, displacement, model.lower - q, model.upper - q, free, damping)
+        q = q + bounded_step(jacobian, displacement, stops - q, damping)
     return JointPath(time=time, positions=positions, position_error=errors[:, 0], orientation_error=errors[:, 1])
 
 
-def bounded_step(
-    jacobian: Array, displacement: Array, lowest: Array, highest: Array, free: NDArrayBool, damping: float
-) -> Array:
-    """Damped least-squares joint step (n,) towards `displacement` (rows,), within [lowest, highest] (n,) each.
+def bounded_step(jacobian: Array, displacement: Array, bounds: Array, damping: float) -> Array:
+    """Damped least-squares joint step (n,) towards `displacement` (rows,), within the lower and upper bounds (2, n).
 
     A joint whose step would pass its bound is placed at the bound. The motion of this joint is subtracted from the task, and
     the steps of the other joints are computed again for the rest of the task.
     """
     step = np.zeros(jacobian.shape[1])
-    active = free.copy()
+    active = bounds[0] < bounds[1]
     remaining = displacement
     while active.any():
         columns = jacobian[:, active]
         normal = columns @ columns.T
         normal[np.diag_indices_from(normal)] += damping * damping
         step[active] = columns.T @ np.linalg.solve(normal, remaining)
-        bounded = np.clip(step, lowest, highest)
+        bounded = np.clip(step, *bounds)
         passed = active & (bounded != step)
         if not passed.any():
             break
@@ -177,6 +176,3 @@ def bounded_step(
         active &= ~passed
         remaining = displacement - jacobian[:, ~active] @ step[~active]
     return step
-
-
-NDArrayBool = np.ndarray[tuple[int], np.dtype[np.bool_]]

@@ -14,7 +14,7 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.drive_inverse import equilibria_for_loads
 from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
-from asrsim.kinematics.path import JointPath, NDArrayBool, PoseTrajectory, follow
+from asrsim.kinematics.path import JointPath, PoseTrajectory, follow
 from asrsim.robot import drive_of
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
@@ -78,21 +78,11 @@ def plan(
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
-    moving = np.array([joint in driven for joint in model.joints])
+    moving = [joint in driven for joint in model.joints]
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
-    path = follow(
-        model,
-        task.link,
-        task.point,
-        trajectory,
-        start,
-        time,
-        moving=moving,
-        gain=task.gain,
-        damping=task.damping,
-    )
+    path = follow(model, task.link, task.point, trajectory, start, time, moving=moving, gain=task.gain, damping=task.damping)
     _check_path(task, model, trajectory, path, moving)
     loads = model.gravity_torques(path.positions) if task.gravity_compensation else None
     references = {}
@@ -107,13 +97,13 @@ def plan(
 
 
 def _check_path(
-    task: CartesianTask, model: RobotModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
+    task: CartesianTask, model: RobotModel, trajectory: PoseTrajectory, path: JointPath, moving: Sequence[bool]
 ) -> None:
     """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
         position, _ = model.pose(path.positions[0], task.link, task.point)
         first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
-        starts = [np.clip(path.positions[0] + bend * moving, model.lower, model.upper) for bend in BENDS]
+        starts = [np.clip(path.positions[0] + bend * np.array(moving), model.lower, model.upper) for bend in BENDS]
         times = np.arange(200.0)
         reached = [follow(model, task.link, task.point, first, start, times, moving=moving) for start in starts]
         still = min(reached, key=lambda one: float(one.position_error[-1]))

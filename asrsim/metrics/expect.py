@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text, attempt
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import DocumentReading
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems
 from asrsim.metrics.motion import AXES
@@ -21,13 +24,12 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
-RECORDING_OPTIONS = {
-    "lag": "auto, off, start or a number of seconds",
-    "lag_limit": "a positive number of seconds",
-    "map": "a list of COLUMN=JOINT.QUANTITY [unit]",
-    "rate": "a positive number of Hz",
+RECORDING_OPTIONS: dict[str, Kind[Any]] = {
+    "lag": Either((Choice(("auto", "off", "start")), Number())),
+    "map": Either((ListOf(of=Text()), Text())),
+    "rate": Number(above=0.0),
 }
-"""Options of a claim with `against` that concern the recording, as in `asrsim plot`, with their valid values."""
+"""Options of a claim with `against` that concern the recording, as in `asrsim plot`, with their kinds of value."""
 BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 """Quantities of a body in a claim; `contact_force` is the magnitude of the sum of its contact forces, N.
 
@@ -147,7 +149,8 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
         raise _error(expectation, f"no measure is called '{expectation.measure}'", choices=names, hint=hint)
     options = {key: value for key, value in _of_measure(expectation).items() if key not in ("start", "end")}
     problems += option_problems(MEASURES.get(expectation.measure), options)
-    problems += _recording_problems(expectation)
+    if expectation.against is not None:
+        problems += _misfits(RECORDING_OPTIONS, expectation.options)
     if expectation.comparison not in COMPARISONS:
         raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
@@ -171,13 +174,9 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
 def _unmeasurable(expectation: Expectation) -> list[Problem]:
     """Invalid options of the measure, found before the run by applying the measure to an artificial series."""
     options = _of_measure(expectation)
-    problems = []
     parameters = inspect.signature(MEASURES.get(expectation.measure).function).parameters
     numbers = {"start", "end", *(name for name in options if str(parameters.get(name, "")).startswith(f"{name}: 'float"))}
-    for key in (name for name in options if name in numbers):
-        value = options[key]
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)):
-            problems.append(Problem("must be a number", key=f"options.{key}", value=value, code="bad-option"))
+    problems = _misfits({name: Number() for name in numbers if options.get(name) is not None}, options)
     start, end = options.pop("start", None), options.pop("end", None)
     if not problems and start is not None and end is not None and not start < end:
         problems.append(Problem("must be before the end", key="options.start", value=start, code="bad-option"))
@@ -206,23 +205,13 @@ def _of_measure(expectation: Expectation) -> dict[str, Any]:
     return {key: value for key, value in expectation.options.items() if key not in RECORDING_OPTIONS}
 
 
-def _recording_problems(expectation: Expectation) -> list[Problem]:
-    if expectation.against is None:
-        return []
-    problems = []
-    for key, expected in RECORDING_OPTIONS.items():
-        value = expectation.options.get(key)
-        real = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        number = value if real else None
-        if key == "lag":
-            good = value in ("auto", "off", "start") or number is not None
-        elif key == "map":
-            good = isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(v, str) for v in value))
-        else:
-            good = number is not None and number > 0
-        if key in expectation.options and not good:
-            problems.append(Problem(f"must be {expected}", key=f"options.{key}", value=value, code="bad-expectation"))
-    return problems
+def _misfits(kinds: Mapping[str, Kind[Any]], options: Mapping[str, Any]) -> list[Problem]:
+    """Problems of the options whose values have another kind than `kinds` states."""
+    reading = DocumentReading()
+    for name, kind in kinds.items():
+        if name in options:
+            attempt(kind, node_from_data(options[name]), ("options", name), reading)
+    return reading.problems
 
 
 def _is_body_quantity(name: str) -> bool:

@@ -29,8 +29,6 @@ class Lag:
     """Time by which the second series lags the first, s."""
     correlation: float
     """Normalised cross-correlation at this lag, -1 to 1."""
-    limit: float
-    """Largest lag of the search, s."""
     at_limit: bool
     """Whether the best correlation is at the edge of the search; the true lag may lie beyond."""
     ambiguous: bool
@@ -73,7 +71,7 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
     return Lag(
-        seconds=float(lags[peak]) + shift * step, correlation=min(correlation, 1.0), limit=limit, ambiguous=ambiguous,
+        seconds=float(lags[peak]) + shift * step, correlation=min(correlation, 1.0), ambiguous=ambiguous,
         at_limit=at_limit and limit > 0,
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.metrics import difference, motion, oscillation, response, ringing, step, values
+from asrsim.metrics import difference, motion, oscillation, response, step, values
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
@@ -77,8 +77,6 @@ for _function, _unit, _needs in (
     (values.final, "series", "series"),
     (values.at, "series", "series"),
     (oscillation.frequency, "Hz", "series"),
-    (ringing.natural_frequency, "Hz", "series"),
-    (ringing.decay_rate, "1/s", "series"),
     (response.gain, "1", "pair"),
     (response.largest_gain, "1", "pair"),
     (response.resonance, "Hz", "pair"),

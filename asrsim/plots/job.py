@@ -43,7 +43,6 @@ class PlotJob:
     joints: tuple[str, ...] | None = None
     quantities: tuple[str, ...] | None = None
     lag: LagChoice = "auto"
-    lag_limit: float | None = None
     """Largest lag that the automatic alignment may find, s."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
@@ -204,7 +203,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
             # A recording has one clock: the lag found with the first run is used for the other runs too.
-            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
+            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)

@@ -16,11 +16,10 @@ from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.outfile import write_text
 from asrsim.plots.curves import available, stored
-from asrsim.plots.decimate import BINS, decimate
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import BINS, Curve, decimate
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, band, compare
-from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
+from asrsim.recordings.align import Alignment, LagChoice, align_recording
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
 
@@ -94,11 +93,10 @@ def compare_run(
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
     lags: Mapping[str, LagChoice],
-    lag_limit: float | None = None,
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: lag of each recording, by its path. lag_limit: largest automatic lag, s. Raises
+    joints, quantities: all by default. lags: lag of each recording, by its path. Raises
     RecordingError (no common joint or quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
@@ -109,18 +107,16 @@ def compare_run(
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples
 
-    series = series_of(read, infos)
     alignments: dict[str, Alignment] = {}
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
-        alignments[name] = align_recording(recording, pairing, series, lag=lags[name], limit=lag_limit, infos=infos)
+        alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
     samples = reader.read(quantities=stored(common, infos), joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):
-        shared = {its: ours for its, ours in pairing.items() if ours in paired}
-        if shared:
+        if {*pairing.values()} & {*paired}:
             lag = alignments[str(recording.path)].lag
-            compared.append(compare(samples, recording, infos=infos, joints=shared, quantities=common, lag=lag))
+            compared.append(compare(samples, recording, infos=infos, quantities=common, lag=lag))
     findings = [problem for alignment in alignments.values() for problem in alignment.findings]
     findings += [problem for one in compared for problem in one.findings]
     return RunComparison(

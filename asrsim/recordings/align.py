@@ -22,35 +22,37 @@ first, as both records contain the same reference. The lag of a response is part
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function (quantities, joints) that returns the samples of these quantities and joints."""
-SeriesOf = Callable[[tuple[str, str]], tuple[Array, Array] | None]
-"""Function that returns the times (n,) in s and values (n,) of (joint, quantity) in a run; None where the run lacks them."""
 
 
 def align_recording(
-    recording: Recording, pairing: Mapping[str, str], series: SeriesOf, *, lag: LagChoice = "auto",
-    limit: float | None = None, infos: Sequence[JointInfo] = (),
-) -> Alignment:  # fmt: skip
+    recording: Recording, pairing: Mapping[str, str], read: Reader, *, lag: LagChoice = "auto", infos: Sequence[JointInfo] = ()
+) -> Alignment:
     """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
 
     Args:
         recording: The experiment.
         pairing: Maps each joint of the recording to a joint of the run.
-        series: Function that returns the run's series.
+        read: Function that returns samples of the run, for example from its log.
         lag: See `LagChoice`.
-        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         infos: The run's joints; columns whose unit does not fit their joint are left out.
 
     Raises:
         RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
     """
     columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
+    recorded = {info.name: info.quantities for info in infos}
     best: tuple[str, Array, Array, Column] | None = None
-    for key in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
-        if (found := series(key)) is None:
+    for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
+        sources = DERIVED_SOURCES.get(quantity, (quantity,))
+        stored = [name for name in recorded.get(joint) or sources if name in sources]
+        samples = read(stored, (joint,)) if stored else None
+        values = None if samples is None else simulated(samples, joint, quantity, infos)
+        if samples is None or values is None:
             continue
-        moves = _moves(found[1]) and _moves(columns[key].values)
+        column = columns[joint, quantity]
+        moves = _moves(values) and _moves(column.values)
         if best is None or moves:
-            best = (".".join(key), *found, columns[key])
+            best = (f"{joint}.{quantity}", samples.time, values, column)
         # If the lag is not estimated, the first series is enough: only the times of the series are used.
         if moves or lag != "auto":
             break
@@ -61,7 +63,7 @@ def align_recording(
         )
     name, time, values, column = best
     try:
-        return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
+        return align(time, values, column.time, column.values, choice=lag, name=name)
     except RecordingError as error:
         raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
 
@@ -84,23 +86,6 @@ def comparable(
         else:
             wrong.append(replace(problem, file=recording.path, message=f"{problem.message}; the column is not compared"))
     return found, wrong
-
-
-def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
-    """Function that reads single series of a run, for example from a log."""
-    recorded = {info.name: info.quantities for info in infos}
-
-    def series(key: tuple[str, str]) -> tuple[Array, Array] | None:
-        joint, quantity = key
-        sources = DERIVED_SOURCES.get(quantity, (quantity,))
-        stored = [name for name in recorded.get(joint, ()) if name in sources]
-        if not stored:
-            return None
-        samples = read(stored, (joint,))
-        values = simulated(samples, joint, quantity, infos)
-        return None if values is None else (samples.time, values)
-
-    return series
 
 
 def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
@@ -149,7 +134,7 @@ class Alignment:
 
 def align(
     time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
-    limit: float | None = None, name: str = "",
+    name: str = "",
 ) -> Alignment:  # fmt: skip
     """Lag of a recording behind a simulation.
 
@@ -159,30 +144,26 @@ def align(
         time_recording: Times of the recording (m,), s.
         recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
-        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         name: Name of the quantity, for messages.
 
     Raises:
         RecordingError: With `auto` or `off`, the records do not overlap in time.
     """
-    if choice == "off":
-        return Alignment(lag=0.0, how="off")
-    if choice == "start":
-        return Alignment(lag=float(time_recording[0] - time_simulation[0]), how="start")
-    if isinstance(choice, float | int) and np.isfinite(choice):
-        return Alignment(lag=float(choice), how="set")
-    if choice != "auto":
-        raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
     start = float(time_recording[0] - time_simulation[0])
+    stated = {"off": 0.0, "start": start}.get(str(choice), choice)
+    if stated != "auto":
+        if not isinstance(stated, float | int) or not np.isfinite(stated):
+            raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
+        return Alignment(lag=float(stated), how=choice if isinstance(choice, str) else "set")
     if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
         # One clock began long before the other: the search starts where both records begin together.
-        together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
+        together = align(time_simulation, simulation, time_recording - start, recording, name=name)
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
-    found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
+    found = estimate_lag(time_simulation, simulation, time_recording, recording)
     # A periodic signal with reversed sign would be aligned half a period off.
-    turned = estimate_lag(time_simulation, simulation, time_recording, -recording, limit=limit)
+    turned = estimate_lag(time_simulation, simulation, time_recording, -recording)
     how = f"cross-correlation of {name}"
     if found is None:
         why = f"{name} must move in both records"

@@ -36,24 +36,15 @@ def read_matlab(path: Path, reading: Reading) -> Content:
 
 def read_numpy(path: Path, reading: Reading) -> Content:
     """Content of a NumPy file: named arrays."""
-    try:
-        loaded = np.load(path)
-    except ValueError as error:
-        if "pickle" not in str(error):
-            raise
-        message = "is no NumPy file, or contains Python objects, which are not read"
-        raise RecordingError(message, code="damaged", hint="Expected .npy or .npz with arrays of numbers") from None
+    loaded = np.load(path)
     arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else loaded
     findings: list[Problem] = []
     found: dict[str, Any] = {}
     for name in arrays:
         try:
             found[name] = arrays[name]
-        except ValueError as error:
-            if "pickle" not in str(error):
-                raise
-            # Unpickling a Python object would run code from the file.
-            findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
+        except ValueError as error:  # for example Python objects, as unpickling would run code from the file
+            findings.append(Problem(f"is not read: {error}", key=name, code="objects"))
     return of_tree(found, findings, reading)
 
 
@@ -69,9 +60,8 @@ def read_arrow(path: Path, reading: Reading) -> Content:
         raise RecordingError("several columns have one name", choices=tuple(table.column_names), code="repeated-header")
     numbers = {name: values for name, values in columns.items() if values.dtype != object}
     unread = listed([name for name in columns if name not in numbers], 8)
-    found = {"time" if name.startswith("__index") else name: values for name, values in numbers.items()}
     note = Problem("text, lists and records are not read", key=unread, code="text-column")
-    return of_tree(found, [note] if unread else [], reading)
+    return of_tree(numbers, [note] if unread else [], reading)
 
 
 def of_tree(tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:

@@ -170,9 +170,7 @@ def _of_bag(path: Path, topics: list[_Topic], *, ros1: bool) -> Messages:
     types = _Types(ros1=ros1)
     opened: Any = Reader1(path) if ros1 else Reader2(path)
     with opened as reader:
-        known = {
-            one.id: types.topic(one.topic, one.msgtype, one.msgdef.data, one.msgdef.format.name) for one in reader.connections
-        }
+        known = {one.id: types.topic(one.topic, one.msgtype, one.msgdef.data) for one in reader.connections}
         topics += known.values()
         wanted = [one for one in reader.connections if known[one.id].decode is not None]
         for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
@@ -194,8 +192,7 @@ def _of_mcap(path: Path, topics: list[_Topic]) -> Messages:
             return _Topic(channel.topic, kind, json.loads)
         if encoding not in types or schema is None:
             return _Topic(channel.topic, kind, None, f"its encoding '{encoding}' is unknown; known are cdr, ros1 and json")
-        language = "IDL" if schema.encoding == "ros2idl" else "MSG"
-        return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
+        return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"))
 
     with path.open("rb") as stream:
         for record in StreamReader(stream, record_size_limit=path.stat().st_size).records:
@@ -218,18 +215,18 @@ class _Types:
         self.own = get_typestore(Stores.EMPTY)
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
-    def topic(self, name: str, kind: str, definition: str, language: str) -> _Topic:
-        """Topic with its decoder, or why it cannot be decoded. language: language of the definition, MSG, IDL, or NONE."""
-        from rosbags.typesys import get_types_from_idl, get_types_from_msg
+    def topic(self, name: str, kind: str, definition: str) -> _Topic:
+        """Topic with its decoder, or why it cannot be decoded. definition: the type in the language MSG."""
+        from rosbags.typesys import get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
             return _Topic(name, kind, None, "it carries no signals")
         full = kind if "/msg/" in kind else kind.replace("/", "/msg/", 1)
         store = self.standard
         reason = "its type is not a standard type, and the file does not define it"
-        if definition.strip() and language != "NONE":
+        if definition.strip():
             try:
-                found = get_types_from_msg(definition, full) if language == "MSG" else get_types_from_idl(definition)
+                found = get_types_from_msg(definition, full)
                 self.own.register({key: value for key, value in found.items() if key not in self.own.fielddefs})
                 store = self.own
             except Exception as error:  # rosbags' parser raises errors of several types for invalid definitions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,8 +42,6 @@ class Series:
     """Simulated values (m,); NaN in gaps."""
     recording: Array
     """Recorded values (m,); NaN in gaps."""
-    source: str
-    """Column of the recording."""
     reading: str
     """Description of how the column was read."""
     metrics: Mapping[str, float]
@@ -65,8 +63,6 @@ class Comparison:
     recording: Path
     series: tuple[Series, ...]
     alignment: Alignment
-    joints: Mapping[str, str] = field(default_factory=dict)
-    """Maps joints of the recording to joints of the simulation."""
     findings: tuple[Problem, ...] = ()
     """Problems of the comparison; the problems of the file are in the recording's `findings`."""
 
@@ -98,10 +94,8 @@ def compare(
     recording: Recording,
     *,
     infos: Sequence[JointInfo] = (),
-    joints: Mapping[str, str] | None = None,
     quantities: Sequence[str] | None = None,
     lag: LagChoice = "auto",
-    lag_limit: float | None = None,
 ) -> Comparison:
     """Comparison of all quantities that the simulation and the recording share.
 
@@ -109,17 +103,15 @@ def compare(
         samples: Samples of the simulation, for example of a log.
         recording: The experiment.
         infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
-        joints: Maps joints of the recording to joints of the simulation; None: by name.
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: auto, off, start, or the delay of the recording in s.
-        lag_limit: s, largest lag that auto may find.
 
     Raises:
         RecordingError: No common joint, no common quantity, or no overlap in time.
     """
-    pairing = match_joints(samples.joints, recording, joints)
+    pairing = match_joints(samples.joints, recording)
     columns, findings = comparable(recording, pairing, infos, quantities)
-    found = {key: (samples.time, own) for key in columns if (own := simulated(samples, *key, infos)) is not None}
+    found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
     if findings and not found:
         raise RecordingError(condense(findings))
     if not found:
@@ -131,15 +123,15 @@ def compare(
         )  # fmt: skip
 
     prismatic = {info.name for info in infos if info.prismatic}
-    alignment = align_recording(recording, pairing, found.get, lag=lag, limit=lag_limit, infos=infos)
+    alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
     series = tuple(
-        _series(joint, quantity, *own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
+        _series(joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
         for (joint, quantity), own in found.items()
     )
     findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
-    return Comparison(recording=recording.path, series=series, alignment=alignment, joints=pairing, findings=tuple(findings))
+    return Comparison(recording=recording.path, series=series, alignment=alignment, findings=tuple(findings))
 
 
 def _series(
@@ -166,7 +158,7 @@ def _series(
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
     steps = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
-        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
+        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b,
         reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
 

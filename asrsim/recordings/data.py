@@ -153,8 +153,6 @@ class Recording:
     """Columns by name, in the file's order. Each column has its own times; `Recording.time` is from the longest table."""
     findings: tuple[Problem, ...] = ()
     """Problems of the file: bad rows, gaps, constant columns, suspected units. Every dropped sample is reported."""
-    reading: Path | None = field(default=None, repr=False)
-    """Document that says how the file is read; None: the columns were interpreted by their names."""
 
     @property
     def asked(self) -> tuple[Column, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pickle
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
@@ -15,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.confined import ConfinedError, run_confined
-from asrsim.errors import AsrsimError, InputError, Problem, RecordingError, similar_file
+from asrsim.errors import InputError, Problem, RecordingError, similar_file
 from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
-from asrsim.recordings.sheets import is_json, read_excel, read_json
+from asrsim.recordings.sheets import read_excel, read_json
 from asrsim.recordings.text import read_text
 from asrsim.registry import Registry
 
@@ -43,14 +42,12 @@ class Reader:
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
 """Classes in the answer of the child process, by name."""
-LEAST, RATIO = 256 * 2**20, 50
-"""Limits on the unpacked size of an archive: bytes that are always allowed, and the allowed multiple of the file's size.
-Measured signals in text compress by a factor of 3 to 30."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 for _name, _reader in {
     "text": Reader(
         suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
-    "json": Reader(suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, confined=False),
+    "json": Reader(
+        suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, magic=(b'{"', b"[{"), confined=False),
     "excel": Reader(
         suffixes=(".xlsx", ".xlsm", ".xls", ".ods"), read=read_excel, magic=(b"\xd0\xcf\x11\xe0",)),
     "matlab": Reader(
@@ -94,15 +91,11 @@ def format_of(path: Path) -> str:
     by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
     # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start
-    if text or by_suffix in ("text", "json"):
-        return "json" if is_json(path) else "text"
-    return by_suffix
+    return "text" if text else by_suffix
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
     """Content read in a child process, as damaged files may crash a library or make it request all memory."""
-    if path.is_file() and zipfile.is_zipfile(path):
-        _check_unpacked(path)
     # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
@@ -114,36 +107,19 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
         raise RecordingError(f"cannot be read: its reader {error}", code="damaged") from None
 
 
-def _check_unpacked(path: Path) -> None:
-    """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(member.file_size for member in archive.infolist())
-    except Exception as error:  # on damaged archives zipfile raises errors of many types
-        raise RecordingError(f"is a damaged archive: {error}", code="damaged") from None
-    if size > max(LEAST, RATIO * path.stat().st_size):
-        message = (
-            f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"
-        )
-        hint = "If you trust the file, unpack it with its own tools first, or export it as CSV"
-        raise RecordingError(message, code="too-large", hint=hint)
-
-
 def answer_of(request: dict[str, str]) -> bytes:
     """Answer of the child process: the content or the problems, packed."""
+    answer: Content | Sequence[Problem]
     try:
         reading = pickle.loads(bytes.fromhex(request["reading"]))
-        return pack(READERS.get(request["reader"]).read(Path(request["path"]), reading))
+        answer = READERS.get(request["reader"]).read(Path(request["path"]), reading)
     except InputError as error:
-        return pack(error.problems)
-    except AsrsimError as error:
-        return pack([Problem(str(error), code="damaged")])
-    except MemoryError:
-        return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
+        answer = error.problems
     except Exception as error:  # on damaged files libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
-        return pack([Problem(message, code="damaged")])
+        answer = [Problem(message, code="damaged")]
+    return pack(answer)
 
 
 def pack(answer: Content | Sequence[Problem]) -> bytes:

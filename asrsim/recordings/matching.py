@@ -10,16 +10,9 @@ from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
 
 
-def match_joints(names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None) -> Mapping[str, str]:
+def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str]:
     """Map from joints of the recording to joints of the simulation. Raises RecordingError without a common joint."""
     recorded = recording.joints
-    if joints is not None:
-        unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
-        if unknown:
-            raise RecordingError(
-                f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names), code="no-such-joint"
-            )
-        return joints
     pairing = {joint: name for joint in recorded if (name := matching_name(joint, names)) is not None}
     if pairing:
         return pairing

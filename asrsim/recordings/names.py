@@ -116,12 +116,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
 
 
 def _joint_called(name: str, joints: Sequence[str] | None) -> str:
-    """Joint whose name precedes the quantity in a column's name. Raises DoubtError."""
-    called = find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
-    place = re.fullmatch(r"joint_(\d+)", called)
-    if place is None or not joints or called in joints:
-        return called
-    return joint_of(int(place[1]), joints, indexed=False)  # the named joint belongs to another robot
+    """Joint whose name precedes the quantity in a column's name."""
+    return find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
 
 
 def _fitting(quantity: str, unit: Unit | None) -> str:
@@ -160,13 +156,10 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
 
 
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
-    """Index of a column by its header (with or without unit, in any case), or by its number in the file."""
-    labels = [column.name for column in columns]
-    plain = [split_header(label)[0] for label in labels]
-    for same_case in (str, str.lower):
-        for names in (labels, plain):
-            candidates = [same_case(name) for name in names]
-            if same_case(wanted) in candidates:
-                return candidates.index(same_case(wanted))
-    numbers = [column.place or i for i, column in enumerate(columns, start=1)]
-    return numbers.index(int(wanted)) if wanted.isdecimal() and int(wanted) in numbers else None
+    """Index of a column by its header, with or without unit, or by its number in the file."""
+    headers = [column.name for column in columns]
+    numbers = [str(column.place or i) for i, column in enumerate(columns, start=1)]
+    for names in (headers, [split_header(header)[0] for header in headers], numbers):
+        if wanted in names:
+            return names.index(wanted)
+    return None

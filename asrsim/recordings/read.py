@@ -35,7 +35,7 @@ ORIGINS = ("command line", "", "named in the file", "by its name")
 def read_recording(
     path: str | PathLike[str],
     *,
-    mapping: Mapping[str, str] | Sequence[str] | Path | None = None,
+    mapping: Sequence[str] | Path | None = None,
     joints: Sequence[str] | None = None,
     rate: float | None = None,
 ) -> Recording:
@@ -43,8 +43,8 @@ def read_recording(
 
     Args:
         path: A file of any format in `asrsim.recordings.READERS`, or a reading document whose key `file` names the recording.
-        mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or a mapping
-            from column to meaning, or a reading document in place of `lab.csv.yaml`. Items take precedence over documents.
+        mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or a
+            reading document in place of `lab.csv.yaml`. Items take precedence over documents.
         joints: Joints of the simulation, which numbers in the names of columns refer to.
         rate: Sampling rate, Hz; evenly spaced times from 0 replace the file's time.
 
@@ -110,7 +110,7 @@ def _recording(
     findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
         path=path, format=content.format, time=max(times, key=len),
-        channels={column.source: column for column in columns}, reading=reading.origin,
+        channels={column.source: column for column in columns},
     )  # fmt: skip
 
 
@@ -118,7 +118,7 @@ def _windowed(content: Content, reading: Reading) -> Content:
     """Content cut to the window. Raises RecordingError where no samples are left."""
     if reading.window is None:
         return content
-    start, end = reading.span
+    start, end = reading.window
     parts = [table.selected((table.time >= start) & (table.time <= end)) for table in content.tables]
     kept = tuple(table for table in parts if len(table.time) > 1)
     if not kept:

@@ -11,7 +11,7 @@ from typing import Unpack
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import read_file
-from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Null, Number, Text
+from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Number, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, KNOWN
@@ -114,8 +114,8 @@ class Reading:
         NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",
     )  # fmt: skip
-    window: tuple[float | None, ...] | None = declare(
-        ListOf(of=Either((Null(), NUMBER)), names=("start", "end")),
+    window: tuple[float, ...] | None = declare(
+        ListOf(of=NUMBER, names=("start", "end")),
         doc="start and end of the part that is kept, on the recording's clock",
         unit="s", default=None,
     )  # fmt: skip
@@ -129,7 +129,8 @@ class Reading:
     """Meanings of the columns, from `given` and `columns`."""
     in_seconds: bool = False
     """True: a time without a unit is in s, as in scenarios; False: an implausible step is asked about."""
-    origin: Path | None = None
+    document: str = ""
+    """Name of the document; "" without a document."""
 
     def __post_init__(self) -> None:
         problems: list[Problem] = []
@@ -138,7 +139,7 @@ class Reading:
                 "a".encode(self.encoding)
             except (LookupError, ValueError):
                 problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
-        if self.span[0] >= self.span[1]:
+        if self.window is not None and self.window[0] >= self.window[1]:
             problems.append(Problem("must be a start and a later end", key="window", value=self.window, code="range"))
         maps = list(self.given)
         taken = {one.column for one in self.given}
@@ -150,17 +151,6 @@ class Reading:
         if problems:
             raise RecordingError(problems)
         object.__setattr__(self, "maps", tuple(maps))
-
-    @property
-    def document(self) -> str:
-        """Name of the document; "" without a document."""
-        return "" if self.origin is None else self.origin.name
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """Start and end of the window, s; infinite where the window is open."""
-        start, end = self.window or (None, None)
-        return -math.inf if start is None else start, math.inf if end is None else end
 
 
 READING = block_of(Reading, "reading")
@@ -182,33 +172,26 @@ def modified(path: Path) -> tuple[int, int]:
 def load_reading(path: Path) -> Reading:
     """Reading options from a document. Raises RecordingError with all problems."""
     try:
-        return replace(read_file(READING, path), origin=path)
+        return replace(read_file(READING, path), document=path.name)
     except InputError as error:
         raise RecordingError(error.problems) from None
 
 
 def resolve_reading(
-    mapping: Mapping[str, str] | Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
+    mapping: Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
 ) -> Reading:
     """Reading options from the document beside the file or named in `mapping`, and from items, which take precedence."""
-    given = [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else mapping
-    items: Sequence[str | Path] = () if given is None else one_or_more(given)
+    items: Sequence[str | Path] = () if mapping is None else one_or_more(mapping)
     documents = [Path(item) for item in items if is_document(item)]
     document = documents[-1] if documents else reading_file(path) if beside else None
     reading = Reading() if document is None else load_reading(document)
-    problems: list[Problem] = []
     for text in (str(item) for item in items if not is_document(item)):
-        try:
-            reading = _with_item(reading, text)
-        except RecordingError as error:
-            problems += error.problems
-    if rate is not None:
-        if not (math.isfinite(rate) and rate > 0):
-            problems.append(Problem("the sampling rate must be positive", value=rate, code="bad-rate"))
-        reading = replace(reading, time=replace(reading.time, rate=rate))
-    if problems:
-        raise RecordingError(problems)
-    return reading
+        reading = _with_item(reading, text)
+    if rate is None:
+        return reading
+    if not (math.isfinite(rate) and rate > 0):
+        raise RecordingError("the sampling rate must be positive", value=rate, code="bad-rate")
+    return replace(reading, time=replace(reading.time, rate=rate))
 
 
 def _with_item(reading: Reading, text: str) -> Reading:
@@ -216,8 +199,6 @@ def _with_item(reading: Reading, text: str) -> Reading:
     column, _, target = (part.strip() for part in text.rpartition("="))
     if not column or not target:
         raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
-    if column == "window" and ".." in target:
-        return replace(reading, window=_window(target))
     if (time := _TIME.fullmatch(target)) is not None:
         return replace(reading, time=TimeKeys(column=column, unit=time["unit"]))
     return replace(reading, given=(*reading.given, parse_meaning(column, target)))
@@ -251,14 +232,6 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
         offset=float((found["offset"] or "0").replace(" ", "")),
     )  # fmt: skip
-
-
-def _window(text: str) -> tuple[float | None, ...]:
-    """Start and end in s, from `2..12` or `2..`. Raises RecordingError."""
-    try:
-        return tuple(float(end) if end.strip() else None for end in text.split(".."))
-    except ValueError:
-        raise _error("window", f"must be START..END in s, is {text}") from None
 
 
 def _error(key: str, message: str, **details: Unpack[Details]) -> RecordingError:

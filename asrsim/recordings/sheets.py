@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -19,14 +18,6 @@ from asrsim.recordings.bags import LONGEST, NAMES
 from asrsim.recordings.data import Content
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
-
-_START = re.compile(rb"\s*(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*\{)")
-
-
-def is_json(path: Path) -> bool:
-    """Whether a file begins as JSON does: with an object, or a list of objects."""
-    with path.open("rb") as stream:
-        return _START.match(stream.read(4096)) is not None
 
 
 def read_json(path: Path, reading: Reading) -> Content:

@@ -6,6 +6,7 @@ import csv
 import itertools
 import math
 import re
+from codecs import getincrementaldecoder
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -52,9 +53,8 @@ def parse(cell: str, decimal: str) -> tuple[str, float]:
         # Python reads 1_000 as a number, but no instrument writes numbers like this.
         if "_" not in cell:
             return "number", float(cell.replace(",", ".") if decimal == "," else cell)
-    if cell.count(":") == 1 and re.search("[.,]", cell):
-        cell = f"00:{cell}"  # Excel writes 62.5 s as 01:02.5
-    for text in (cell, f"1970-01-01T{cell}"):
+    # Excel writes 62 s as 01:02, which would be read as a minute past one: a time of day needs two colons.
+    for text in (cell, f"1970-01-01T{cell}") if cell.count(":") != 1 else ():
         with suppress(ValueError):
             moment = datetime.fromisoformat(text.replace("/", "-"))
             return "stamp", ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - _EPOCH) // _MICROSECOND * 1000
@@ -267,10 +267,9 @@ def _encoding(path: Path) -> str:
         message = "is not a text file (it contains zero bytes)"
         raise RecordingError(message, code="binary", hint="Give it the ending of its format")
     try:
-        start.decode("utf-8")
-    except UnicodeDecodeError as error:
-        # The end of the sample may split a valid character.
-        return "latin-1" if error.start < len(start) - 4 else "utf-8-sig"
+        getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
+    except UnicodeDecodeError:
+        return "latin-1"
     return "utf-8-sig"
 
 

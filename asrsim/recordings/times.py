@@ -69,18 +69,16 @@ def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
     """
     if name is None:
         return [("", table)]
-    names = [column.name for column in table.columns]
-    if name not in names:
-        raise RecordingError("the file has no such column", key=f"joint: {name}", choices=tuple(names[:12]), code="no-joint")
-    joints = table.columns[names.index(name)].values
+    column = next((one for one in table.columns if one.name == name), None)
+    if column is None:
+        names = tuple(one.name for one in table.columns[:12])
+        raise RecordingError("the file has no such column", key=f"joint: {name}", choices=names, code="no-joint")
+    joints = column.values
     different = dict.fromkeys(joints.tolist())
     if len(different) > min(_MOST_JOINTS, len(joints) // 4):
-        rows = counted(len(joints), "row")
-        message = (
-            f"names {counted(len(different), 'joint')} in {rows}; expected up to {_MOST_JOINTS} joints with many rows each"
-        )
+        message = f"names {len(different)} joints in {len(joints)} rows; expected up to {_MOST_JOINTS} with many rows each"
         raise RecordingError(message, key=f"joint: {name}", code="no-joint")
-    others = replace(table, columns=tuple(one for one in table.columns if one.name != name), time=np.zeros(len(joints)))
+    others = replace(table, columns=tuple(one for one in table.columns if one is not column), time=np.zeros(len(joints)))
     parts = []
     for joint in different:
         label = str(joint).removesuffix(".0")

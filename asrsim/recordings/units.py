@@ -81,13 +81,24 @@ UNITS = {
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
-_BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
-_SLASH = re.compile(r"^(?P<name>.*?[^\s/])\s*/\s*(?P<unit>[^\s/]+(?:/s)?)$")
-"""Pattern of a name and a unit after a slash: `t / ms`, `tau1/mNm`."""
-_SPELT = ("position", "angle", "velocity", "reference", "deflection", "force", "torque", "voltage", "current", "time", "t")
-"""Words after which a single letter is a unit, as in `position_m`. In `pos_m` or `theta_m`, m may mean motor."""
-_NUMBERED = re.compile(r"_(?P<unit>m?deg|mrad|rad|rpm)(?=_?\d+$|\[\d+\]$)")
-"""Pattern of a unit before the number of a joint: `q_deg_1`, `q_deg[0]`."""
+_NAME, _WORD, _ANOTHER = r"(?P<name>.*?[^_\s])(?:_in)?[_\s]+", r"[^_\s]+", r"[_\s]+[^_\s]+"
+_HEADERS = tuple(
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        # q1 [deg], but not q[1]
+        r"(?P<name>.*[^_\s])[_\s]*[\[(<{](?P<unit>(?!\s*\d+\s*[\])>}])[^\[\](){}<>]+)[\])>}](?P<rest>.*)",
+        r"(?P<name>[^/]*[^\s/])[\s/]+(?P<unit>[^\s/]+/[^\s/]+)",  # dq rad/s
+        r"(?P<name>[^/]*[^\s/])\s*/\s*(?P<unit>[^\s/]+)",  # t / ms
+        rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
+        rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
+        rf"{_NAME}(?P<unit>(?!min$)[^_\s]{{2,}})",  # q1_deg, but not q_min
+        # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
+        r"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*)[_\s](?P<unit>[mNAV])",
+        r"(?P<name>(?:.*[_\s./])?(?:t|time)\d*)[_\s](?P<unit>s|h|min)",  # time_s, t_min
+        r"(?P<name>.+)_(?P<unit>m?deg|mrad|rad|rpm)(?P<rest>_?\d+|\[\d+\])",  # q_deg_1, q_deg[0]
+    )
+)
+"""Patterns of headers with a name, a unit, and sometimes a rest of the name; the first pattern with a known unit is used."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -119,27 +130,11 @@ def parse_unit(text: str) -> Unit:
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if not stated."""
     text = header.strip(' "')
-    for inner in reversed([*_BRACKETED.finditer(text)]):
-        name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
-        unit = None if inner["unit"].isdecimal() else find_unit(inner["unit"])  # not q[1]
-        if name and unit is not None and (inner.end() == len(text) or len(unit.symbol) > 1):
-            return name, unit
-    head, _, last = text.rpartition(" ")
-    if "/" in last.strip("/") and head and (unit := find_unit(last)) is not None:
-        return head.rstrip(), unit  # dq rad/s
-    match = _SLASH.match(text)
-    if match is not None and (unit := find_unit(match["unit"])) is not None:
-        return match["name"], unit
-    tokens = re.split(r"[_\s]+", text)
-    for count in range(min(3, len(tokens) - 1), 0, -1):
-        name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
-        unit, stem = find_unit(tail), re.split(r"[./]", re.sub(r"\d+$", "", tokens[-count - 1].lower()))[-1]
-        if unit is None or unit.si in ("1", "counts") or (tail in ("min", "h") and stem not in ("t", "time")):
-            continue  # q_min is the smallest q, but t_min is a time in minutes
-        if len(tail) > 1 or stem in _SPELT:
-            return re.sub(r"(?<=.)_in$", "", name), unit
-    if (numbered := _NUMBERED.search(text)) is not None:
-        return text[: numbered.start()] + text[numbered.end() :], find_unit(numbered["unit"])
+    for pattern in _HEADERS:
+        found = pattern.fullmatch(text)
+        unit = find_unit(found["unit"]) if found else None
+        if found and unit is not None:
+            return found["name"] + (found.groupdict().get("rest") or ""), unit
     return text, None
 
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from asrsim.document.block import declared_keys
-from asrsim.errors import AsrsimError
 from asrsim.outfile import csv_text
 from asrsim.plain import mapped
 from asrsim.robot import Robot, load_robot
@@ -31,7 +30,7 @@ LIVE = "live"
 """Metadata key that marks the log of a live run, which contains the commands from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
-    "resolved", "lines", "joint_order", "namespace", "desired",
+    "resolved", "as_read", "lines", "joint_order", "namespace", "desired",
 }  # fmt: skip
 
 
@@ -54,11 +53,10 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
     files: dict[str, bytes] = {}
     resolved = dict(scenario.resolved)
     lost: list[str] = []
-    as_read = _as_read(scenario)
-    if as_read is not None:
+    if scenario.as_read is not None:
         for name in (field.name for field in fields(Scenario) if field.name not in _NOT_OF_THE_RUN):
             value = getattr(scenario, name)
-            if not _alike(value, getattr(as_read, name)):
+            if value != getattr(scenario.as_read, name):
                 try:
                     _named(resolved, name, value, files)
                 except TypeError:
@@ -88,33 +86,6 @@ def _robot_as_read(robot: Robot) -> Robot:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot.text, encoding="utf-8")
         return load_robot(path)
-
-
-def _as_read(scenario: Scenario) -> Scenario | None:
-    """Scenario as stated in its plain data, without later changes; None where the data cannot be read."""
-    from asrsim.scenario import scenario_from_data
-
-    keys = {key: value for key, value in scenario.resolved.items() if key not in ("expect", "ilc")}
-    if "robot" not in keys:
-        return None
-    named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
-    files = {**scenario.attachments, str(named): scenario.robot}
-    base = scenario.path.parent if scenario.path is not None else None
-    try:
-        return scenario_from_data(keys, base_dir=base, files=files, name=scenario.name, variant=scenario.variant)
-    except AsrsimError:
-        return None
-
-
-def _alike(one: Any, other: Any) -> bool:
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_alike(value, other[key]) for key, value in one.items())
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(_alike(a, b) for a, b in zip(one, other, strict=True))
-    if isinstance(one, Signal) and not is_dataclass(one):
-        # Users' signals without fields cannot be compared. They come from a document, so equal types mean equal signals.
-        return type(one) is type(other)
-    return bool(one == other)
 
 
 def _value(value: Any, files: dict[str, bytes]) -> Any:

@@ -69,14 +69,15 @@ def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | Non
     )
 
 
-def find_logs(place: Path) -> list[Path]:
+def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
     """Logs at a path: the file itself, the log in the folder, or else the logs of its subfolders (variants), in scenario order.
 
-    If there are several logs, unreadable logs are left out (see `unreadable_logs`). Raises InputError where there is no log.
+    If a log is readable, unreadable and empty logs are left out; their problems are the second value. Raises InputError where
+    there is no log.
     """
     if place.is_file():
-        return [place]
-    logs = _logs_in(place)
+        return [place], []
+    logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
     if not logs:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
@@ -88,35 +89,26 @@ def find_logs(place: Path) -> list[Path]:
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
-    bad = {problem.file for problem in unreadable_logs(place)}
+    problems = [problem for log in logs for problem in _faults(log)] if len(logs) > 1 else []
+    if len(problems) == len(logs):
+        return logs, []
+    bad = {problem.file for problem in problems}
     logs = [log for log in logs if log not in bad]
     variants = _variants_of(logs[0]) if len(logs) > 1 else []
     # The folder of a variant has the variant's name; other folders come last.
-    return sorted(logs, key=lambda log: [*variants, log.parent.name].index(log.parent.name))
+    return sorted(logs, key=lambda log: [*variants, log.parent.name].index(log.parent.name)), problems
 
 
-def unreadable_logs(place: Path) -> list[Problem]:
-    """Problems of the unreadable and empty logs in a folder; empty unless another log of the folder is readable.
-
-    A log is empty if its run was stopped before the first sample was written.
-    """
+def _faults(log: Path) -> Iterator[Problem]:
+    """A problem if the log is unreadable, or empty because its run was stopped before the first sample was written."""
     from asrsim.log import open_log
 
-    logs = [] if place.is_file() else _logs_in(place)
-    problems: list[Problem] = []
-    for log in logs if len(logs) > 1 else ():
-        try:
-            # Reading the times of the first chunk is enough.
-            if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
-                problems.append(Problem("left out: the log contains no samples", file=log, code="empty-log"))
-        except LogError as error:
-            problems.append(Problem(f"left out: {error.problems[0].message}", file=log, code="unreadable-log"))
-    return problems if len(problems) < len(logs) else []
-
-
-def _logs_in(place: Path) -> list[Path]:
-    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
-    return own or sorted(place.glob(f"*/{LOG}"))
+    try:
+        # Reading the times of the first chunk is enough.
+        if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
+            yield Problem("left out: the log contains no samples", file=log, code="empty-log")
+    except LogError as error:
+        yield Problem(f"left out: {error.problems[0].message}", file=log, code="unreadable-log")
 
 
 def _variants_of(log: Path) -> list[str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError
 from asrsim.log import LogReader, open_log
 from asrsim.plain import one_or_more
@@ -99,7 +99,6 @@ def repeat(
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
-        _require_engine(reader, scenario.engine)
         try:
             run = simulate(
                 scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
@@ -141,19 +140,6 @@ def _whole_steps(reader: LogReader) -> float:
     return max(1, math.floor(reader.duration / step + 1e-6)) * step
 
 
-def _require_engine(reader: LogReader, name: str) -> None:
-    """Raise LogError unless the engine of the run is installed; another engine would give other results."""
-    entry = ENGINES.get(name)
-    if not entry.available:
-        version = reader.info.metadata.get("engine_version", name)
-        raise LogError(
-            f"the run used the engine '{name}' ({version}), but '{entry.module}' is not installed",
-            file=reader.path,
-            hint="Install it, or run the scenario in another engine with asrsim run --engine NAME",
-            code="engine-missing",
-        )
-
-
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     """Scenario and robot from the description in a log. Their files are written into `folder`.
 
@@ -161,13 +147,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     """
     if "scenario" not in info.resolved:
         raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
-    files: dict[str, Path] = {}
-    for number, (name, data) in enumerate(sorted(info.attachments.items())):
-        # The names come from a file that may be malicious: only the last part of each name is used, in a separate folder.
-        own_folder = folder / "files" / str(number)
-        own_folder.mkdir(parents=True)
-        files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
-        files[name].write_bytes(data)
+    files = unpacked(info, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
@@ -188,9 +168,25 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot
 
 
+def unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
+    """Paths of the files in a log, which are written into `folder`, by their names in the log."""
+    files: dict[str, Path] = {}
+    for name, content in info.attachments.items():
+        parts = PurePosixPath(name.replace("\\", "/")).parts
+        # The names come from a file that is not trusted: reject paths outside the folder.
+        if not parts or ".." in parts or PurePosixPath(name).is_absolute():
+            continue
+        path = folder.joinpath(*parts)
+        with suppress(OSError, ValueError):  # impossible names; the scenario then lacks the file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            files[name] = path
+    return files
+
+
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
     from asrsim.actuators import ACTUATORS
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     for path in one_or_more(plugins):
         load_plugin_file(path)

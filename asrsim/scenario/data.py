@@ -259,6 +259,8 @@ class Scenario:
     """This variant with overrides as plain JSON values; parsing them gives this scenario."""
     unread: tuple[KeyPath, ...] = ()
     """Paths of the invalid keys that `read_scenarios` left out."""
+    as_read: Scenario | None = field(default=None, compare=False, repr=False)
+    """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Line in the file for each dotted key, for messages of later checks."""
 

@@ -7,52 +7,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from contextlib import suppress
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import Robot
-from asrsim.robot.doubts import block_doubts
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.names import shadowed_entries
-from asrsim.scenario.signal_checks import extremes, reference_key, wanted_positions
+from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
+LATEST = 1.0
+"""Largest plausible delay, s."""
+STEPS = (1e-6, 0.05)
+"""Range of plausible time steps, s: from motor electronics to slow robot controllers."""
 UNSTABLE = 2.0
 """Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
 ROUNDING = 1e-9
 """Relative rounding error by which a value may exceed a limit."""
 
 
-def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
-    """Warnings about a scenario. robot: without the scenario's changes; changed: with them."""
+def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about a scenario; `robot.warnings` has those about its actuators. robot: with the scenario's changes."""
     for check in DOUBTS:
-        yield from check(scenario, changed)
-    earlier = {
-        (block.joint, doubt.message) for block in robot.actuators for doubt in block_doubts(block, robot.joint(block.joint))
-    }
-    for block in changed.actuators:
-        for doubt in block_doubts(block, changed.joint(block.joint)):
-            if (block.joint, doubt.message) not in earlier:
-                key = f"parameters.{block.joint}.{doubt.key}" if doubt.key else f"parameters.{block.joint}"
-                yield replace(doubt, key=key)
+        yield from check(scenario, robot)
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------
 
 
-def _gravity(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+def _gravity_and_step(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     if math.hypot(*scenario.gravity) > STRONGEST:
         yield Problem("is stronger than on any planet (in m/s^2)", key="gravity", value=scenario.gravity[2], code="gravity")
     elif scenario.gravity[2] > 0.0:
         message = "points upwards: z points up, so weight is negative in z"
         yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
+    if not STEPS[0] <= scenario.step <= STEPS[1]:
+        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
 
 
 def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
@@ -63,6 +61,15 @@ def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         if beyond_a_turn(angles):
             message = "turns by more than one revolution; angles are in rad"
             yield Problem(message, key=key, value=_shown(angles), hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
+
+
+def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: delays that are probably in ms."""
+    for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
+        for joint, effects in table.items():
+            if effects.delay >= min(LATEST, scenario.duration):
+                message = f"is {LATEST:g} s or more, or as long as the run (delays are in s)"
+                yield Problem(message, key=f"effects.{section}.{joint}.delay", value=effects.delay, code="long-delay")
 
 
 def _shown(numbers: tuple[float, ...]) -> str:
@@ -85,6 +92,19 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 # -- references --------------------------------------------------------------------------------------------------------
+
+
+def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: signals that are constant during the run and change only after its end."""
+    end = scenario.duration
+    # A change later than a hundred times the duration of the run is taken as intended, not as a typing error.
+    later = np.linspace(end, 100.0 * end, 2001)
+    for key, signal in signals_of(scenario):
+        least, largest = extremes(scenario, signal)
+        with suppress(Exception):  # errors after the end of the run do not concern the run
+            if least == largest and not signal.jumps(0.0, end).size and (signal.values(later) != least).any():
+                message = f"is constant during the whole run of {end:g} s and changes only after its end"
+                yield Problem(message, key=key, code="late-reference")
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -194,5 +214,6 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity, _orientations, _without_effect, _beyond_limits, _missing_references, _released,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _missing_references,
+    _released,
 )  # fmt: skip

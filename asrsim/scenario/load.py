@@ -199,7 +199,7 @@ def build_scenario(
         lines=lines,
     )  # fmt: skip
     reading.problems += map(scenario.placed, wrong)
-    return scenario
+    return replace(scenario, as_read=scenario)
 
 
 def _plain(data: Any) -> Any:

@@ -18,6 +18,10 @@ POINTS = 2000
 """Number of times during the run at which a signal is evaluated."""
 FARTHEST = 1e6
 """Largest desired position, rad or m; rounding of larger values hides motions."""
+ROUNDING = 1e-9
+"""Relative rounding error of a signal's values."""
+GOLDEN_RATIO = 0.5 * (1.0 + math.sqrt(5.0))
+"""Its multiples modulo 1 fill the interval from 0 to 1 evenly."""
 MOST_JUMPS = 100
 """Largest number of jumps per step."""
 
@@ -56,6 +60,28 @@ def extremes(scenario: Scenario, signal: Signal) -> tuple[float, float]:
 def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
     """Dotted key of a joint's reference in the scenario."""
     return f"references.{block.joint if name in scenario.references.get(block.joint, {}) else '*'}.{name}"
+
+
+def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
+    """Warnings: signals that change faster than the substeps sample them; the robot follows a slower motion.
+
+    Between two samples a sine of frequency f leaves the straight line by at most tan(pi f h / 2) / 2 of the largest change in a
+    substep h, which is half of this change at half the sampling rate. Corners of slower signals stay below this limit.
+    """
+    length = scenario.step / substeps
+    numbers = np.arange(POINTS)
+    begin = numbers * ((scenario.duration - length) / POINTS)
+    inside = np.mod(numbers * GOLDEN_RATIO, 1.0)
+    for key, signal in signals_of(scenario):
+        jumps = signal.jumps(0.0, scenario.duration)
+        smooth = np.searchsorted(jumps, begin) == np.searchsorted(jumps, begin + length, side="right")
+        first, between, last = (signal.values((begin + part * length)[smooth]) for part in (0.0, inside, 1.0))
+        change = last - first
+        off = np.abs(between - first - inside[smooth] * change).max(initial=0.0)
+        if 2.0 * off > np.abs(change).max(initial=0.0) + ROUNDING * np.abs(first).max(initial=0.0):
+            message = f"changes faster than the substeps of {length:g} s sample it: the robot follows a slower motion"
+            hint = "Lower the frequency or the step"
+            yield scenario.placed(Problem(message, key=key, hint=hint, code="undersampled"))
 
 
 def not_a_number(signal: Signal) -> str:

@@ -12,13 +12,6 @@ from asrsim.errors import ScenarioError
 from asrsim.signals.base import Signal
 
 FORM = "a number, or a mapping with one key, the kind of signal"
-_OTHER_WORDS = {
-    **dict.fromkeys(("sine", "sin", "cosine", "cos", "harmonic"), "sinusoid"), "sweep": "chirp", "sines": "multisine",
-    **dict.fromkeys(("square", "pulse", "pulses", "impulse", "rectangle"), "pulse_train"),
-    **dict.fromkeys(("spline", "trajectory", "points", "path"), "waypoints"), "quintic": "minimum_jerk", "line": "ramp",
-    **dict.fromkeys(("csv", "file", "recording", "replay"), "playback"), "gain": "scale", "offset": "sum",
-}  # fmt: skip
-"""Kind of signal for each alternative name."""
 
 
 class SignalKind(Kind[Signal]):
@@ -54,7 +47,7 @@ class SignalKind(Kind[Signal]):
                 f"'{kind}' is not a kind of signal",
                 line=node.key_line(kind),
                 choices=SIGNALS.names(),
-                meant=_OTHER_WORDS.get(kind.lower(), kind),
+                meant=kind,
                 code="unknown-signal",
                 show=False,
             )

@@ -41,11 +41,6 @@ class Playback(Signal):
         doc="header of the column, with or without unit, or its number from 1; for bags and MCAP files topic and field, "
         "such as `/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
     )
-    time: str | None = declare(
-        Text(text="name of a column, or `header`"),
-        doc="tables: the time column (default: the column with the name of a time); bags: `header` for the stamps in messages",
-        default=None,
-    )
     start: float | None = declare(
         NUMBER,
         doc="simulated time of the first sample; default: the times of the recording; stamps count from the file's earliest",
@@ -64,7 +59,7 @@ class Playback(Signal):
     def __post_init__(self) -> None:
         require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
-        times, values = read_column(path, self.column, self.time)
+        times, values = read_column(path, self.column)
         first = float(times[0])
         if self.start is not None:
             times = since(times, first, self.start)

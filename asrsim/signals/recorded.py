@@ -17,13 +17,12 @@ _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
 """Codes of findings about removed samples."""
 
 
-def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array, Array]:
+def read_column(path: Path, column: str) -> tuple[Array, Array]:
     """Strictly increasing times in s and values of a column, in SI units where the header or a document states the unit.
 
     Args:
         path: The recording.
         column: Header of the column with or without unit, or its number from 1; for messages `/topic/field`.
-        time_column: Time column in the same form, or `header` for the stamps in messages; None: found by name.
 
     Raises:
         RecordingError: The column is missing, cells are empty or not numbers, rows have another length, or times do not
@@ -32,17 +31,15 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     from asrsim.recordings.data import LARGEST
     from asrsim.recordings.names import find_raw
 
-    content, recording = _read(path, time_column)
+    content, recording = _read(path)
     columns = [(table, raw) for table in content.tables for raw in table.columns]
     place = find_raw(column, [raw for _, raw in columns])
     table = None if place is None else columns[place][0]
-    if table is None or (table.name and time_column and time_column != table.clock.get("column")):
-        wanted, key = (column, "column") if table is None else (str(time_column), "time")
-        choices = series_names(path) if table is None else ("received",)
+    if table is None:
         unread = [one for one in content.findings if one.code == "unread"]
-        message = f"there is no numeric column '{wanted}'"
+        message, choices = f"there is no numeric column '{column}'", series_names(path)
         raise RecordingError(
-            [Problem(message, file=path, key=key, choices=choices, meant=wanted, code="no-such-column"), *unread]
+            [Problem(message, file=path, key="column", choices=choices, meant=column, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
     # Of messages with equal stamps, the first is played. Findings about other topics of a bag do not concern this column.
@@ -61,12 +58,12 @@ def series_names(path: Path) -> tuple[str, ...]:
     """Headers of all columns except the time, without units. Raises RecordingError for a file without a table."""
     from asrsim.recordings.units import split_header
 
-    content, _ = _read(path, None)
+    content, _ = _read(path)
     return tuple(split_header(column.name)[0] for table in content.tables for column in table.columns)
 
 
-def _read(path: Path, time_column: str | None) -> tuple[Content, Recording]:
+def _read(path: Path) -> tuple[Content, Recording]:
     from asrsim.recordings.read import read_cached
     from asrsim.recordings.reading import modified
 
-    return read_cached(path, modified(path), mapping=() if time_column is None else (f"{time_column}=time",), in_seconds=True)
+    return read_cached(path, modified(path), in_seconds=True)

@@ -36,10 +36,10 @@ class SteppedJoint:
     stepping: Stepping
     initial_position: float
     initial_velocity: float = 0.0
-    motor_positions: tuple[float, ...] | None = None
-    """Start positions of the motors in rad; None: the positions at which springs are unloaded, so that runs begin smoothly."""
-    motor_velocities: tuple[float, ...] | None = None
-    """Start velocities of the motors in rad/s; None: the motors start at rest."""
+    motor_positions: tuple[float, ...] = ()
+    """Start positions of the motors in rad; empty: the positions at which springs are unloaded, so that runs begin smoothly."""
+    motor_velocities: tuple[float, ...] = ()
+    """Start velocities of the motors in rad/s; empty: the motors start at rest."""
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
@@ -131,8 +131,8 @@ class SteppedJoint:
         """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
         of the controller (in units of the command). Motors start at the link's position; in the released order, at 0."""
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
-        positions = (*(self.motor_positions or ()), *[at] * count)[:count]
-        velocities = (*(self.motor_velocities or ()), *[0.0] * count)[:count]
+        positions = (*self.motor_positions, *[at] * count)[:count]
+        velocities = (*self.motor_velocities, *[0.0] * count)[:count]
         units = [electric.gain or 1.0 for electric in self.drive.electric] if self.drive else []
         integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), *[0.0] * count][:count]
         return list(zip(positions, velocities, positions, integrals, strict=True))
@@ -155,8 +155,8 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
                 stepping=stepping,
                 initial_position=float(for_joint(scenario.initial_positions, joint.name, 0.0)),
                 initial_velocity=float(for_joint(scenario.initial_velocities, joint.name, 0.0)),
-                motor_positions=for_joint(scenario.initial_motor_positions, joint.name),
-                motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name),
+                motor_positions=for_joint(scenario.initial_motor_positions, joint.name, ()),
+                motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name, ()),
                 link_damping=for_joint(scenario.link_damping, joint.name) if block else None,
                 block=block,
             )

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from asrsim.actuators.rest import resting_integrals, resting_motors
+from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
@@ -43,43 +43,39 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.zeros(1)).T)
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
-    sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
+    sprung = np.array([_gives_way(drive) for drive in drives])
+    # A robot on the ground has a fixed base.
+    falls = not scenario.fixed_base and scenario.world.empty
     stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
     q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
 
     def weight(positions: Array) -> Array:
-        """Torques of gravity (joints,) in N m. The torques are 0 for a robot in free fall; a robot on the ground has a fixed
-        base."""
-        falls = not scenario.fixed_base and scenario.world.empty
-        return np.zeros(len(drives)) if falls else model.gravity_torques(positions)
+        """Torques of gravity (..., joints) in N m; 0 for a robot in free fall."""
+        return np.zeros_like(positions) if falls else model.gravity_torques(positions)
 
     @cache
     def pull(j: int, position: float) -> float:
         """Torque in N m of the springs on the link of joint `j` at this position."""
-        return link_torque(drives[j], position, goals[j])
+        return link_torque(drives[j], position, goals[j]) if sprung[j] else 0.0
 
     def balance(positions: Array) -> Array:
-        """Residual torque of each joint (joints,) in N m."""
-        residual = external - weight(positions)
-        for j in sprung:
-            residual[j] += pull(j, float(positions[j]))
-        return np.asarray(residual)
+        """Residual torques (..., joints) in N m."""
+        rows = positions.reshape(-1, len(drives)).tolist()
+        pulls = [[pull(j, position) for j, position in enumerate(row)] for row in rows]
+        return np.asarray(external - weight(positions) + np.reshape(pulls, positions.shape))
 
-    def unbalanced(left: Array) -> list[int]:
+    def unbalanced(left: Array) -> NDArray[np.int64]:
         """Joints that are not in equilibrium. A joint that is pressed onto its stop is in equilibrium."""
-        return [j for j in sprung if not (q[j] <= low[j] and left[j] < 0.0) and not (q[j] >= high[j] and left[j] > 0.0)]
+        pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
+        return np.flatnonzero(sprung & ~pressed)
 
     left = balance(q)
     for _ in range(ROUNDS):
         free = unbalanced(left)
-        if not free:
+        if not len(free):
             break
-        slopes = np.empty((len(free), len(free)))
-        for column, j in enumerate(free):
-            moved = q.copy()
-            moved[j] += NUDGE
-            slopes[:, column] = (balance(moved) - left)[free] / NUDGE
+        slopes = (balance(q + NUDGE * np.eye(len(q))[free]) - left)[:, free] / NUDGE
         stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
         if np.abs(left[free]).max() < BALANCED:
             if stiffness[0] > -FLAT:
@@ -93,7 +89,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         left = balance(q)
     free = unbalanced(left)
     if not np.abs(left[free]).max(initial=0.0) < 1e3 * BALANCED:
-        worst = drives[max(free, key=lambda j: abs(left[j]))].name
+        worst = drives[int(free[np.abs(left[free]).argmax()])].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     loads = (weight(q) - external).tolist()
@@ -102,16 +98,17 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
 
 def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:
     """The drive with start values at rest: the link at q in rad (m) under a load in N m (N)."""
-    positions: tuple[float, ...] | None = None
+    own = drive.drive
+    positions: tuple[float, ...] = ()
     integrals: tuple[float, ...] = ()
-    if drive.drive and drive.drive.mode.controller:
-        if drive.dynamic_motors:
-            place = np.array([q])
-            resting = resting_motors(drive.drive, place, np.array(goals)[:, None])
-            positions = tuple(resting[:, 0].tolist())
-            integrals = tuple(resting_integrals(drive.drive, place, resting)[:, 0].tolist())
-        elif _holds(drive):
-            integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
+    if own and own.mode.controller and drive.dynamic_motors:
+        resting, torques = resting_motors(own, np.array([q]), np.array(goals)[:, None])
+        positions = tuple(resting[:, 0].tolist())
+        # Integral action gives the torque of the springs, up to the motor's largest torque.
+        rows = zip(torques[:, 0].tolist(), own.integral, own.max_torque, strict=False)
+        integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
+    elif _holds(drive):
+        integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
@@ -120,9 +117,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
     torque of the passive spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
-        motors = resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[:, 0].tolist()
-        law: Any = drive.drive.actuator.elastic_torques
-        torque = float(sum(law(q, *motors, drive.elastic)))
+        torque = float(resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[1].sum())
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)

@@ -21,7 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, Frame, JointInfo, RunInfo
+from asrsim.samples import Frame, JointInfo, RunInfo
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -46,11 +46,6 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
-
-
-def dynamics_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
-    """Model of the robot on its base; None if the scenario's engine prescribes the motion of the links."""
-    return None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
 
 
 def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
@@ -217,10 +212,6 @@ class Prepared:
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals; ScenarioError for an arm without equilibrium.
         """
-        return self.with_signals(signals).settled()
-
-    def with_signals(self, signals: Signals) -> Prepared:
-        """A copy with other signals, as `with_references` makes it, but with unchanged start values."""
         references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
         for joint, table in signals.items():
             for name, signal in table.items():
@@ -231,7 +222,8 @@ class Prepared:
             if EXTERNAL_TORQUE in own:
                 torques[joint] = own.pop(EXTERNAL_TORQUE)
             references[joint] = own
-        return replace(self, scenario=replace(self.scenario, references=references, external_torques=torques))
+        scenario = replace(self.scenario, references=references, external_torques=torques)
+        return replace(self, scenario=scenario)._settled()
 
     def vary(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
@@ -241,21 +233,18 @@ class Prepared:
         at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
         arm without equilibrium.
         """
-        return self.with_numbers(parameters).settled()
+        robot, model = varied_robot(self.robot, parameters), self.model
+        drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
+        if model is not None and robot.links != self.robot.links:
+            model = robot_model(self.scenario, robot)
+            check_inertia(drives, model)
+        return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
 
-    def settled(self) -> Prepared:
+    def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
         if self.model is None or not self.scenario.initial_equilibrium:
             return self
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
-
-    def with_numbers(self, parameters: Numbers) -> Prepared:
-        """A copy with other parameters, as `vary` makes it, but with the start that the scenario states."""
-        robot = varied_robot(self.robot, parameters)
-        drives = make_drives(robot, self.stepping, self.scenario)
-        drives = with_sensors(drives, self.scenario, self.substep)
-        model = self.model if robot.links == self.robot.links else dynamics_of(self.scenario, robot)
-        return replace(self, robot=robot, drives=drives, model=model, _spare=[])
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
@@ -285,6 +274,7 @@ def prepare(
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.scenario.signal_checks import undersampled
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
@@ -303,16 +293,15 @@ def prepare(
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
+    model = None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
+    if model is not None:
+        if scenario.initial_equilibrium:
+            drives = at_equilibrium(scenario, drives, model)
+        check_inertia(drives, model)
+    resolution = resolution_of(scenario, drives, model)
+    drives = with_sensors(drives, scenario, scenario.step / resolution.substeps)
     engine, engine_warnings = make_engine(scenario, robot)
-    model = dynamics_of(scenario, robot)
     try:
-        if model is not None:
-            if scenario.initial_equilibrium:
-                drives = at_equilibrium(scenario, drives, model)
-            check_inertia(drives, model.mass_matrix([drive.initial_position for drive in drives]))
-        resolution = resolution_of(scenario, drives, model)
-        substep = scenario.step / resolution.substeps
-        drives = with_sensors(drives, scenario, substep)
         info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:
         engine.close()
@@ -325,15 +314,21 @@ def prepare(
         resolution=resolution,
         info=info,
         model=model,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
+        warnings=(
+            *map(scenario.placed, robot.warnings),
+            *warnings,
+            *engine_warnings,
+            *undersampled(scenario, resolution.substeps),
+        ),
         _spare=[engine],
     )
 
 
-def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
-    """Raise RobotError if a motion has no inertia: a joint with a point mass on its axis, or two joints on one axis with no
-    mass between them.
+def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
+    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
+    with no mass between them.
     """
+    mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
         Problem(
             f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",

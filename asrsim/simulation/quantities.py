@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.actuators.base import MOST_MOTORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
@@ -57,10 +56,15 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
-def unknown_quantity(name: str, choices: Sequence[str]) -> Problem:
-    """Problem for the name of a quantity that no joint records."""
-    hint = did_you_mean(name, choices)
-    return Problem(f"no joint records '{name}'", choices=tuple(choices), hint=hint, code="unknown-quantity")
+def require_recorded(names: Sequence[str], columns: Collection[str], choices: tuple[str, ...]) -> None:
+    """Raise InputError for names of quantities without a column. choices: names for the message."""
+    problems = [
+        Problem(f"no joint records '{name}'", choices=choices, hint=did_you_mean(name, choices), code="unknown-quantity")
+        for name in names
+        if name not in columns
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 class RowColumns:
@@ -68,14 +72,11 @@ class RowColumns:
 
     def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
         """motors: number of motor blocks in a row. names: recorded quantities; None: all quantities that any joint records."""
-        known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
-        possible = columns_of(MOST_MOTORS) | inputs_of(MOST_MOTORS)
-        problems = [unknown_quantity(name, tuple(known)) for name in names or () if name not in possible]
-        if problems:
-            raise InputError(problems)
+        known = tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
         of_state, of_inputs = columns_of(motors), inputs_of(motors)
-        self.names = tuple(name for name in (known if names is None else names) if name in of_state or name in of_inputs)
+        self.names = known if names is None else tuple(names)
         """Recorded quantities."""
+        require_recorded(self.names, of_state | of_inputs, known)
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
         self.of_state: NDArray[np.int64] = np.array([of_state[name] for name in first], dtype=np.int64)
         """Columns of S that are recorded."""
@@ -92,9 +93,7 @@ class RowColumns:
 
     def check(self, names: Sequence[str]) -> None:
         """Raise InputError for names that are not recorded."""
-        problems = [unknown_quantity(name, self.names) for name in names if name not in self.place]
-        if problems:
-            raise InputError(problems)
+        require_recorded(names, self.place, self.names)
 
     def values(self, rows: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
         """Views of rows (..., columns), by quantity."""

@@ -46,13 +46,27 @@ class Run:
     """Whether the loop ran compiled."""
 
 
+@contextmanager
+def blame_laws() -> Iterator[None]:
+    """Convert exceptions of a user's law to an ActuatorError with file and line."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        from asrsim.plugins import law_fault
+
+        fault = law_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
+
+
+@blame_laws()
 def simulate(
     scenario: Scenario | Prepared,
     robot: Robot | None = None,
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
     keep: bool = True,
-    names: Sequence[str] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
     commands: Iterable[Command] = (),
@@ -66,7 +80,6 @@ def simulate(
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
         keep: Collect all samples in the result.
-        names: Quantities that are recorded; None: all.
         progress: Called with the simulated time, s.
         stop: Called every few thousand substeps; the run ends when it returns True.
         commands: References that are set during the run, in the order of time.
@@ -78,38 +91,15 @@ def simulate(
         InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
-    with blame_laws():
-        prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
-        _keep_freed_memory()
-        # Live runs of unknown length choose the loop for a long run; a repetition must use the same loop.
-        steps = round(prepared.scenario.duration / prepared.scenario.step) * alike if duration is None else 10**6
-        expected = steps * prepared.resolution.substeps
-        options: Any = {"sinks": sinks, "record": keep, "names": names, "duration": duration, "expected_substeps": expected}
-        with Simulation(prepared, **options) as simulation:
-            return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
-
-
-@contextmanager
-def blame_laws() -> Iterator[None]:
-    """Convert exceptions of a user's law to an ActuatorError with file and line."""
-    try:
-        yield
-    except (Exception, SystemExit) as error:
-        from asrsim.actuators.user import law_fault
-
-        fault = law_fault(error)
-        if fault is None:
-            raise
-        raise fault from error
-
-
-def _keep_freed_memory() -> None:
-    """Let the C library reuse freed memory for the next arrays.
-
-    By default the library returns large blocks to the system, and each page of the block causes a page fault when the memory is
-    needed again. After a block of this size has been freed once, the library keeps such blocks.
-    """
+    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
+    # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
+    # the memory is needed again. After a block of this size has been freed once, the library keeps such blocks.
     np.empty(1 << 21)
+    # Live runs of unknown length choose the loop for a long run; a repetition must use the same loop.
+    steps = prepared.scenario.steps * alike if duration is None else 10**6
+    expected = steps * prepared.resolution.substeps
+    with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:
+        return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
 
 
 def run_to_end(
@@ -117,32 +107,26 @@ def run_to_end(
     commands: Iterable[Command] = (),
 ) -> Run:  # fmt: skip
     """Result of running a simulation to the end of its scenario's duration; arguments and errors as for `simulate`."""
-    prepared = simulation.prepared
-    status, error = "complete", None
-    began = clock.perf_counter()
-    total = simulation.total
+    status, began = "complete", clock.perf_counter()
     waiting = iter(commands)
     command = next(waiting, None)
     try:
-        while simulation.substep < total:
+        while simulation.substep < simulation.total:
             if stop is not None and stop():
                 status = "interrupted"
                 break
             while command is not None and command.substep <= simulation.substep:
                 simulation.set_reference(command.joint, command.reference, command.value)
                 command = next(waiting, None)
-            until = total if command is None else min(total, command.substep)
+            until = simulation.total if command is None else min(simulation.total, command.substep)
             simulation.advance_to(simulation.next_chunk(until))
             if progress is not None:
-                progress(min(simulation.substep, simulation.last) * prepared.substep)
+                progress(min(simulation.substep, simulation.last) * simulation.prepared.substep)
         simulation.flush()
-    except DivergenceError as caught:
-        status, error = "diverged", caught
-    run = run_of(simulation, status, wall_time=clock.perf_counter() - began, message=str(error or ""))
-    if error is not None:
-        error.run = run
-        raise error
-    return run
+    except DivergenceError as error:
+        error.run = run_of(simulation, "diverged", wall_time=clock.perf_counter() - began, message=str(error))
+        raise
+    return run_of(simulation, status, wall_time=clock.perf_counter() - began)
 
 
 def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:

@@ -27,7 +27,7 @@ from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, check_inertia, prepare
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
@@ -118,8 +118,8 @@ class Worlds:
             )
             self.record_as(scenario)
             self._home_inputs = self._inputs_of(scenario)
-            self._signals: tuple[dict[tuple[str, str], Signal], Scenario, Inputs] = {}, scenario.scenario, self._home_inputs
-            """Latest signals of worlds by joint and reference, the scenario with these signals, and its inputs."""
+            self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
+            """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
             self._worlds = [World(Start(), scenario, self._home_inputs, scenario)] * count
@@ -378,22 +378,20 @@ class Worlds:
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
         prepared = self._variants.get(key) if key else self.prepared
         if prepared is None:
-            varied = self.prepared.with_numbers(start.parameters)
-            if varied.model is not None and varied.model is not self.prepared.model:
-                check_inertia(varied.drives, varied.model.mass_matrix(varied.initial_positions))
+            prepared = self.prepared.vary(start.parameters)
             if len(self._variants) >= VARIANTS_KEPT:
                 self._variants.clear()
-            prepared = self._variants[key] = varied.settled()
+            self._variants[key] = prepared
         inputs, started = self._home_inputs, prepared
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
-            if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
-                other = self.prepared.with_signals(start.references)
-                self._signals = signals, other.scenario, self._inputs_of(other)
-            _, scenario, inputs = self._signals
-            if scenario.initial_equilibrium:
-                started = replace(prepared, scenario=scenario).settled()
+            other = latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items())
+            if other or self.prepared.scenario.initial_equilibrium:
+                started = prepared.with_references(start.references)
+            if other:
+                self._signals = signals, self._inputs_of(started)
+            inputs = self._signals[1]
         return World(start, prepared, inputs, started.started(start))
 
     def _note(self, number: int, world: World) -> None:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
-from asrsim.plain import one_or_more
-from asrsim.recordings.align import Reader, align_recording, series_of
+from asrsim.recordings.align import Reader, align_recording
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
@@ -30,21 +29,19 @@ class RecordedSeries:
         self._lags: dict[tuple[str, ...], float] = {}
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
-        """The claim's quantity of a joint in the run and the recording, aligned by the claim's options `lag` and `lag_limit`.
+        """The claim's quantity of a joint in the run and the recording, aligned by the claim's option `lag`.
 
         Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
         recording, pairing = require_columns(claim, self._infos, (joint,))
-        own = {recorded: name for recorded, name in pairing.items() if name == joint.name}
         options = claim.options
-        key = (str(claim.against), *(str(options.get(name)) for name in ("lag", "lag_limit", "map", "rate")))
+        key = (str(claim.against), *(str(options.get(name)) for name in ("lag", "map", "rate")))
         if key not in self._lags:
-            lag, limit = options.get("lag", "auto"), options.get("lag_limit")
-            series = series_of(self._read, self._infos)
-            self._lags[key] = align_recording(recording, pairing, series, lag=lag, limit=limit, infos=self._infos).lag
+            lag = options.get("lag", "auto")
+            self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
         sources = DERIVED_SOURCES.get(claim.quantity, (claim.quantity,))
         samples = self._read([name for name in joint.quantities if name in sources], (joint.name,))
-        found = compare(samples, recording, infos=self._infos, joints=own, quantities=(claim.quantity,), lag=self._lags[key])
+        found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
         return found.series[0]
 
 
@@ -57,7 +54,8 @@ def require_columns(
     quantity for one of the joints in `about`.
     """
     path = Path(str(claim.against))
-    joints, mapping = tuple(info.name for info in infos), one_or_more(claim.options.get("map", ()))
+    joints, given = tuple(info.name for info in infos), claim.options.get("map", ())
+    mapping = tuple(map(str, given if isinstance(given, list | tuple) else [given]))
     _, recording = read_cached(path, modified(path), mapping=mapping, joints=joints, rate=claim.options.get("rate"))
     pairing = match_joints(joints, recording)
     found = tuple(

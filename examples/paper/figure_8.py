@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, below, near
 from paper.lab import Lab
 from paper.pictures import curves, link_panel, picture
+from paper.ringing import fit_ringing
 from paper.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from paper.step_losses import with_friction, with_growing_damping
 

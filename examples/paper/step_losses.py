@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce import Claim, FigurePart, FigureTable, at_most, near
 from paper.friction import with_joint_losses
 from paper.law import RATIO, damping_overrides
+from paper.ringing import fit_ringing
 from paper.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
 
 if TYPE_CHECKING:

@@ -5,10 +5,11 @@ import os
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
-from asrsim.cli.console import SHOWN, problem_lines
+from asrsim.cli.console import SHOWN, problem_lines, styled
 from asrsim.cli.progress import RunBar
 from asrsim.errors import Problem
 from support.pages import Page
@@ -43,6 +44,15 @@ def test_names_cannot_break_the_scripts_of_a_report(tiny, name):
     assert json.loads(page.scripts[0])["joints"]
     assert "<!--" not in page.source
     assert page.source.count("<script") == 3
+
+
+@pytest.mark.parametrize(
+    ("environment", "is_styled"),
+    [({"TERM": "xterm"}, True), ({"TERM": "dumb"}, False), ({"TERM": "xterm", "NO_COLOR": "1"}, False)],
+)
+def test_only_terminals_with_colours_get_styles(environment, is_styled, monkeypatch):
+    monkeypatch.setattr(os, "environ", environment)
+    assert (styled("text", "bold", SimpleNamespace(isatty=lambda: True)) != "text") is is_styled
 
 
 @pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])

@@ -53,10 +53,9 @@ def test_engines_agree_where_nothing_touches(engine, tmp_path):
 
 
 @pytest.mark.usefixtures("wrong_mujoco")
-@pytest.mark.parametrize("out", [True, False])
-def test_cross_check_finds_a_relative_error_of_one_millionth(out, tmp_path):
+def test_cross_check_finds_a_relative_error_of_one_millionth():
     scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
-    result = asrsim.run(scenario, out=tmp_path if out else None, certify=True)
+    result = asrsim.run(scenario, certify=True)
     check = result.summary.cross_check
     assert "one of them is wrong" in check["finding"]
     assert not check["agrees"]
@@ -143,14 +142,11 @@ def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch):
         asrsim.run(replace(scenario, engine="mujoco"))
 
 
-@pytest.mark.parametrize("kept", [True, False])
-@pytest.mark.parametrize("asked", [{"cross_check": True}, {"certify": True}], ids=str)
-def test_cross_check_and_certify_use_the_robot_passed_in(tiny, tmp_path, asked, kept):
+def test_cross_check_and_certify_use_the_robot_passed_in(tiny):
     """The robot is three times as heavy as in the robot file, so the robot of the file would move very differently."""
     robot = load_robot(tiny.robot)
     heavy = replace(robot, links=tuple(replace(link, mass=3.0 * link.mass) if link.mass else link for link in robot.links))
     overrides = ["engine=mujoco", "compiled=false", "duration=0.2"]
-    result = asrsim.run(tiny.scenario, robot=heavy, overrides=overrides, out=tmp_path / "o" if kept else None, **asked)
-    errors = [one["position_max"] for one in (result.summary.certificate or {"joints": {}})["joints"].values()]
-    assert all(error < 1e-4 for error in errors)
+    result = asrsim.run(tiny.scenario, robot=heavy, overrides=overrides, certify=True)
+    assert all(one["position_max"] < 1e-4 for one in result.summary.certificate["joints"].values())
     assert result.summary.cross_check["agrees"]

@@ -52,17 +52,6 @@ def test_toolbox_stepping_warns_of_unresolved_springs_but_runs():
     assert "omega h = 3.3" in warning.message
 
 
-@pytest.mark.parametrize("torque", [0.3, -0.4])
-def test_adjuster_motor_follows_a_torque_in_mode_4(torque):
-    body = Body(actuator="awas_ii", mass=0.2, reach=0.04, inertia=1e-3, damping=0.065)
-    keys = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
-    result = run(chain(body), references={"motor_1_torque": 0.1, "motor_2_torque": torque}, **keys)
-    # The released class has a motor with J = 0.0233 and a friction of 0.5 N m; bristles of 1000 N m/rad hold it.
-    place = column(result, "motor_2_position")
-    assert np.sign(place[-1]) == np.sign(torque)
-    assert 0.2e-3 * abs(torque) < abs(place).max() < 3e-3 * abs(torque)
-
-
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize(("stepping", "given", "cut"), [
     ("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False),

@@ -65,36 +65,6 @@ def test_fit_recovers_stribeck_friction(tmp_path):
     assert_found(result, truth, 0.05)
 
 
-def test_fit_recovers_electric_motor_parameters(tmp_path):
-    time = np.arange(0.0, 3.0005, 1e-3)
-    constant, resistance, inertia, loss = 0.9, 2.5, 0.01, 0.05
-
-    def voltage(t):
-        return 3.0 * np.sin(2.0 * pi * (0.5 * t + 0.8 * t * t))
-
-    def motion(t, y):
-        x, w, q, v = y
-        torque, spring = constant * (voltage(t) - constant * w) / resistance, SPRING * (x - q)
-        return [w, (torque - loss * w - spring) / inertia, v, (spring - DAMPING * v) / INERTIA]
-
-    x, w, q, _ = solve_ivp(motion, (0.0, 3.0), [0.0] * 4, t_eval=time, rtol=1e-10, atol=1e-12).y
-    current = (voltage(time) - constant * w) / resistance
-    columns = {
-        "time [s]": time, "reference_1 [V]": voltage(time), "link_position [rad]": q, "motor_1_position [rad]": x,
-        "motor_1_current [A]": current,
-    }  # fmt: skip
-    noise = {"link_position [rad]": 5e-4, "motor_1_position [rad]": 5e-4, "motor_1_current [A]": 2e-2}
-    wrong = tags(spring_k=5, mot_J=0.015, mot_D=0.1, mot_tauFric=0, mot_kt=0.6, mot_R=4, **UNLIMITED)
-    truth = {
-        "joint_1.motor_1_torque_constant": constant,
-        "joint_1.motor_1_resistance": resistance,
-        "joint_1.motor_1_inertia": inertia,
-        "joint_1.motor_1_damping": loss,
-        "joint_1.spring_stiffness": SPRING,
-    }
-    assert_found(fitted(tmp_path, columns, noise, list(truth), mode=7, tags=wrong), truth, 0.01)
-
-
 def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path):
     constant, resistance, inertia, loss, friction, stiff, link, fade = 1.0, 4.0, 0.006, 0.02, 0.06, 5.0, 0.008, 0.006
     step, x, w, q, v = 1e-5, 0.0, 0.0, 0.0, 0.0

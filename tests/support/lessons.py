@@ -31,4 +31,4 @@ def record(path, plant, robot, inputs, *, seed=0):
 
 def inputs_in(path, plant):
     """Inputs (n, joints) read from a file."""
-    return np.column_stack([read_column(path, joint, None)[1] for joint in plant.joints])
+    return np.column_stack([read_column(path, joint)[1] for joint in plant.joints])

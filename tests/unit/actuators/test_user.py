@@ -12,11 +12,11 @@ import pytest
 import asrsim
 from asrsim.actuators import ACTUATORS, Actuator, Parameter
 from asrsim.actuators.checker import check_actuator
-from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError, RobotError
 from asrsim.identification.door import Door
 from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.plugins import load_plugin_file
 from asrsim.robot import load_robot
 from support.paths import ROOT
 from validation.models import Body, chain, column, run
@@ -345,7 +345,7 @@ def test_what_knows_two_motors_only_refuses_three(tmp_path):
     scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
     prepared = asrsim.prepare(scenario)
     with pytest.raises(RobotError, match="three has 3"):
-        SoftArm(scenario=prepared.scenario, robot=prepared.robot, model=None)  # type: ignore[arg-type]
+        SoftArm(scenario=prepared.scenario, robot=prepared.robot)
     with pytest.raises(RobotError, match="three has 3"):
         Door(prepared.scenario, prepared.robot)
 

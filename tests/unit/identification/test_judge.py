@@ -59,6 +59,9 @@ def test_the_held_out_error_may_reach_its_predicted_size():
     assert "the held-out error is 2 times" in reason
     assert verdict([large], lambda: [1.0]) == []
     assert verdict([replace(large, shaken=1.0)], lambda: [0.0]) == []
+    # Each channel is judged by its own errors and its own uncertainty.
+    (reason,) = verdict([GOOD, replace(large, key="j.tau")], lambda: [9.0, 0.0])
+    assert reason.startswith("j.tau: the held-out error is 2 times")
     # A recording without a fault does not hide the fault of another recording.
     (reason,) = verdict([GOOD, replace(GOOD, recording="b", fault="a swing")], lambda: [0.0, 0.0])
     assert reason == "j.q: a swing"

@@ -138,11 +138,11 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     links = [plant.robot.joint(joint).child for joint in plant.joints]
     masses = {link.name: link.mass for link in plant.robot.links}
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
-    model = learning_model(plant)
-    problem = prepare_learning(plant, model).problem
-    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))])
+    problem = prepare_learning(plant, learning_model(plant)).problem
+    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))], {})
     assert found.residual < 0.05 * found.before
     assert found.changes["delay"] == pytest.approx(0.02, abs=0.002)
+    assert [found.changes[f"mass.{joint}"] for joint in plant.joints[:2]] == pytest.approx([0.2, -0.2], abs=0.05)
 
 
 def test_learning_continues_with_recordings_of_an_independent_robot(tmp_path):
@@ -211,16 +211,22 @@ def test_the_model_of_learning_contains_the_scenario_s_effects(changes):
     assert result.converged
 
 
-def test_any_scenario_may_ask_for_inverse_dynamics():
-    """The references become the inputs that move the links as they say; one that a spring cannot give is an error."""
-    wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 2.0, "to": 0.6}}, "stiffness_preset": 0.3}
-    scenario = make_scenario(ARM, duration=2.5, references={"*": wanted}, inverse_dynamics=True)
+@pytest.mark.parametrize("mode", [1, 3, 6])
+def test_inverse_dynamics_gives_the_inputs_of_the_wanted_motion(mode):
+    rise = {"minimum_jerk": {"duration": 2.0, "to": 0.6}}
+    wanted = {"link_position": rise} if mode == 1 else {"equilibrium_position": rise, "stiffness_preset": 0.3}
+    scenario = make_scenario(ARM, duration=2.5, modes=mode, references={"*": wanted}, inverse_dynamics=True)
     robot = apply_to_robot(scenario, checked_robot(scenario)[0])
     planned = replace(plan_references(scenario, robot), inverse_dynamics={})
     samples = simulate(planned).samples
-    motion = scenario.references["*"]["equilibrium_position"].values(samples.time)
+    motion = next(iter(scenario.references["*"].values())).values(samples.time)
     assert np.abs(samples.values["link_position"] - motion[:, None]).max() < 4e-3
+
+
+def test_inverse_dynamics_beyond_a_spring_is_an_error():
+    wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 2.0, "to": 0.6}}, "stiffness_preset": 0.3}
     plain = make_scenario(ARM, duration=2.5, references={"*": wanted}, inverse_dynamics=False)
+    robot = apply_to_robot(plain, checked_robot(plain)[0])
     assert plan_references(plain, robot) is plain
     weak = make_scenario(
         ARM,

@@ -55,6 +55,13 @@ def test_a_pendulum_on_a_spring_responds_as_second_order_system():
         assert response(linear, omega) == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_controller_of_the_link_responds_as_a_spring_and_a_damper():
+    drive = drive_with(Sea, mode=1, joint="one", spring=(2.0, 0.8), proportional=(5.0,), integral=(0.0,), derivative=(0.3,))
+    omega = 12.0
+    expected = 5.0 / (-(omega**2) * INERTIA + 1j * omega * (0.02 + 0.3) + 5.0 + MASS * GRAVITY * LENGTH)
+    assert response(linear_at(drive, damping=0.02), omega) == pytest.approx(expected, rel=1e-6)
+
+
 def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
     omega = 25.0
     q = response(linear_at(sea(mode=6), damping=0.02), omega)

@@ -8,7 +8,7 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.metrics.expect import compares
-from asrsim.samples import JointInfo, Samples
+from asrsim.samples import TIP, TIP_GOAL, JointInfo, Samples
 from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
@@ -91,6 +91,22 @@ def test_a_claim_compares_with_another_quantity_of_its_joint():
         replace(same, reference="elbow")
 
 
+def test_a_claim_without_a_reference_is_about_the_desired_position():
+    values = {"link_position": SAMPLES.values["link_position"], "reference_1": SAMPLES.values["link_position"] + 0.1}
+    joints = (replace(JOINTS[0], quantities=tuple(values)),)
+    (result,) = claim_results(
+        [claim(measure="bias", value=-0.1, tolerance=1e-9)], joints, lambda *_: replace(SAMPLES, values=values)
+    )
+    assert result.holds, result.text
+
+
+def test_the_error_of_the_tip_is_its_distance_from_the_goal():
+    bodies = {TIP: POSES, TIP_GOAL: POSES + np.array([0.03, -0.04, 0.0, 0.0, 0.0, 0.0, 0.0])}
+    far = claim(joint=None, body=TIP, quantity="error", measure="maximum", value=0.05, tolerance=1e-9)
+    (result,) = claim_results([far], JOINTS, lambda *_: replace(SAMPLES, bodies=bodies))
+    assert (result.holds, result.unit) == (True, "m"), result.text
+
+
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_a_claim_is_about_its_engine_only(engine, tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'><link name='base'/></robot>")
@@ -110,6 +126,8 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
         ({"joint": None, "body": "box", "quantity": "colour"}, "no quantity 'colour'"),
         ({"joint": None, "body": "box", "quantity": "contact_force.w"}, "no quantity 'contact_force.w'"),
         ({"options": {"bnd": 1}}, "not an option"),
+        ({"joint": None, "body": "box", "quantity": "x", "measure": "displacement"}, "poses"),
+        ({"joint": None, "body": "box", "quantity": "position", "measure": "maximum"}, "scalar series"),
         ({"comparison": "~"}, "no comparison"),
         ({"comparison": "<", "value": -99.0, "tolerance": 1e9}, "valid with '==' only"),
         *(({"measure": "settling", "options": {"band": band}}, "number") for band in ("wide", [1, 2], float("inf"))),
@@ -119,7 +137,7 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
         ({"measure": "overshoot", "options": {"initial": {}}}, "number"),
         *(
             ({"measure": "rmse", "against": Path("lab.csv"), "options": {key: value}}, f"options.{key}")
-            for key, value in (("map", ["a=elbow.link_position", 3]), ("map", 3), ("lag", "soon"), ("rate", -1.0))
+            for key, value in (("map", {"a": 1}), ("lag", "soon"), ("rate", -1.0))
         ),
     ],
 )
@@ -133,6 +151,8 @@ def test_claims_that_cannot_be_evaluated_are_errors_before_the_run(changes, word
 def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
     (tmp_path / "lab.csv").write_text("time [s],a,b\n0,0,0\n0.01,0.1,1\n0.02,0.3,2\n0.03,0.2,1\n")
     check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], JOINTS, file=None)
+    with pytest.raises(ScenarioError, match=r"3: is not COLUMN=JOINT\.QUANTITY"):
+        check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": 3})], JOINTS, file=None)
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart():

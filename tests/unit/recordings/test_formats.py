@@ -113,11 +113,10 @@ def test_recordings_have_equal_numbers_in_every_format(tmp_path, name):
     check(read_recording(tmp_path / name))
 
 
-@pytest.mark.parametrize("name", ["vectors.mat", "lists.json"])
-def test_signals_read_the_same_columns_as_recordings(tmp_path, name):
-    path = tmp_path / name
-    WRITERS[name](path)
-    times, values = Playback(file=path, column=read_recording(path).column("joint_2", "link_position").source).samples
+def test_signals_read_the_same_columns_as_recordings(tmp_path):
+    path = tmp_path / "vectors.mat"
+    WRITERS[path.name](path)
+    times, values = Playback(file=path, column="q2").samples
     np.testing.assert_allclose(times, TIME, atol=1e-9)
     np.testing.assert_allclose(values, Q2, atol=1e-9)
 
@@ -137,33 +136,31 @@ def test_a_document_selects_a_sheet_and_dates_are_times(tmp_path):
         read_recording(path)
 
 
-def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path):
+def test_structs_with_unix_times_keep_the_time_between_them(tmp_path):
     """The second one begins 0.5 s after the first."""
     savemat(tmp_path / "lab.mat", {"a": {"time": 1.7e9 + TIME, "q1": Q1}, "b": {"time": 1.7e9 + 0.5 + TIME, "q2": Q2}})
     recording = read_recording(tmp_path / "lab.mat")
-    first, second = (recording.column(f"joint_{i}", "link_position").time for i in (1, 2))
-    np.testing.assert_allclose(first, TIME, atol=3e-7)
-    np.testing.assert_allclose(second, TIME + 0.5, atol=3e-7)
-    played = [Playback(file=tmp_path / "lab.mat", column=column).samples[0] for column in ("a.q1", "b.q2")]
-    np.testing.assert_array_equal(played, [first, second])
+    for column, begin in (("a.q1", 0.0), ("b.q2", 0.5)):
+        np.testing.assert_allclose(recording.channels[column].time, begin + TIME, atol=3e-7)
+        np.testing.assert_array_equal(Playback(file=recording.path, column=column).samples[0], recording.channels[column].time)
 
 
 def test_the_time_of_a_matrix_is_stated(tmp_path):
-    np.savez(tmp_path / "lab.npz", M=np.column_stack([TIME, Q1, 2 * Q1]), M_2=Q2)
+    path = tmp_path / "lab.npz"
+    np.savez(path, M=np.column_stack([TIME, Q1, 2 * Q1]), M_2=Q2)
     with pytest.raises(RecordingError, match="none of the columns is a time: M_1, M_2"):
-        read_recording(tmp_path / "lab.npz")
-    recording = read_recording(tmp_path / "lab.npz", mapping=["M_1=time", "M_2=elbow.link_position"])
+        read_recording(path)
+    recording = read_recording(path, mapping=["M_1=time", "M_2=elbow.link_position"])
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
     np.testing.assert_array_equal(recording.channels["M_2#2"].values, Q2)
-    np.testing.assert_allclose(read_recording(tmp_path / "lab.npz", rate=500.0).time, 0.002 * np.arange(50))
+    np.testing.assert_allclose(read_recording(path, rate=500.0).time, 0.002 * np.arange(50))
 
 
 def test_vectors_of_another_length_are_skipped_with_a_note(tmp_path):
     savemat(tmp_path / "lab.mat", {"a": {"t": TIME, "q1": Q1, "gains": np.arange(2.0)}, "b": {"t": TIME[::2], "q2": Q2[::2]}})
     recording = read_recording(tmp_path / "lab.mat")
-    assert ["a.gains" in f.message for f in recording.findings if f.code == "unread"] == [True]
-    assert [len(one.time) for one in recording.channels.values()] == [50, 25]
-    assert [one.source for one in recording.channels.values()] == ["a.q1", "b.q2"]
+    assert ["a.gains" in one.message for one in recording.findings if one.code == "unread"] == [True]
+    assert {name: len(one.time) for name, one in recording.channels.items()} == {"a.q1": 50, "b.q2": 25}
 
 
 def test_objects_of_python_are_never_run(tmp_path):
@@ -179,12 +176,6 @@ def test_objects_of_python_are_never_run(tmp_path):
     assert not marker.exists()
 
 
-def test_a_numpy_file_of_garbage_is_called_no_numpy_file(tmp_path):
-    (tmp_path / "lab.npz").write_bytes(bytes(range(256)))
-    with pytest.raises(RecordingError, match=r"lab\.npz: is no NumPy file, or contains Python objects"):
-        read_recording(tmp_path / "lab.npz")
-
-
 @pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x80\x04"])
 def test_a_format_that_is_not_read_is_refused(tmp_path, head):
     (tmp_path / "lab.bin").write_bytes(head + bytes(40) + b"1")
@@ -192,14 +183,12 @@ def test_a_format_that_is_not_read_is_refused(tmp_path, head):
         read_recording(tmp_path / "lab.bin")
 
 
-@pytest.mark.parametrize(("place", "value"), [(634, 3), (345, 13), (472, 13)])
-def test_a_matlab_file_that_crashes_scipy_is_an_error(tmp_path, place, value):
+@pytest.mark.parametrize("place", [345, 472])
+def test_a_matlab_file_that_crashes_scipy_is_an_error(tmp_path, place):
     path = tmp_path / "lab.mat"
-    savemat(
-        path, {"t": TIME[:6] * 10, "s": {"q": TIME[:6] * 10, "n": "abc"}, "c": np.array([TIME[:6] * 10, "x"], dtype=object)}
-    )
+    savemat(path, {"t": TIME[:6], "s": {"q": TIME[:6], "n": "abc"}, "c": np.array([TIME[:6], "x"], dtype=object)})
     data = bytearray(path.read_bytes())
-    data[place] = value
+    data[place] = 13
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=r"lab\.mat"):
         read_recording(path)
@@ -224,27 +213,8 @@ def test_an_archive_larger_than_the_memory_is_refused(tmp_path):
     header = b"\x93NUMPY\x01\x00F\x00" + str({"descr": "<f8", "fortran_order": False, "shape": (2**29,)}).encode().ljust(70)
     with zipfile.ZipFile(tmp_path / "lab.npz", "w", zipfile.ZIP_DEFLATED) as target:
         target.writestr("q.npy", header + bytes(10**7))
-    with pytest.raises(RecordingError, match=r"lab\.npz: cannot be read: its reader needs too much memory"):
+    with pytest.raises(RecordingError, match=r"lab\.npz: cannot be read as numpy: MemoryError"):
         read_recording(tmp_path / "lab.npz")
-
-
-def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path):
-    from mcap.writer import CompressionType, Writer
-
-    path = tmp_path / "lab.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=10**8, compression=CompressionType.ZSTD)
-        writer.start()
-        channel = writer.register_channel("/q", "json", 0)
-        for i in range(100):
-            writer.add_message(channel, i, b" " * 10**5, i)
-        writer.finish()
-    data = path.read_bytes()
-    place = data.index(b"\x04\0\0\0zstd") - 12  # the chunk's uncompressed size stands before its checksum and compression
-    for number in (1, 2**62, 10_000_000):
-        path.write_bytes(data[:place] + number.to_bytes(8, "little") + data[place + 8 :])
-        with pytest.raises(RecordingError, match=r"lab\.mcap"):
-            read_recording(path)
 
 
 @pytest.mark.parametrize("other", [[[1, 2], [1]], [10**400, 1, 2], "text", [{"a": [[1], [1, 2]]}] * 2, None])
@@ -254,11 +224,18 @@ def test_other_values_of_json_are_left_out(tmp_path, other):
     assert [*read_recording(path).channels] == ["q1"]
 
 
+def test_text_with_a_json_object_in_each_line_is_json(tmp_path):
+    WRITERS["lab.jsonl"](tmp_path / "log.txt")
+    check(read_recording(tmp_path / "log.txt"))
+
+
 def test_records_name_the_joints_of_their_lists(tmp_path):
     path = tmp_path / "lab.jsonl"
-    states = [{"t": t, "name": ["arm", "leg"], "position": [q, 0.0]} for t, q in zip(TIME, Q1, strict=True)]
+    states = [{"t": t, "name": ["arm", "leg"], "position": [q, 0.0], "raw": [q]} for t, q in zip(TIME, Q1, strict=True)]
     path.write_text("\n".join(map(json.dumps, states)))
-    np.testing.assert_allclose(read_recording(path, joints=["leg", "arm"]).column("arm", "link_position").values, Q1)
+    recording = read_recording(path, joints=["leg", "arm"])
+    np.testing.assert_allclose(recording.column("arm", "link_position").values, Q1)
+    np.testing.assert_allclose(recording.channels["raw[0]"].values, Q1)
 
 
 def test_deeply_nested_json_is_refused(tmp_path):
@@ -266,22 +243,3 @@ def test_deeply_nested_json_is_refused(tmp_path):
     path.write_text('{"a":' * 900 + "1" + "}" * 900)
     with pytest.raises(RecordingError, match=r"lab\.json"):
         read_recording(path)
-
-
-@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
-def test_an_archive_with_a_damaged_directory_is_refused(tmp_path, name):
-    with zipfile.ZipFile(tmp_path / name, "w") as target:
-        target.writestr("t.npy", bytes(1000))
-    data = (tmp_path / name).read_bytes()
-    (tmp_path / name).write_bytes(data.replace(b"PK\x01\x02", b"PK\x01\x00"))
-    with pytest.raises(RecordingError, match=rf"{name}: is a damaged archive"):
-        read_recording(tmp_path / name)
-
-
-@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
-def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, name):
-    monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)
-    with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as target:
-        target.writestr("t.npy", bytes(10**7))
-    with pytest.raises(RecordingError, match=rf"{name}: would unpack to 10 MiB"):
-        read_recording(tmp_path / name)

@@ -67,7 +67,7 @@ def test_what_no_joint_has_is_not_asked_about(tmp_path, name):
         (["Elbow pos [deg]", "shoulder_vel"], ["shoulder", "elbow"], ["elbow", "shoulder"]),
         (["/joint_states/elbow/position"], ["shoulder", "elbow"], ["elbow"]),
         (["position"], ["elbow"], ["elbow"]),
-        (["joint_1.reference_1", "joint_2.motor_2_position"], ["a1", "a2"], ["a1", "a2"]),
+        (["joint_1.reference_1", "a1.motor_2_position"], ["a1", "a2"], ["joint_1", "a1"]),
         (["run.q1"], None, ["joint_1"]),
         (["elbow/position"], None, ["elbow"]),
     ],
@@ -105,8 +105,9 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("t / ms", "t", "s", 1e-3), ("tau1/mNm", "tau1", "N m", 1e-3), ("dq rad/s", "dq", "rad/s", 1.0),
         ("velocity_rad_s", "velocity", "rad/s", 1.0), ("vel_deg_per_s", "vel", "rad/s", np.pi / 180),
         ("w (RPM)", "w", "rad/s", np.pi / 30), ("torque [N-m]", "torque", "N m", 1.0), ("tau (N\u00b7m)", "tau", "N m", 1.0),
-        ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0),
+        ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0), ("t_min", "t", "s", 60.0),
         ("time [h]", "time", "s", 3600.0), ("pos [deg] left", "pos left", "rad", np.pi / 180),
+        ("n [1/min]", "n", "rad/s", np.pi / 30),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
@@ -117,7 +118,7 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
 
 
 @pytest.mark.parametrize(
-    "header", ["pos_m", "theta_m", "tau_s", "q_min", "q[1]", "torque_S", "sampling_rate", "a/b", "q1 (left)"]
+    "header", ["pos_m", "theta_m", "tau_s", "q_min", "q[1]", "torque_S", "sampling_rate", "a/b", "q1 (left)", "/arm/state/h"]
 )
 def test_a_letter_of_a_name_is_not_a_unit(header):
     assert split_header(header) == (header, None)

@@ -17,6 +17,7 @@ from asrsim.scenario import apply_to_robot, load_scenario
 from paper import statics
 from paper.friction import held_by_friction
 from paper.law import swings
+from paper.ringing import fit_ringing
 from paper.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
 from support.pages import Page
 from support.paths import EXAMPLES
@@ -115,6 +116,18 @@ def test_swings_are_counted_beyond_their_floor():
     ringing = 1.0 - np.exp(-3 * time) * np.cos(2 * np.pi * 4 * time)
     assert swings(ringing, 1.0) == 8
     assert swings(np.minimum(ringing, 1.0 + 0.01), 1.0) == 0
+
+
+@pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])
+def test_a_ringing_has_its_natural_frequency_and_decay(decay):
+    """Natural frequency 40 Hz, damping ratio up to 0.8."""
+    time = np.arange(4001) * 1e-3
+    omega = np.sqrt((2 * np.pi * 40.0) ** 2 - decay**2)
+    velocity = np.where(time > 0.1, np.exp(-decay * (time - 0.1)) * np.sin(omega * (time - 0.1)), 0.0)
+    found = fit_ringing(time, velocity, start=0.1)
+    assert found.frequency == pytest.approx(40.0, rel=1e-6)
+    assert found.decay == pytest.approx(decay, rel=1e-5)
+    assert np.isnan(fit_ringing(time[:100], np.eye(1, 100, 50)[0], start=-1.0).natural)
 
 
 def test_a_joint_held_by_friction_is_named():

@@ -4,7 +4,8 @@ import pytest
 import yaml
 
 from asrsim.robot import load_robot
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+from asrsim.scenario.signal_checks import undersampled
 
 STRONG = """modes: 5
 stepping: toolbox
@@ -14,6 +15,11 @@ references: {elbow: {reference_1: 0}}"""
 SCENARIOS = {
     "gravity": "gravity: [0, 0, -9810]",
     "gravity upwards": "gravity: [0, 0, 9.81]",
+    "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
+    "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
+    "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
+    "odd-step": "step: 0.06",
+    "odd-step of less than a microsecond": "step: 0.75e-6",
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
     "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
     "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
@@ -40,8 +46,10 @@ def warned(tiny, more):
     (scenario,) = load_scenario(tiny.scenario)
     given = yaml.safe_load(tiny.scenario.read_text())
     tiny.scenario.write_text(text)
-    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    robot = load_robot(scenario.robot)
+    errors, warnings = check_against_robot(scenario, robot)
     assert not errors
+    warnings += map(scenario.placed, apply_to_robot(scenario, robot).warnings)
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given
@@ -72,6 +80,23 @@ def test_probable_mistakes_get_a_warning(case, tiny):
 )  # fmt: skip
 def test_usual_values_get_no_warning(more, tiny):
     assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        "{sinusoid: {amplitude: 0.1, frequency: %g}}", "{chirp: {amplitude: 0.1, from: 1, to: %g, duration: 1.5}}",
+        "{sum: [{ramp: {duration: 1, to: 1}}, {scale: {by: 2, of: {sinusoid: {amplitude: 0.1, frequency: %g}}}}]}",
+        "{delay: {by: 0.1, of: {multisine: {amplitude: 0.1, frequencies: [1, %g]}}}}",
+    ],
+)  # fmt: skip
+def test_signals_above_half_the_rate_of_the_substeps_get_a_warning(signal, tiny):
+    for substeps in (1, 3):
+        for share, warnings in ((0.9, 0), (1.05, 1), (1.9, 1), (2.0, 1)):
+            text = signal % (share * 500.0 * substeps)
+            references = f"references: {{elbow: {{equilibrium_position: {text}}}}}"
+            tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{references}\n")
+            assert len(list(undersampled(load_scenario(tiny.scenario)[0], substeps))) == warnings, share
 
 
 @pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",

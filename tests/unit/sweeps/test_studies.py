@@ -15,7 +15,7 @@ from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import Runner, alone
 from asrsim.sweeps.run import crashed_row, run_again
 from asrsim.sweeps.sensitivity import influences, sobol
-from asrsim.sweeps.show import as_dict, remarks, varying
+from asrsim.sweeps.show import as_dict, remarks, result_rows, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.workers import Lost
 from support.edits import edits
@@ -424,6 +424,7 @@ def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
     store.add([(run, "a", "complete", float(run), *(values[run] for values in results.values())) for run in range(3)])
     store.finish()
     assert varying(Table(tmp_path)) == ["a.large", "a.small", "tip.last", "b.peak"]
+    assert result_rows(Table(tmp_path))[0][2:] == ("3", "0.1", "0.11", "0.2", "0.92", "1", "run 0", "run 2")
 
 
 SIGNALS = {

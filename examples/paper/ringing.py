@@ -52,13 +52,3 @@ def fit_ringing(time: Array, velocity: Array, *, start: float) -> Ringing:
     root = (a + cmath.sqrt(a * a - 4.0 * b)) / 2.0
     rate = cmath.log(root) / step
     return Ringing(natural=abs(rate), decay=-rate.real, samples=len(x))
-
-
-def natural_frequency(time: Array, values: Array) -> float:
-    """Undamped frequency in Hz of the last small swings about 0, for example of a velocity; needs even sampling."""
-    return fit_ringing(time, values, start=-math.inf).frequency
-
-
-def decay_rate(time: Array, values: Array) -> float:
-    """Decay rate of the last small swings about 0, for example of a velocity: c / (2 I) of a joint; needs even sampling."""
-    return fit_ringing(time, values, start=-math.inf).decay
