@@ -52,27 +52,28 @@ def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
     try:
         scene: Any = trimesh.load_scene(path, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-        part: Any
-        for part in parts:
-            part.apply_scale(trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0)
-        size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if len(part.faces))
+        metres = [trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0 for part in parts]
+        # Meshes without textures, which would be copied with each mesh.
+        plain = [trimesh.Trimesh(part.vertices * size, part.faces) for part, size in zip(parts, metres, strict=True)]
+        if not any(len(mesh.faces) for mesh in plain):
+            raise ValueError("no triangle")
+        longest = max(float(mesh.extents.max()) for mesh in plain if len(mesh.faces))
     except OSError:
         raise
     except Exception as error:  # trimesh raises errors of many types for broken files
         raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
-    cells = CELLS
-    coarse = parts
-    while sum(len(part.faces) for part in coarse) > MOST and cells > 4:
-        coarse = [_simplified(part, size / cells) for part in parts]
+    cells, coarse = CELLS, plain
+    while sum(len(mesh.faces) for mesh in coarse) > MOST and cells > 4:
+        coarse = [_simplified(mesh, longest / cells) for mesh in plain]
         cells = int(0.7 * cells)
-    return [(_smooth(part), _colour(part)) for part in coarse]
+    return [(_smooth(mesh), _colour(part)) for mesh, part in zip(coarse, parts, strict=True)]
 
 
 def _simplified(mesh: Any, cell: float) -> Any:
     """Mesh in which all points in the same cell of a grid are one point. cell: edge of a cell, m."""
     coarse = mesh.copy()
     coarse.apply_scale(1.0 / cell)
-    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    coarse.merge_vertices(digits_vertex=0)
     coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
     coarse.apply_scale(cell)
     return coarse
@@ -82,7 +83,6 @@ def _smooth(mesh: Trimesh) -> Trimesh:
     """Mesh whose triangles share the normals of their points, except along sharp edges."""
     from trimesh.graph import smooth_shade
 
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
     smooth: Trimesh = smooth_shade(mesh, angle=CREASE, facet_minarea=None)
     return smooth
 

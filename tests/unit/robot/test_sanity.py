@@ -259,7 +259,6 @@ REFUSED = {
     ],
     "too stiff": [("<spring_k>10<", "<spring_k>1e11<")],
     "name too long to write": [('name="arm"', f'name="{"&quot;" * 250}"'), ('link="arm"', f'link="{"&quot;" * 250}"')],
-    "no axis": [('<axis xyz="0 1 0"/>', "<axis/>")],
 }  # fmt: skip
 TAKEN = {
     "no limit": [(LIMIT, "")],
