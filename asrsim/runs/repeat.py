@@ -186,7 +186,7 @@ def unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
 
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
     from asrsim.actuators import ACTUATORS
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     for path in one_or_more(plugins):
         load_plugin_file(path)

@@ -86,7 +86,7 @@ def response(coherence, *, experiment=False, scale=1.0):
     found = FrequencyResponse(
         frequency=np.array([1.0, 2.0, 4.0, 8.0][:count]), gain=gain, phase=np.array([0.0, -90.0, -120.0, -170.0][:count]),
         coherence=np.array(coherence), gain_low=gain / 2, gain_high=gain * 2, phase_margin=np.full(count, 20.0),
-        confidence=0.95, averages=4.0, resolution=1.0, method="local", band=(1.0, 8.0), resonance=(2.0, 10.0), bandwidth=None,
+        band=(1.0, 8.0), resonance=(2.0, 10.0), bandwidth=None,
         moves=True,
     )  # fmt: skip
     joint = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
