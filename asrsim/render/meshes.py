@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.robot.meshes import MESH_FORMATS
+from asrsim.robot.meshes import mesh_parts
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -45,23 +45,12 @@ def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
 
     Raises ValueError and OSError if the file cannot be read.
     """
-    import trimesh
+    from trimesh import Trimesh
 
-    if path.suffix.lower() not in MESH_FORMATS:
-        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
-    try:
-        scene: Any = trimesh.load_scene(path, process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-        metres = [trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0 for part in parts]
-        # Meshes without textures, which would be copied with each mesh.
-        plain = [trimesh.Trimesh(part.vertices * size, part.faces) for part, size in zip(parts, metres, strict=True)]
-        if not any(len(mesh.faces) for mesh in plain):
-            raise ValueError("no triangle")
-        longest = max(float(mesh.extents.max()) for mesh in plain if len(mesh.faces))
-    except OSError:
-        raise
-    except Exception as error:  # trimesh raises errors of many types for broken files
-        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+    parts = mesh_parts(path)
+    # Meshes without textures, which would be copied with each mesh.
+    plain = [Trimesh(part.vertices, part.faces) for part in parts]
+    longest = max(float(mesh.extents.max()) for mesh in plain)
     cells, coarse = CELLS, plain
     while sum(len(mesh.faces) for mesh in coarse) > MOST and cells > 4:
         coarse = [_simplified(mesh, longest / cells) for mesh in plain]
