@@ -49,20 +49,22 @@ def mesh(name):
 
 def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(read, tmp_path_factory, tmp_path):
     outside, package = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("package")
-    for folder in (outside, package, tmp_path):
+    (tmp_path / "near").mkdir()
+    for folder in (outside, package, tmp_path, tmp_path / "near"):
         (folder / "m.stl").write_bytes(TRIANGLE)
     (tmp_path / "link.stl").symlink_to(outside / "m.stl")
     names = [
         "m.stl", str(tmp_path / "m.stl"), "file://" + str(tmp_path / "m.stl"), "package://pkg/m.stl",
-        str(outside / "m.stl"), f"../{outside.name}/m.stl", "link.stl", "package://pkg/../m.stl", "package://other/m.stl",
+        "package://near/m.stl", str(outside / "m.stl"), f"../{outside.name}/m.stl", "link.stl", "package://pkg/../m.stl", "package://other/m.stl",
         "http://host/m.stl", "none.stl", "m.txt",
     ]  # fmt: skip
     robot = read(pendulum(body="".join(f"<collision>{mesh(name)}</collision>" for name in names)))
     text, warnings = engine_urdf(robot, package_paths={"pkg": package})
-    assert text.count("<collision>") == 4
+    assert text.count("<collision>") == 5
     assert text.count(f'filename="{(tmp_path / "m.stl").resolve()}"') == 3
-    assert f'filename="{(package / "m.stl").resolve()}"' in text
-    assert [problem.value for problem in warnings] == names[4:]
+    for folder in (package, tmp_path / "near"):
+        assert f'filename="{(folder / "m.stl").resolve()}"' in text
+    assert [problem.value for problem in warnings] == names[5:]
     assert {problem.key for problem in warnings} == {"l"}
     assert str(outside) not in text
 
