@@ -1,4 +1,4 @@
-"""`asrsim ilc`: iterative learning control of a scenario, with a live table and resumption, and on the real robot."""
+"""`asrsim ilc`: iterative learning control of a scenario, with a live table, and on the real robot."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_columns, say_problems
-from asrsim.cli.interrupt import INTERRUPTED
+from asrsim.cli.console import say, say_columns, say_problems
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Align, ColumnMap, Overrides, Overwrite, Plot, Scenario, Variant, into_folder, lag_of, option
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ def ilc(
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "off",
-    resume: Annotated[bool, option("Continue an interrupted learning exactly.", "--resume")] = False,
     overwrite: Overwrite = False,
     plot: Plot = True,
     *,
@@ -44,10 +43,10 @@ def ilc(
 ) -> Done:
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
-    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
-    (ilc.png), and the state to resume from. Files of an earlier run of the same scenario are replaced, and the command says so;
-    files of another scenario are kept unless --overwrite is given. Exit code: 0, 1 if learning did not converge or a run
-    failed, 130 after Ctrl-C.
+    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json) and a picture
+    (ilc.png). Files of an earlier run of the same scenario are replaced, and the command says so; files of another scenario
+    are kept unless --overwrite is given. Ctrl-C keeps the best trial so far. Exit code: 0, 1 if learning did not converge or
+    a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
@@ -60,34 +59,27 @@ def ilc(
 
     chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
     folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(chosen)
-    try:
-        if recording is not None:
-            return _next(plant, folder, recording, mapping, lag_of(align))
-        return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
-    except KeyboardInterrupt:
-        state = folder / "state.npz"
-        kept = f"the trials so far are in {state}: continue with --resume" if state.exists() else "no trial was finished"
-        complain(f"\nasrsim: interrupted; {kept}")
-        errors = [{"message": "interrupted"}]
-        return Done(data={"ok": False, "errors": errors, "state": state if state.exists() else None}, code=INTERRUPTED)
+    if recording is not None:
+        return _next(plant, folder, recording, mapping, lag_of(align))
+    return _learn(plant, folder, plugin, overwrite, plot, quiet=quiet)
 
 
-def _learn(
-    plant: Plant, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
-) -> Done:  # fmt: skip
-    from asrsim.actuators.user import command_line
+def _learn(plant: Plant, folder: Path, plugins: list[Path], overwrite: bool, plot: bool, *, quiet: bool) -> Done:
     from asrsim.learning.session import run_session, session_data
+    from asrsim.plugins import command_line
 
     def start(prepared: PreparedLearning) -> None:
         for line in prepared.before:
             say(line, "yellow" if line.startswith("beyond") else "")
         _headings(prepared.problem)
 
-    session = run_session(
-        plant, folder, on_start=None if quiet else start, on_trial=None if quiet else _row, resume=resume, overwrite=overwrite,
-        picture=plot,
-    )  # fmt: skip
+    with Interruption("asrsim: stopping; the best trial so far is kept (Ctrl-C again to abort)") as interruption:
+        session = run_session(
+            plant, folder, on_start=None if quiet else start, on_trial=None if quiet else _row, stop=interruption.stop,
+            overwrite=overwrite, picture=plot,
+        )  # fmt: skip
     good = session.result.converged
+    code = INTERRUPTED if session.result.outcome == "interrupted" else int(not good)
 
     def text() -> None:
         say(session.result.reason, "green" if good else "red")
@@ -96,7 +88,7 @@ def _learn(
         say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
         say(f"play what was learned: {command_line('run', folder / 'learned.yaml', plugins)}")
 
-    return Done(data={"ok": good, "folder": str(folder), **session_data(session)}, always=text, code=int(not good))
+    return Done(data={"ok": good, "folder": str(folder), **session_data(session)}, always=text, code=code)
 
 
 def _next(

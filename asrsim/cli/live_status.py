@@ -75,7 +75,7 @@ def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *
     print_run(summary, quiet=quiet)
     if quiet:
         return
-    from asrsim.actuators.user import command_line
+    from asrsim.plugins import command_line
 
     figures = session.figures()
     wall = max(summary.wall_time, 1e-9)

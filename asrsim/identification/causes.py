@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, tied_to
+from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
 from asrsim.identification.judge import missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
-from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals, solve
+from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise."""
 PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
+NOISE = 2.0
+"""Mean square residual, relative to the recorded noise, below which the suspected causes explain everything."""
 CAUSES, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
-LIMIT_FACTORS = (0.75, 0.3, 2.0)
+LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
@@ -38,31 +40,35 @@ frequency of a command above which the command does not cause the oscillation.
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
-def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences that name effects that the model may lack. problem: problem whose residuals are weighted by the
-    recorded noise.
+def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[str, float]]]:
+    """Sentences that name effects that the model may lack, each with the estimates of a model with these effects, by name.
+    problem: problem whose residuals are weighted by the recorded noise.
     """
     base = mean_square(problem, x)
     # Residuals below the estimated noise may be correlated nevertheless.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
-    found = extended(
-        problem, x, (_sensors, _robot, _delays, _wrong_ties), most=CAUSES, rounds=ROUNDS,
-        enough=lambda wider, there: mean_square(wider, there) <= target,
-    )  # fmt: skip
+    found = Extended((), problem, x, base)
+    # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
+    for begin in (x, np.zeros(len(x))):
+        there = extended(
+            problem, begin, (_sensors, _robot, _delays, _wrong_ties), most=CAUSES, rounds=ROUNDS,
+            enough=lambda wider, there: mean_square(wider, there) <= target,
+        )  # fmt: skip
+        there = pruned(problem, there, least=(1.0 - EXPLAINED) * excess, rounds=ROUNDS)
+        found = min((found, there), key=lambda one: mean_square(one.problem, one.x))
+        if mean_square(found.problem, found.x) < NOISE:
+            break
     explained = problem, x
     if found.chosen:
-        # The fit without the causes may have moved parameters to values without effect. Therefore a search from the start
-        # values is tried, too.
-        again = solve(found.problem, np.append(np.zeros(len(x)), found.x[len(x) :]), rounds=ROUNDS)
-        found = min((found, replace(found, x=again)), key=lambda one: mean_square(one.problem, one.x))
         rest = mean_square(found.problem, found.x)
         if rest <= base - PARTLY * excess:
             more = "" if rest <= target else "; more is missing"
-            yield _suspected(found, percent((rest / base) ** 0.5)) + more
-            explained = found.problem, found.x
-    yield from _oscillations(*explained)
-    yield from _varying_springs(problem, x)
+            explained, layout = (found.problem, found.x), found.problem.layout
+            values = dict(zip((entry.name for entry in layout.entries), layout.values(found.x).tolist(), strict=True))
+            yield _suspected(found, percent((rest / base) ** 0.5)) + more, values
+    for text in (*_oscillations(*explained), *_varying_springs(problem, x)):
+        yield text, {}
 
 
 def _suspected(found: Extended, rest: str) -> str:
@@ -140,7 +146,8 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 # The deflection over which hysteresis builds up is as unknown as its torque.
                 beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
                 more = tuple(known[key] for key in beside if key not in free)
-                begins = ((*(0.0 for _ in more), 1.0),) if parameter.start == 0.0 else ()
+                # A joint that too much friction holds moves only without friction.
+                begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         for name in ("torque", "velocity") if drive.dynamic_motors else ():
             key, series = f"{joint}.motor_1_max_{name}", track.series(values, problem.playing, [(j, f"motor_1_{name}")])
@@ -148,9 +155,9 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
             if key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
                 ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1))
-                limit = replace(known[key], start=reached, low=0.03 * reached, high=4.0 * reached, logarithmic=True)
-                text, begins = f"a limit motor_1_max_{name} of {joint}", tuple(np.log(LIMIT_FACTORS))
-                yield Extension(text=text, parameters=(limit,), ties=ties, begins=begins)
+                limit = replace(known[key], start=reached, low=1e-3 * reached, high=4.0 * reached, logarithmic=True)
+                text, factors = f"a limit motor_1_max_{name} of {joint}", tuple(np.log(LIMIT_FACTORS))
+                yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
 
 
 def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:

@@ -304,7 +304,7 @@ def _guided(data: Data, command: PlayedCommand, place: Channel, unit: str) -> Da
     # position up to the cutoff s = 2. Noise of the position is measured between s = 1 and 2, where the motion has ended. Jumps
     # of friction need the torque far beyond s = 2.
     above = position - smoothed(raw, 0.5 * cutoff)
-    of_position = gain * float(np.std(above[inside])) * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
+    of_position = gain * float(np.median(np.abs(above[inside]))) / 0.6745 * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
     noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step * TORQUE_SHARE), of_position))
     channel = Channel(
         joint=name, quantity="link_torque", unit=unit, time=time[rows], values=torque[rows], noise=noise, quantum=0.0,

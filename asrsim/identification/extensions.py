@@ -6,12 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import Parameter, parameters_of
-from asrsim.identification.problem import Problem, huber, jacobian, residuals, solve, with_own_substeps
+from asrsim.identification.problem import Problem, huber, jacobian, mean_square, residuals, solve, with_own_substeps
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
@@ -28,7 +29,9 @@ FAR_OFF = 4.0
 FACTORS = (0.03, 0.3, 3.0, 30.0)
 """Start values of the pre-sliding stiffness, relative to the default of the friction law."""
 MUCH = 0.5
-"""Pre-sliding is adopted by a badly fitting model if at most this fraction of the misfit beyond the noise remains."""
+"""Pre-sliding and staircases are adopted by a badly fitting model if at most this fraction of the misfit beyond the noise
+remains.
+"""
 STAIRS = 0.9
 """A command is played as a staircase if at most this fraction of the mean square error then remains."""
 FURTHER = 0.8
@@ -127,10 +130,8 @@ class Optimum:
             limits = np.minimum(low[new], -1e-9), high[new]
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
-        if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
-            # The effect is nearly linear, so the start is the optimum of the linearised problem.
-            best = moves * np.asarray(begin) if extension.begins else moves
-            start = np.append(self.x, np.clip(best, low[new], high[new]))
+        if not extension.begins:
+            start = np.append(self.x, np.clip(moves, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
         share = 1.0 - after / before if is_significant(before, after, len(alone)) else 0.0
         return Promise(share, extension, wider, start)
@@ -173,12 +174,26 @@ def extended(
     return found
 
 
+def pruned(problem: Problem, found: Extended, *, least: float, rounds: int) -> Extended:
+    """Problem without the extensions that later extensions make unnecessary. problem: problem without extensions; least:
+    smallest increase of the mean square error without a necessary extension.
+    """
+    for extension in found.chosen if len(found.chosen) > 1 else ():
+        chosen = tuple(one for one in found.chosen if one is not extension)
+        fewer = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
+        kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
+        x = solve(fewer, found.x[kept], rounds=rounds)
+        if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
+            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)))
+    return found
+
+
 def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
     for key in smooth:
         if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS)
+            yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
 
 
 def presliding(problem: Problem, _: Array) -> Iterator[Extension]:

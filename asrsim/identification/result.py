@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from asrsim.identification.problem import Problem
 from asrsim.identification.task import Task
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import Uncertainty
-from asrsim.robot.model import Robot
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
@@ -28,6 +28,10 @@ parameters are fixed; if only the other free parameters make its interval so wid
 """
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
+FAR = 4.0
+"""Largest factor between start and estimate of an identified mass or inertia, and of all parameters of a model that does not
+fit: wrong parameters absorb effects that the model lacks.
+"""
 VANISHED = 0.01
 """A positive parameter without effect counts as vanished below this fraction of its start value."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
@@ -63,14 +67,23 @@ class Estimate:
         return not math.isnan(self.low)
 
 
-def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Estimate]:
-    """Estimates of a model that does not fit. missed: largest fraction of a channel's standard deviation that the model leaves
-    unexplained. If this fraction exceeds 5 %, no parameter is identified to 5 %.
+def doubted(known: Sequence[Estimate], missed: float, channel: str, otherwise: Mapping[str, float]) -> Iterator[Estimate]:
+    """Estimates in which identified parameters become weak if there are doubts: the model leaves more than 5 % of a channel's
+    standard deviation unexplained, a suspected cause changes the parameter by more than 5 %, or the parameter is far from its
+    start. Masses and inertias of a robot file are known, so their start counts even if the model fits.
+
+    missed: unexplained fraction of the standard deviation of `channel`, 0 if the model fits; otherwise: estimates with the
+    suspected causes, by name.
     """
-    reason = f"the model misses {percent(missed)} of {channel}"
-    return [
-        replace(one, verdict=WEAK, reason=reason) if one.verdict == IDENTIFIED and missed > CLOSE else one for one in known
-    ]  # fmt: skip
+    for one in known:
+        other, ratio, reason = otherwise.get(one.name, one.value), one.value / one.start if one.start else 1.0, ""
+        if missed > CLOSE:
+            reason = f"the model misses {percent(missed)} of {channel}"
+        elif not one.is_place and abs(other - one.value) > CLOSE * abs(one.value):
+            reason = f"with the suspected causes it would be {other:.4g}"
+        elif not 1.0 / FAR <= ratio <= FAR and (missed or one.key.rpartition(".")[2] in ("mass", *INERTIAS)):
+            reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
+        yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
 
 
 def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -170,11 +170,14 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     problem, trained, complete = best.problem, best.x, status == "complete"
     fits = channel_fits(problem, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else [], list[str]()
+    otherwise: dict[str, float] = {}
     if misfit:
         watch.stage("what may be missing")
         causes += foreign(fits)
         with watch.in_time(), suppress(OutOfTime):
-            causes += _causes(problem, trained)
+            for text, values in _causes(problem, trained):
+                causes.append(text)
+                otherwise |= values
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -182,9 +185,8 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
     found = found.of_a_block if accepted else found
     known, combined = estimates(final, x, found)
-    if misfit:
-        missed, channel = max((1.0 if one.diverges else max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
-        known = doubted(known, missed, channel)
+    missed, channel = max((1.0 if one.diverges else max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
+    known = list(doubted(known, missed if misfit else 0.0, channel, otherwise))
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
@@ -199,9 +201,9 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     )  # fmt: skip
 
 
-def _causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences on effects that the model may lack, from the training part, or from whole recordings if the
-    training part fits.
+def _causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[str, float]]]:
+    """Sentences on effects that the model may lack, each with the estimates of a model with these effects, from the training
+    part, or from whole recordings if the training part fits.
     """
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):

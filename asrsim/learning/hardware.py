@@ -9,7 +9,6 @@ before the trial. With the other laws the change is not halved, and only the war
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from asrsim.learning.playback import write_inputs, write_playback
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
 from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data
-from asrsim.learning.state import load_state, save_state
+from asrsim.learning.state import State, load_state, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
 from asrsim.learning.twin import LearningTwin, fit_twin
 from asrsim.outfile import write_json
@@ -90,36 +89,40 @@ def next_input(
     from asrsim.recordings import read_recording
 
     with owned(folder):
-        digest = _digest(path)
-        digests = _digests(folder)
-        again = digest in digests[-1:]
-        if digest in digests[:-1]:
-            message = f"was used already, as trial {digests.index(digest)}; record the motion under {folder / NEXT} instead"
-            raise InputError(message, file=path, code="recording-taken")
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
         model = learning_model(plant)
         prepared = prepare_learning(plant, model)
         problem, settings = prepared.problem, prepared.settings
-        trials = load_state(folder / STATE, problem, settings) if (folder / STATE).exists() else []
-        if len(trials) != len(digests):
-            message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to start again"
-            raise InputError(message, file=folder / STATE, hint=hint, code="state")
+        state, digest = load_state(folder / STATE, problem, settings), _digest(path)
+        # The last recording may be given again; its twin was then fitted to a wrong reading.
+        again = digest in state.recordings[-1:]
+        trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
-            digests.pop()
-        played = trials.pop().inputs if again else _pending(folder, prepared, trials)
+            recordings.pop()
+            played = trials.pop().inputs
+        else:
+            played = _pending(folder, prepared, trials)
+        if digest in recordings:
+            message = f"was used already, as trial {recordings.index(digest)}; record the motion under {folder / NEXT} instead"
+            raise InputError(message, file=path, code="recording-taken")
         found = recorded(recording, plant, lag)
         trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
         ended = verdict(problem, trials, settings, prepared.law)
         twin, ratio = None, 0.0
         if ended is None:
-            inputs, twin, ratio = _proposed(prepared, trials, _start(folder, again=again))
+            inputs, twin, ratio = _proposed(prepared, trials, begin)
         else:
             inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
-        save_state(folder / STATE, problem, settings, trials)
-        _write_numbers(folder, trials, [*digests, digest], plant.joints, twin)
+        changes = {} if twin is None else twin.changes
+        state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
+        save_state(folder / STATE, problem, settings, state)
+        data: dict[str, object] = {"trials": [trial_data(t, plant.joints) for t in trials], "best": best_of(trials).number}
+        if twin is not None:
+            data["identified"] = {"changes": changes, "residual": twin.residual, "residual_before": twin.before}
+        write_json(folder / NUMBERS, data)
         return HardwareStep(
             prepared=prepared,
             trials=tuple(trials),
@@ -159,7 +162,7 @@ def _proposed(
     return inputs, twin, ratio
 
 
-def _pending(folder: Path, prepared: PreparedLearning, trials: list[Trial]) -> Array:
+def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) -> Array:
     """Inputs (n, joints) of the file that was written last, for the next trial."""
     from asrsim.signals.recorded import read_column
 
@@ -181,43 +184,8 @@ def _digest(path: Path) -> str:
         raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
 
 
-def _digests(folder: Path) -> list[str]:
-    """Hash values of the recordings used so far, in the order of the trials."""
-    try:
-        return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
-    except FileNotFoundError:
-        return []
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        hint = "Delete it with hardware.npz to start again"
-        raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
-
-
-def _start(folder: Path, *, again: bool) -> dict[str, float]:
-    """Relative changes of parameters from which the fit of the next twin starts: those of the last twin. If the last trial is
-    replaced (`again`), the last twin was fitted to a wrong recording, so the start of its fit is used again.
-    """
-    try:
-        data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
-        return {str(name): float(value) for name, value in data["identified"]["start" if again else "changes"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-
-
 def smoothed(outputs: Array, step: float) -> Array:
     """Recorded positions (n, joints), averaged over windows of `SMOOTH` s."""
     from scipy.ndimage import uniform_filter1d
 
     return np.asarray(uniform_filter1d(outputs, 2 * round(0.5 * SMOOTH / step) + 1, axis=0, mode="nearest"))
-
-
-def _write_numbers(
-    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], twin: LearningTwin | None
-) -> None:
-    rows = [{**trial_data(trial, joints), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
-    data: dict[str, object] = {"trials": rows, "best": best_of(trials).number}
-    if twin is not None:
-        data["identified"] = {
-            "start": dict(twin.start), "changes": dict(twin.changes), "residual": twin.residual,
-            "residual_before": twin.before,
-        }  # fmt: skip
-    write_json(folder / NUMBERS, data)

@@ -14,7 +14,6 @@ from asrsim.learning.optimal import NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.state import identity_of
 from asrsim.learning.trial import Law, LearningProblem, LearningResult
-from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
 
@@ -82,7 +81,6 @@ def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
     problem = LearningProblem(
         joints=plant.joints, units=tuple(map(plant.unit, plant.joints)), time=plant.time, reference=plant.reference,
         first_guess=guesses[settings.first_guess or "zero"](), identity=identity_of(plant),
-        origin=(origin_of(plant.scenario), plant.scenario.variant),
     )  # fmt: skip
     law: Law = FixedGain(problem, settings)
     if settings.law == "auto":

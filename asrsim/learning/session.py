@@ -17,7 +17,6 @@ from asrsim.learning.model import learning_model
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_inputs, write_playback
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
-from asrsim.learning.state import state_origin
 from asrsim.learning.trial import LearningResult, Trial, learn
 from asrsim.outfile import check_output, remove_ours, write_json
 from asrsim.plain import finite_or_none
@@ -25,12 +24,9 @@ from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.scenario.data import Scenario
 
-STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
-    "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
-)  # fmt: skip
+INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png"
 KINDS = {
-    STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json",
-    PICTURE: "picture",
+    INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json", PICTURE: "picture",
 }  # fmt: skip
 """Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
@@ -58,40 +54,33 @@ def run_session(
     *,
     on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
-    resume: bool = False,
+    stop: Callable[[], bool] = lambda: False,
     overwrite: bool = False,
     picture: bool = True,
 ) -> Session:
-    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json, ilc.png.
+    """Learn, and write learned.csv, desired.csv, learned.yaml, ilc.json and ilc.png into `folder`.
 
-    resume: continue from the folder's state. overwrite: also replace results of another scenario; results of the same scenario
-    are always replaced. on_start receives the problem before the first trial.
+    stop: called after each trial; True ends learning with the best trial so far. overwrite: also replace results of another
+    scenario; results of the same scenario are always replaced. on_start receives the problem before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
-        earlier, replaced = _earlier(folder, plant.scenario, resume=resume, overwrite=overwrite)
+        earlier = _earlier(folder, plant.scenario, overwrite=overwrite)
         prepared = prepare_learning(plant, learning_model(plant))
         if on_start is not None:
             on_start(prepared)
-
-        def ended(trial: Trial) -> None:
-            # Once the state of this run is saved, the files of the earlier run can be removed.
-            for path in earlier if trial.number == 0 else ():
-                if path.name != STATE:
-                    remove_ours(path, KINDS[path.name])
-            if on_trial is not None:
-                on_trial(trial)
-
-        result = learn(
-            prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, state=folder / STATE, resume=resume
-        )  # fmt: skip
+        result = learn(prepared.problem, plant.outputs, prepared.settings, on_trial, law=prepared.law, stop=stop)
+        plural = "s" * (len(earlier) != 1)
+        replaced = f"replaced {len(earlier)} file{plural} of an earlier learning run of this scenario" if earlier else ""
         session = Session(prepared=prepared, result=result, replaced=replaced)
         _write(session, folder, picture=picture)
+        if not picture and folder / PICTURE in earlier:
+            remove_ours(folder / PICTURE, KINDS[PICTURE])
         return session
 
 
-def _earlier(folder: Path, scenario: Scenario, *, resume: bool, overwrite: bool) -> tuple[list[Path], str]:
-    """Files of an earlier run that will be replaced, and a message about them; none with `resume`.
+def _earlier(folder: Path, scenario: Scenario, *, overwrite: bool) -> list[Path]:
+    """Files of an earlier run that will be replaced.
 
     Raises OutputError if the folder contains results of another scenario or variant, files that asrsim did not write, or inputs
     of this run.
@@ -99,14 +88,9 @@ def _earlier(folder: Path, scenario: Scenario, *, resume: bool, overwrite: bool)
     for name, kind in KINDS.items():
         check_output(folder / name, kind, inputs=inputs_of(scenario))
     files = [folder / name for name in KINDS if (folder / name).is_file()]
-    if resume or not files:
-        return [], ""
-    origin, trials = state_origin(folder / STATE) or (recorded_origin(folder / NUMBERS), 0)
-    if not overwrite:
-        require_same(folder, scenario, origin, "of learning that names no scenario")
-    finished = (folder / NUMBERS).is_file()
-    what = "learning run" if finished else f"interrupted learning run with {trials} trials"
-    return files, f"replaced {len(files)} file{'s' * (len(files) != 1)} of an earlier {what} of this scenario"
+    if files and not overwrite:
+        require_same(folder, scenario, recorded_origin(folder / NUMBERS), "of learning that names no scenario")
+    return files
 
 
 def session_data(session: Session) -> dict[str, Any]:

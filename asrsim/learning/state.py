@@ -1,4 +1,4 @@
-"""State of a learning run on disk, from which an interrupted run continues exactly."""
+"""Trials on the real robot as a file, from which learning continues with the next recording."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import inspect
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.scenario.blocks import Learning
 
-FORMAT = "asrsim learning state 4"
+FORMAT = "asrsim learning state 5"
 DECIDING = ("law", "gain", "joint_gains", "gain_decay", "filter", "first_guess")
-"""Keys of `ilc:` that determine the next trial. Other keys, such as the tolerance, may change when a run is resumed."""
+"""Keys of `ilc:` that determine the next trial. Other keys, such as the tolerance, may change between trials."""
 NOT_OF_THE_PLANT = ("ilc", "expect", "log_rate")
-"""Keys of a scenario that may change when a run is resumed."""
+"""Keys of a scenario that may change between trials."""
 
 
 def identity_of(plant: Plant) -> str:
@@ -67,40 +67,49 @@ def fingerprint(problem: LearningProblem, settings: Learning) -> str:
     return digest.hexdigest()
 
 
-def save_state(path: Path, problem: LearningProblem, settings: Learning, trials: Sequence[Trial]) -> None:
-    """Write all trials to `path` in NumPy's npz format; the file is replaced only when it is complete."""
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """Trials on the real robot, and the fit of the last twin."""
+
+    trials: tuple[Trial, ...] = ()
+    recordings: tuple[str, ...] = ()
+    """Hash value of each trial's recording."""
+    start: Mapping[str, float] = field(default_factory=dict)
+    """Changes of parameters at which the fit of the last twin started."""
+    changes: Mapping[str, float] = field(default_factory=dict)
+    """Changes of parameters of the last twin."""
+
+
+def save_state(path: Path, problem: LearningProblem, settings: Learning, state: State) -> None:
+    """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete."""
     head = {
-        "format": FORMAT, "fingerprint": fingerprint(problem, settings), "scenario_path": problem.origin[0],
-        "variant": problem.origin[1], "seconds": [trial.seconds for trial in trials],
+        "format": FORMAT, "fingerprint": fingerprint(problem, settings), "recordings": state.recordings,
+        "start": dict(state.start), "changes": dict(state.changes),
     }  # fmt: skip
     make_folder(path.parent)
     with written(path, "learning state") as file:
         np.savez(
-            file, head=np.array(json.dumps(head)), inputs=np.array([trial.inputs for trial in trials]),
-            outputs=np.array([trial.outputs for trial in trials]),
+            file, head=np.array(json.dumps(head)), inputs=np.array([trial.inputs for trial in state.trials]),
+            outputs=np.array([trial.outputs for trial in state.trials]),
         )  # fmt: skip
         file.flush()
         os.fsync(file.fileno())
 
 
-def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
-    """Scenario file and variant of a state, and its number of trials; None if the state is unreadable."""
-    try:
-        head, inputs, _ = _stored(path)
-    except InputError:
-        return None
-    return (head["scenario_path"], head["variant"]), len(inputs)
-
-
-def load_state(path: Path, problem: LearningProblem, settings: Learning) -> list[Trial]:
-    """Trials of a state file. Raises InputError if it is unreadable or belongs to another problem."""
+def load_state(path: Path, problem: LearningProblem, settings: Learning) -> State:
+    """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable or belongs to
+    another problem.
+    """
+    if not path.exists():
+        return State()
     head, inputs, outputs = _stored(path)
     if head["fingerprint"] != fingerprint(problem, settings) or inputs.shape[1:] != problem.reference.shape:
         message = "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed"
-        hint = "Delete it, or leave out --resume, to start again"
-        raise InputError(message, file=path, hint=hint, code="state-of-another-run")
-    rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
-    return [problem.trial(number, *row) for number, row in rows]
+        raise InputError(message, file=path, hint="Delete it to start again", code="state-of-another-run")
+    trials = (problem.trial(number, *row) for number, row in enumerate(zip(inputs, outputs, strict=True)))
+    return State(
+        trials=tuple(trials), recordings=tuple(head["recordings"]), start=head["start"], changes=head["changes"]
+    )  # fmt: skip
 
 
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
@@ -123,13 +132,14 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise
     except Exception as error:
         raise fault(str(error) or type(error).__name__) from error
-    shape = {"format": str, "fingerprint": str, "scenario_path": str, "variant": str, "seconds": [float], "*": object}
+    changes = {"*": float}
+    shape = {"format": str, "fingerprint": str, "recordings": [str], "start": changes, "changes": changes, "*": object}
     if wrong := misfit(head, shape):
         raise fault(wrong)
     if head["format"] != FORMAT:
         raise fault(f"its format is {head['format']}")
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
         raise fault("its arrays are not those of trials")
-    if not 0 < len(inputs) == len(head["seconds"]):
+    if not 0 < len(inputs) == len(head["recordings"]):
         raise fault("its trials are not whole")
     return head, inputs, outputs

@@ -6,18 +6,16 @@ import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
 
-from asrsim.learning.state import load_state, save_state
 from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
 
 Simulate = Callable[[Array], Array]
 """Function from inputs (n, joints) to link positions (n, joints)."""
-Outcome = Literal["converged", "growing", "stalled", "exhausted"]
+Outcome = Literal["converged", "growing", "stalled", "exhausted", "interrupted"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +35,6 @@ class LearningProblem:
     """
     identity: str = ""
     """Hash of the plant: a saved state of another plant is rejected."""
-    origin: tuple[str, str] = ("", "")
-    """Scenario file and variant, which are saved in the state."""
 
     @property
     def step(self) -> float:
@@ -106,7 +102,7 @@ class Trial:
 
 
 class Law(Protocol):
-    """A learning law. Its updates depend only on the trials so far, so a resumed run continues exactly."""
+    """A learning law. Its updates depend only on the trials so far."""
 
     def propose(self, trials: Sequence[Trial]) -> Array:
         """Next inputs (n, joints), rad."""
@@ -152,29 +148,25 @@ def learn(
     on_trial: Callable[[Trial], None] | None = None,
     *,
     law: Law,
-    state: Path | None = None,
-    resume: bool = False,
+    stop: Callable[[], bool] = lambda: False,
 ) -> LearningResult:
     """Result of learning inputs whose outputs follow the reference.
 
-    on_trial: receives each new trial. state: file that is replaced after each trial. With `resume` learning continues from this
-    file, or starts at trial 0 if the file is missing. Raises InputError if the state belongs to another problem, OutputError if
-    it cannot be written.
+    on_trial: receives each new trial. stop: called after each trial; True ends learning.
     """
     trials: list[Trial] = []
-    if resume and state is not None and state.exists():
-        trials = load_state(state, problem, settings)
-    outcome = verdict(problem, trials, settings, law) if trials else None
+    outcome: tuple[Outcome, str] | None = None
     while outcome is None:
         inputs = law.propose(trials) if trials else problem.first_guess
         started = clock.perf_counter()
         outputs = np.asarray(simulate(inputs), dtype=float)
         trials.append(problem.trial(len(trials), inputs, outputs, clock.perf_counter() - started))
-        if state is not None:
-            save_state(state, problem, settings, trials)
         if on_trial is not None:
             on_trial(trials[-1])
         outcome = verdict(problem, trials, settings, law)
+        if outcome is None and stop():
+            best = best_of(trials)
+            outcome = "interrupted", f"interrupted; the best trial, number {best.number}, is {problem.worst(best)} off"
     return LearningResult(outcome=outcome[0], reason=outcome[1], trials=tuple(trials))
 
 

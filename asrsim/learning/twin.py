@@ -49,8 +49,6 @@ class LearningTwin:
     """A plant fitted to the robot, and the uncertainty of the fit."""
 
     plant: Plant = field(repr=False)
-    start: Mapping[str, float]
-    """Changes of an earlier twin, where the fit started; empty: it started at the unchanged plant."""
     changes: Mapping[str, float]
     """Relative change of each group of parameters, by name of the group; `delay`: change in s."""
     residual: float
@@ -70,8 +68,10 @@ def _forecast(plant: Plant, best: Trial) -> Forecast:
     return lambda inputs: np.asarray(best.outputs + plant.outputs(inputs) - known)
 
 
-def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] | None = None) -> LearningTwin:
-    """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts."""
+def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) -> LearningTwin:
+    """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts; empty: the
+    unchanged plant.
+    """
     from scipy.optimize import least_squares
 
     rows = np.linspace(0.0, float(plant.time[-1]), SAMPLES + 1)[1:]
@@ -101,8 +101,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
 
     # Model errors are correlated over several samples, so the number of independent samples is smaller.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
-    given = start or {}
-    begin = np.array([*(np.log1p(given.get(name, 0.0)) for name in groups), given.get("delay", 0.0)])
+    begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
     lowest = np.append(np.full(len(groups), -np.inf), -1e-9)
     found = least_squares(
         weighted, begin, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1
@@ -113,7 +112,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
     steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
     changes = {name: float(np.expm1(value)) for name, value in zip(groups, found.x, strict=False)}
     return LearningTwin(
-        plant=plant_of(found.x), start=given, changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual,
+        plant=plant_of(found.x), changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual,
         before=before, likely=tuple(plant_of(found.x + step) for step in steps),
     )  # fmt: skip
 

@@ -101,19 +101,6 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mimic:
-    """Coupling of a joint to another joint: position = multiplier * (the other's position) + offset. It is not simulated."""
-
-    joint: str
-    multiplier: float
-    offset: float
-    """Offset, rad or m."""
-
-    def __str__(self) -> str:
-        return f"{self.multiplier:g} * {self.joint} + {self.offset:g}"
-
-
-@dataclass(frozen=True, kw_only=True)
 class Joint:
     """A joint of the tree."""
 
@@ -147,7 +134,8 @@ class Joint:
     """Stiffness of a passive spring, N m/rad or N/m (Gazebo's `<springStiffness>`); 0: no spring."""
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
-    mimic: Mimic | None = None
+    mimic: str = ""
+    """Joint that this joint follows by its `<mimic>`, which is not simulated; empty for other joints."""
     line: int | None = None
 
     @property
@@ -187,7 +175,8 @@ class Robot:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
-    warnings: tuple[Problem, ...] = ()
+    findings: tuple[Problem, ...] = ()
+    """Warnings of the reader about the text of the file."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     unread: frozenset[str] = frozenset()
@@ -196,6 +185,13 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """Joint with this name. Raises KeyError if no joint has the name."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about the file, and about links, joints and actuators whose values are probably mistakes."""
+        from asrsim.robot.doubts import robot_doubts
+
+        return self.findings if self.faults else (*self.findings, *robot_doubts(self))
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:

@@ -314,7 +314,12 @@ def prepare(
         resolution=resolution,
         info=info,
         model=model,
-        warnings=(*robot.warnings, *warnings, *engine_warnings, *undersampled(scenario, resolution.substeps)),
+        warnings=(
+            *map(scenario.placed, robot.warnings),
+            *warnings,
+            *engine_warnings,
+            *undersampled(scenario, resolution.substeps),
+        ),
         _spare=[engine],
     )
 

@@ -52,7 +52,7 @@ def blame_laws() -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        from asrsim.actuators.user import law_fault
+        from asrsim.plugins import law_fault
 
         fault = law_fault(error)
         if fault is None:

@@ -9,7 +9,7 @@ import pytest
 import asrsim
 from asrsim.errors import AsrsimError, InputError
 from asrsim.learning import LearningProblem
-from asrsim.learning.state import load_state, save_state, state_origin
+from asrsim.learning.state import State, load_state, save_state
 from asrsim.log import LogWriter, read_log
 from asrsim.log import writer as writing
 from asrsim.plots import draw_run
@@ -101,16 +101,15 @@ def _learned():
 def test_flipped_bits_of_a_learning_state(tmp_path, flips):
     problem, settings, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, problem, settings, [trial])
+    save_state(path, problem, settings, State(trials=(trial,), recordings=("a",)))
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):
         data = bytearray(whole)
         data[generator.integers(len(data))] ^= 1 << int(generator.integers(8))
         path.write_bytes(data)
-        state_origin(path)
         try:
             again = load_state(path, problem, settings)
         except InputError:
             continue
-        assert np.array_equal(again[0].inputs, trial.inputs)
+        assert np.array_equal(again.trials[0].inputs, trial.inputs)

@@ -1,6 +1,7 @@
 """Coverage of 95 % intervals, on recordings from an independent integrator."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 from asrsim import identify
-from asrsim.identification.result import doubted
+from asrsim.identification.result import Estimate, doubted
 from support.identify_files import SEA as ROTARY
 from support.identify_files import save, write
 from support.soft_arm import FINE, QBMOVE, SEA, command, record
@@ -80,10 +81,31 @@ def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path):
     assert min(one.explained for one in result.channels) < 1.0 - 0.05**2
     (one,) = result.estimates
     assert one.verdict != "identified"
-    sure = replace(one, verdict="identified", reason="")
-    (told,) = doubted([sure], 0.38, "joint_1.link_position")
-    assert (told.verdict, told.reason) == ("weak", "the model misses 38 % of joint_1.link_position")
-    assert doubted([sure], 0.04, "joint_1.link_position") == [sure]
+
+
+INERTIA = Estimate(
+    key="link_1.izz", name="link_1.izz", unit="", start=1.0, value=10.8, low=10.7, high=10.9, verdict="identified"
+)
+STIFFNESS = replace(INERTIA, key="joint_1.spring_stiffness", name="joint_1.spring_stiffness", value=1.5)
+
+
+@pytest.mark.parametrize(
+    ("one", "missed", "otherwise", "reason"),
+    [
+        (STIFFNESS, 0.38, {}, "the model misses 38 % of q"),
+        (STIFFNESS, 0.04, {}, ""),
+        (STIFFNESS, 0.04, {"joint_1.spring_stiffness": 1.6}, "with the suspected causes it would be 1.6"),
+        (STIFFNESS, 0.04, {"joint_1.spring_stiffness": 1.55}, ""),
+        (replace(STIFFNESS, value=0.2), 0.04, {}, "it is 0.2 times its start"),
+        (replace(STIFFNESS, value=0.2), 0.0, {}, ""),
+        (INERTIA, 0.0, {}, r"it is 10.8 times its start; if this is right, begin there \(--free link_1.izz=10.8\)"),
+        (replace(INERTIA, start=10.0), 0.0, {}, ""),
+    ],
+)
+def test_doubtful_estimates_are_weak_and_say_why(one, missed, otherwise, reason):
+    (found,) = doubted([one], missed, "q", otherwise)
+    assert found.verdict == ("weak" if reason else "identified")
+    assert re.match(reason, found.reason)
 
 
 @pytest.mark.slow

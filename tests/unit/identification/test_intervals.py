@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from asrsim import identify
 from asrsim.identification.causes import contradicted_ties
 from asrsim.identification.combinations import combinations
-from asrsim.identification.extensions import Extension, extended, presliding
+from asrsim.identification.extensions import Extension, extended, presliding, pruned
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import Parameter, make_layout
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
@@ -253,6 +253,19 @@ def test_an_extension_promises_what_it_would_explain(seed):
     assert extended(problem, x, propose, most=1, enough=lambda *_: False).chosen == ()
 
 
+def test_an_extension_that_later_ones_replace_is_removed():
+    """Residuals are the sum of two shapes. A third shape resembles the sum, so it is adopted first, and is then useless."""
+    one, two, three, other = np.random.default_rng(0).normal(size=(4, 500))
+    matrix = np.stack([three, one, two, one + two + other], axis=1)
+    problem = modelled(lambda x: matrix @ x + 3.0 * (one + two), 4, 500)
+    first, *parameters = problem.layout.entries
+    alone = replace(problem, layout=replace(problem.layout, entries=(first,)))
+    kinds = [lambda *_: [Extension(text=parameter.key, parameters=(parameter,)) for parameter in parameters]]
+    found = extended(alone, np.zeros(1), kinds, enough=lambda *_: False)
+    assert found.chosen[0].text == "d"
+    assert {extension.text for extension in pruned(alone, found, least=1.0, rounds=15).chosen} == {"b", "c"}
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.98])
 def test_noise_however_coloured_asks_for_no_extension(memory):
     generator, time = np.random.default_rng(3), np.linspace(0.0, 1.0, 2000)
@@ -350,11 +363,18 @@ def _freed(robot, free=(), ties=()):
     return {one.parameters[0].key: [tie.key for tie in one.ties] for one in presliding(problem, np.zeros(0))}
 
 
-@pytest.mark.parametrize(("name", "tag", "limit"), [("max_torque", "mot_tauMax", 1.0), ("max_velocity", "mot_maxVel", 1.5)])
-def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path, name, tag, limit):
+@pytest.mark.parametrize(
+    ("name", "tag", "limit", "reference"),
+    [
+        ("max_torque", "mot_tauMax", 1.0, CHIRP),
+        ("max_torque", "mot_tauMax", 1.0, "{step: {at: 0.1, to: 0.4}}"),
+        ("max_velocity", "mot_maxVel", 1.5, CHIRP),
+    ],
+)
+def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path, name, tag, limit, reference):
     free = {**SEA, "mode": 6, "tags": f"{SEA['tags']}<mot_tauMax>100</mot_tauMax><mot_maxVel>100</mot_maxVel>"}
     tight = {**SEA, "mode": 6, "tags": free["tags"].replace(f"<{tag}>100", f"<{tag}>{limit}")}
-    true = write(tmp_path, "true", tight, f"{{equilibrium_position: {CHIRP}}}")
+    true = write(tmp_path, "true", tight, f"{{equilibrium_position: {reference}}}")
     record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"))
     lab = write(tmp_path, "lab", {**free, "damping": 0.025})
     result = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"], starts=2)

@@ -13,7 +13,7 @@ from support.robots import drive_with
 
 def rest(drive, position, references):
     """Positions of the motors of one instant."""
-    return resting_motors(drive, np.array([position]), np.array(references)[:, None])[:, 0]
+    return resting_motors(drive, np.array([position]), np.array(references)[:, None])[0][:, 0]
 
 
 CASES = {

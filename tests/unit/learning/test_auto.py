@@ -138,9 +138,8 @@ def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     links = [plant.robot.joint(joint).child for joint in plant.joints]
     masses = {link.name: link.mass for link in plant.robot.links}
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
-    model = learning_model(plant)
-    problem = prepare_learning(plant, model).problem
-    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))])
+    problem = prepare_learning(plant, learning_model(plant)).problem
+    found = fit_twin(plant, [problem.trial(0, problem.first_guess, robot.outputs(problem.first_guess))], {})
     assert found.residual < 0.05 * found.before
     assert found.changes["delay"] == pytest.approx(0.02, abs=0.002)
     assert [found.changes[f"mass.{joint}"] for joint in plant.joints[:2]] == pytest.approx([0.2, -0.2], abs=0.05)

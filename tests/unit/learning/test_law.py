@@ -1,6 +1,7 @@
 """Iterative learning control on plants whose answer is known: the law, its convergence, its stops, its state."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, zero_phase
 from asrsim.learning import learn as learn_by
 from asrsim.learning.figure import learning_figure
+from asrsim.learning.state import State, load_state, save_state
 from asrsim.scenario.blocks import Filter, Learning
 from asrsim.signals.pieces import Constant
 
@@ -98,48 +100,33 @@ def test_the_learning_filter_has_no_delay_and_halves_its_cutoff():
         assert filtered[5000:15000] == pytest.approx(amplitude * wave[5000:15000], abs=1e-3)
 
 
-class PowerCutError(Exception):
-    """The machine stops in the middle of a trial."""
-
-
-@pytest.mark.parametrize("after", [1, 4])
-def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
-    state = tmp_path / "state.npz"
-    rich = settings(gains=(0.45, 0.3), gain_decay=7.0, filter=Filter(cutoff=20.0), max_iterations=9)
-    whole = learn(problem(), static_plant, rich)
-    calls = []
-
-    def failing(inputs):
-        if len(calls) == after:
-            raise PowerCutError
-        calls.append(inputs)
-        return static_plant(inputs)
-
-    with pytest.raises(PowerCutError):
-        learn(problem(), failing, rich, state=state)
+def test_an_interrupted_run_keeps_the_best_trial():
     told = []
-    resumed = learn(problem(), static_plant, rich, told.append, state=state, resume=True)
-    assert [trial.number for trial in told] == list(range(after, whole.iterations + 1))
-    assert np.array_equal(resumed.inputs, whole.inputs)
-    assert [trial.largest for trial in resumed.trials] == [trial.largest for trial in whole.trials]
-    assert all(np.array_equal(a.outputs, b.outputs) for a, b in zip(resumed.trials, whole.trials, strict=True))
+    result = learn(problem(), static_plant, settings(), told.append, stop=lambda: len(told) == 3)
+    assert (result.outcome, len(result.trials), result.best) == ("interrupted", 3, told[2])
 
 
-@pytest.mark.parametrize("changed", [{"identity": "another robot"}, {"first_guess": 0.1}])
-def test_a_state_of_another_problem_is_refused(tmp_path, changed):
-    state = tmp_path / "state.npz"
-    learn(problem(), static_plant, settings(max_iterations=1), state=state)
-    with pytest.raises(InputError, match="another learning run"):
-        learn(problem(**changed), static_plant, settings(max_iterations=1), state=state, resume=True)
+def state_of(problem):
+    return State(trials=(problem.trial(0, problem.first_guess, problem.reference),), recordings=("a",), changes={"delay": 0.01})
+
+
+def test_a_state_is_read_for_its_own_problem_only(tmp_path):
+    path, rich = tmp_path / "state.npz", settings(filter=Filter(cutoff=20.0))
+    save_state(path, problem(0.2), rich, state_of(problem(0.2)))
+    found = load_state(path, problem(0.2), replace(rich, tolerance=1.0))
+    assert (found.recordings, found.changes) == (("a",), {"delay": 0.01})
+    assert np.array_equal(found.trials[0].inputs, problem(0.2).first_guess)
+    for other, learning in ((problem(0.2, identity="another robot"), rich), (problem(0.1), rich), (problem(0.2), settings())):
+        with pytest.raises(InputError, match="another learning run"):
+            load_state(path, other, learning)
 
 
 def test_a_compressed_state_is_refused_before_it_is_unpacked(tmp_path):
-    state = tmp_path / "state.npz"
-    learn(problem(), static_plant, settings(max_iterations=1), state=state)
-    stored = dict(np.load(state))
-    np.savez_compressed(state, **{**stored, "inputs": np.zeros((10**6, 1, 1))})
+    path = tmp_path / "state.npz"
+    save_state(path, problem(), settings(), state_of(problem()))
+    np.savez_compressed(path, **{**dict(np.load(path)), "inputs": np.zeros((10**6, 1, 1))})
     with pytest.raises(InputError, match=r"state\.npz.*would unpack to 7\.6"):
-        learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+        load_state(path, problem(), settings())
 
 
 GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], True), "up and down": ([1.0, 1.2, 1.1], False),

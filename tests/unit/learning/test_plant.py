@@ -107,7 +107,7 @@ def test_the_claim_of_a_playback_fails_on_another_robot(tmp_path):
 def test_a_session_writes_what_it_promises(tmp_path):
     run_session(plant(ilc={"max_iterations": 2, "tolerance": 1e-6}), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
+        "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
     }  # fmt: skip
     data = json.loads((tmp_path / "ilc.json").read_text())
     assert data["outcome"] == "exhausted"

@@ -159,13 +159,13 @@ def test_colours_by_name_and_of_their_own(read):
 @pytest.mark.parametrize(
     ("geometry", "words"),
     [
-        ("<mesh/>", "a mesh without filename"),
-        ('<ellipsoid radius="1"/>', "is not known, only box"),
+        ("<mesh/>", "l.collision.mesh: attribute 'filename' is missing"),
+        ('<ellipsoid radius="1"/>', "l.collision.ellipsoid: this shape is unknown; choose from box"),
         ('<spere radius="1"/>', "Did you mean 'sphere'?"),
-        ('<sphere radius="0"/>', "radius is not larger than 0"),
-        ('<box size="1 1 0"/>', "size is not larger than 0"),
-        ('<mesh filename="a.stl" scale="1 0 1"/>', "scale is zero"),
-        ('<mesh filename="a.stl" scale="x"/>', "scale is not made of numbers"),
+        ('<sphere radius="0"/>', "l.collision.sphere: 'radius' must be larger than 0"),
+        ('<box size="1 1 0"/>', "l.collision.box: 'size' must be larger than 0"),
+        ('<mesh filename="a.stl" scale="1 0 1"/>', "'scale' must not be 0"),
+        ('<mesh filename="a.stl" scale="x"/>', "is not a number"),
     ],
 )
 def test_shapes_that_cannot_be_made(geometry, words, read):
@@ -173,7 +173,8 @@ def test_shapes_that_cannot_be_made(geometry, words, read):
     with pytest.raises(RobotError, match=re.escape(words)):
         read(text)
     robot = read(text.replace("collision>", "visual>"))
-    assert any(words in problem.message for problem in robot.warnings)
+    (warning,) = [problem for problem in robot.warnings if problem.code == "visual-shape"]
+    assert words.partition(";")[0].replace("collision", "visual") in str(warning)
     assert robot.links[1].visuals == ()
 
 

@@ -236,8 +236,6 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
         '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
     )
     robot = changed(tiny, ("</robot>", second + gazebo(*SPRING, joint="wrist")))
-    mimic = robot.joint("wrist").mimic
-    assert (mimic.joint, mimic.multiplier, mimic.offset) == ("elbow", -2.0, 0.1)
     assert {"mimic-joint"} <= codes(robot.warnings)
     from asrsim.robot import with_actuators
 
@@ -245,7 +243,7 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
     assert "mimic-joint" not in codes(with_actuators(robot, {"wrist": ("sea", 6)}, {}).warnings)
     told = asrsim_command("check", tiny.robot).out
     assert "passive spring, 200 N m/rad to -0.26 rad: wrist" in told
-    assert "mimic, not simulated: wrist = -2 * elbow + 0.1" in told
+    assert "<mimic> is not simulated" in told
     assert '"wrist": {' in asrsim_command("check", tiny.robot, "--json").out
 
 
