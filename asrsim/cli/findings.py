@@ -12,7 +12,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.plain import mapped
 from asrsim.robot import ActuatorBlock, Robot, read_robot
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario

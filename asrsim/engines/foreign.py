@@ -1,4 +1,4 @@
-"""Protection against C libraries that print to the terminal or crash the process."""
+"""Protection against C libraries that print to the terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 _lock = threading.RLock()
@@ -62,18 +62,3 @@ def _flush() -> None:
     # The C library of this process; on Windows, extension modules share `ucrtbase`.
     with suppress(OSError, AttributeError):
         (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)
-
-
-def crashes(call: Callable[[], object]) -> bool:
-    """Whether `call` crashes, tried in a child process: Bullet's mesh readers do not validate their files."""
-    if not hasattr(os, "fork"):
-        return False
-    child = os.fork()
-    if child == 0:
-        with suppress(BaseException):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            for number in (1, 2):
-                os.dup2(nowhere, number)
-            call()
-        os._exit(0)
-    return os.WIFSIGNALED(os.waitpid(child, 0)[1])

@@ -11,7 +11,6 @@ from asrsim.engines.base import GROUND
 from asrsim.errors import RobotError
 from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
-from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World
 
 GROUND_HALF = 50.0
@@ -24,7 +23,7 @@ HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: the hardest that MuJoCo accepts."""
 
 
-def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
+def build(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector) -> Any:
     """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
 
     Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
@@ -33,7 +32,7 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
     flags = mujoco.mjtDisableBit
     off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
     try:
-        spec = assemble(mujoco, scenario, robot, centre=base_centre(scenario, robot), shapes=contacts)
+        spec = assemble(mujoco, scenario, robot, origin, shapes=contacts)
         spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -47,10 +46,10 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
 
 
-def assemble(mujoco: Any, scenario: Scenario, robot: Robot, *, centre: Array, shapes: bool) -> Any:
+def assemble(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
     """Editable model (MjSpec) of a robot without fixed joints in its world; joints without limits, bodies of 1 kg.
 
-    centre: origin (3,) of the root link's body in the frame of the link, m. shapes: whether the links have their collision
+    origin: origin of the base's frame in the frame of the root link, m. shapes: whether the links have their collision
     shapes.
     """
     spec = mujoco.MjSpec()
@@ -58,7 +57,7 @@ def assemble(mujoco: Any, scenario: Scenario, robot: Robot, *, centre: Array, sh
     spec.option.impratio = IMPEDANCE_RATIO
     spec.option.gravity = list(scenario.gravity)
     spec.option.timestep = scenario.step
-    _bodies(mujoco, spec, scenario, robot, centre, shapes)
+    _bodies(mujoco, spec, scenario, robot, origin, shapes)
     if not scenario.world.empty:
         _furnish(mujoco, spec, scenario.world)
         _pair(spec, scenario)
@@ -70,19 +69,10 @@ def link_body(name: str) -> str:
     return f"link/{name}"
 
 
-def base_centre(scenario: Scenario, robot: Robot) -> Array:
-    """Origin (3,) of the root link's MuJoCo body in m, in the frame of the link; the centre of mass if the base floats.
-
-    The linear velocity of the base is then the velocity of its centre of mass, as in PyBullet, and both engines compute equal
-    steps.
-    """
-    return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
-
-
-def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, centre: Array, shapes: bool) -> None:
+def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
     kinds = mujoco.mjtJoint
-    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
+    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ origin
     root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion_wxyz(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
@@ -90,23 +80,20 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, centre: Ar
     while waiting:
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
-        shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
+            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape)
             geom.contype, geom.conaffinity = ROBOT_BIT, WORLD_BIT
         for joint in robot.carried.get(name, ()):
-            origin = (np.array(joint.origin) - shift).tolist()
-            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion_wxyz(joint.rpy))
+            child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion_wxyz(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             child.add_joint(name=joint.name, type=kind, axis=list(joint.axis))
             waiting.append((child, joint.child))
 
 
-def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> Any:
-    """Add a shape of a link to the link's body as a geom, and return the geom. shift: origin (3,) of the body in the frame of
-    the link, m."""
+def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> Any:
+    """Add a shape of a link to the link's body as a geom, and return the geom."""
     form = _form(mujoco, spec, name, shape.kind, shape.scale if shape.kind == "mesh" else shape.size, shape.mesh)
-    return body.add_geom(name=name, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion_wxyz(shape.rpy), **form)
+    return body.add_geom(name=name, pos=list(shape.origin), quat=quaternion_wxyz(shape.rpy), **form)
 
 
 def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.robot.meshes import MESH_FORMATS
+from asrsim.robot.meshes import mesh_parts
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -45,21 +45,8 @@ def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
 
     Raises ValueError and OSError if the file cannot be read.
     """
-    import trimesh
-
-    if path.suffix.lower() not in MESH_FORMATS:
-        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
-    try:
-        scene: Any = trimesh.load_scene(path, process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-        part: Any
-        for part in parts:
-            part.apply_scale(trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0)
-        size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if len(part.faces))
-    except OSError:
-        raise
-    except Exception as error:  # trimesh raises errors of many types for broken files
-        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+    parts = mesh_parts(path)
+    size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts)
     cells = CELLS
     coarse = parts
     while sum(len(part.faces) for part in coarse) > MOST and cells > 4:

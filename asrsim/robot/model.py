@@ -203,13 +203,12 @@ class Robot:
 
     @cached_property
     def outward_joints(self) -> tuple[Joint, ...]:
-        """All joints from the root to the tips, parents first."""
+        """All joints from the root to the tips, branch by branch, parents first."""
         found: list[Joint] = []
-        waiting = [self.root.name]
+        waiting = [*reversed(self.carried.get(self.root.name, ()))]
         while waiting:
-            joints = self.carried.get(waiting.pop(), ())
-            found += joints
-            waiting += [joint.child for joint in joints]
+            found.append(waiting.pop())
+            waiting += reversed(self.carried.get(found[-1].child, ()))
         return tuple(found)
 
     @property

@@ -35,6 +35,7 @@ from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, ScenarioError
 from asrsim.robot.meshes import mesh_fault
+from asrsim.robot.model import Shape
 from asrsim.samples import TIP, TIP_GOAL
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -311,6 +312,13 @@ class WorldObject:
         ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
         doc="for pictures",
     )  # fmt: skip
+
+    @property
+    def solid(self) -> Shape:
+        """The object as a shape at the origin of its frame."""
+        kind: Any = self.shape
+        x, y, z = self.size if kind == "mesh" else (1.0, 1.0, 1.0)
+        return Shape(kind=kind, size=self.size, mesh=str(self.mesh), scale=(x, y, z))
 
 
 def _object(**arguments: Any) -> WorldObject:

@@ -1,14 +1,15 @@
-"""Engine text, overrides, inertia and the checks of a step."""
+"""Meshes, overrides, inertia and the checks of a step."""
 
 import struct
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asrsim.robot import engine_urdf, load_robot, with_overrides
+from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.dynamics import RobotModel
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.meshes import usable_shapes
 
 
 def pendulum(extra="", *, block="", inertia=1e-6, dynamics="", body=""):
@@ -59,14 +60,14 @@ def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(read, tmp
         "http://host/m.stl", "none.stl", "m.txt",
     ]  # fmt: skip
     robot = read(pendulum(body="".join(f"<collision>{mesh(name)}</collision>" for name in names)))
-    text, warnings = engine_urdf(robot, package_paths={"pkg": package})
-    assert text.count("<collision>") == 5
-    assert text.count(f'filename="{(tmp_path / "m.stl").resolve()}"') == 3
-    for folder in (package, tmp_path / "near"):
-        assert f'filename="{(folder / "m.stl").resolve()}"' in text
+    usable, warnings = usable_shapes(robot, package_paths={"pkg": package})
+    found = [Path(shape.mesh) for shape in usable.links[1].collisions]
+    assert found == [
+        *[(tmp_path / "m.stl").resolve()] * 3,
+        *((one / "m.stl").resolve() for one in (package, tmp_path / "near")),
+    ]
     assert [problem.value for problem in warnings] == names[5:]
     assert {problem.key for problem in warnings} == {"l"}
-    assert str(outside) not in text
 
 
 def test_missing_visuals_share_one_warning(read):
@@ -83,7 +84,7 @@ def test_packages_of_the_environment_are_found(read, tmp_path_factory, monkeypat
     (prefix / "share/pkg/m.stl").write_bytes(TRIANGLE)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     robot = read(pendulum(body=f"<collision>{mesh('package://pkg/m.stl')}</collision>"))
-    assert engine_urdf(robot)[1] == ()
+    assert usable_shapes(robot)[1] == ()
 
 
 # -- inertia -----------------------------------------------------------------------------------------------------------
