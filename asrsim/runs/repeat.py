@@ -190,16 +190,14 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
 
     for path in one_or_more(plugins):
         load_plugin_file(path)
-    carried = {name: data for name, data in reader.info.attachments.items() if name.startswith(PLUGINS)}
+    carried = [name for name in reader.info.attachments if name.startswith(PLUGINS)]
     if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):
         return
     if not trust:
-        names = ", ".join(name.removeprefix(PLUGINS) for name in carried)
+        names = ", ".join(PurePosixPath(name).name for name in carried)
         message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
         hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
         raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
-    for number, (name, data) in enumerate(carried.items()):
-        path = folder / "plugins" / str(number) / (PurePosixPath(name).name or "plugin.py")
-        path.parent.mkdir(parents=True)
-        path.write_bytes(data)
-        load_plugin_file(path)
+    files = unpacked(reader.info, folder / "plugins")
+    for name in carried:
+        load_plugin_file(files[name])

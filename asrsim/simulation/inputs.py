@@ -5,6 +5,7 @@ A run is divided into chunks. After each chunk, samples go to the sinks, energy 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
@@ -161,28 +162,26 @@ class Inputs:
 
     def _cuts(self, first: int, count: int) -> list[tuple[int, list[float]]]:
         """Kicks that are split into pieces because inputs jump in them, and the first kick of a run: number of the substep, and
-        the times in s at which the pieces begin and end."""
+        the times in s at which the pieces begin and end. A kick is also split at the time of its substep; no piece lies before
+        t = 0."""
         if not self.staggered:
             return []
         h = self.substep
-        start, end = (first - 0.5) * h, (first + count - 0.5) * h
+        least, start, end = 1e-6 * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
         listed = (signal for row in (*self._signals, *self._wrenches) for signal in row)
         signals = {id(signal): signal for signal in listed if type(signal) is not Constant}.values()
-        # A set instead of np.unique, which imports numpy.ma and slows down short runs.
-        times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
-        times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
-        owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
-        substeps = {owner for owner in owners.tolist() if first <= owner < first + count} | ({0} if first == 0 else set())
-        return [(substep, self._edges(substep, times[owners == substep].tolist())) for substep in sorted(substeps)]
-
-    def _edges(self, substep: int, jumps: list[float]) -> list[float]:
-        """Times in s at which the kick around a substep is split, with its ends: at `jumps` and at the time of the substep; no
-        piece lies before t = 0."""
-        h = self.substep
-        now = substep * h
-        inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
-        edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
-        return [edge for edge in edges if substep or edge >= now]
+        kicks: dict[int, set[float]] = {0: set()} if first == 0 else {}
+        for jump in (jump for signal in signals for jump in signal.jumps(start, end).tolist()):
+            substep = math.floor(jump / h + 0.5 + 1e-6)
+            if least < jump < end - least and first <= substep < first + count:
+                inner = kicks.setdefault(substep, set())
+                if least < abs(jump - substep * h) < 0.5 * h - least:
+                    inner.add(jump)
+        cuts = []
+        for substep, inner in sorted(kicks.items()):
+            now = substep * h
+            cuts.append((substep, sorted({max(now - 0.5 * h, 0.0), now, now + 0.5 * h, *inner})))
+        return cuts
 
 
 def longest_chunk(joints: int, asked: int | None = None) -> int:
