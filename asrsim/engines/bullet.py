@@ -63,8 +63,6 @@ BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 ARREST = 1e9
 """Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
-GROUND_SIZE = 100.0
-"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
 """Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
@@ -196,18 +194,11 @@ class BulletContacts(BulletEngine):
         # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [joints.index(joint) for joint in robot.moving_joints]
-        self._bodies: dict[str, int] = {}
+        self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
-        if world.ground:
-            at = 0.0, 0.0, world.ground_height - 0.5 * GROUND_SIZE
-            ground = WorldObject(
-                name=GROUND, shape="box", size=(GROUND_SIZE,) * 3, mass=0.0, friction=world.ground_friction, position=at
-            )
-            self._bodies[GROUND] = self._add_object(ground)
-            if scenario.fixed_base:
-                # A fixed base that stands on the ground must not have contact forces.
-                p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
-        self._bodies |= {item.name: self._add_object(item) for item in world.objects}
+        if world.ground and scenario.fixed_base:
+            # A fixed base that stands on the ground must not have contact forces.
+            p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
         """Pose of the robot and of each object at the start, by Bullet's body number."""

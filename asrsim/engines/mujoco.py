@@ -17,7 +17,6 @@ from asrsim.engines import mujoco_step
 from asrsim.engines.base import (
     DAMPING,
     FRICTION,
-    GROUND,
     POSITION,
     ROBOT,
     TORQUE,
@@ -164,9 +163,7 @@ class MujocoContacts(MujocoEngine):
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
         self._objects = [item.name for item in scenario.world.objects]
-        names = {self._m.geom(f"object/{name}").id: name for name in self._objects}
-        if scenario.world.ground:
-            names[self._m.geom(GROUND).id] = GROUND
+        names = {self._m.geom(f"object/{item.name}").id: item.name for item in scenario.world.solids}
         self._owner = [names.get(index, ROBOT) for index in range(self._m.ngeom)]
         self._m.dof_invweight0[:] *= LIGHTER
         self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH

@@ -297,7 +297,7 @@ class Calculation:
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
         compiled if this process has imported Numba."""
         self._function, self._record, self._make = function, record, make
-        self._plain, self._packed = plain(record), pack(record)
+        self._plain, self.packed = plain(record), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -321,7 +321,7 @@ class Calculation:
                 self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
-                self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
+                self._arguments = *[array.ctypes.data for array in (self.packed, *arrays)], len(arrays[-1])
         self._call(*self._arguments)
 
 

@@ -153,13 +153,6 @@ def test_references_that_are_missing_or_do_nothing_are_warnings(load):
     ]
 
 
-@pytest.mark.parametrize(("amplitude", "codes"), [(0.02, []), (0.06, ["sigma-limit"])])
-def test_an_adjuster_cannot_go_beyond_its_lever(load, amplitude, codes):
-    sigma = f"{{sinusoid: {{amplitude: {amplitude}, frequency: 5}}}}"
-    text = f"references: {{awas: {{equilibrium_position: 0, stiffness_preset: {sigma}}}}}\n"
-    assert [one.code for one in check_against_robot(load(text), arm())[0]] == codes
-
-
 def test_a_longer_lever_allows_a_larger_sigma(load):
     text = "parameters: {awas: {spring_L: 0.1}}\nreferences: {awas: {stiffness_preset: 0.06, equilibrium_position: 0}}\n"
     assert check_against_robot(load(text), arm())[0] == []
