@@ -232,7 +232,7 @@ def _load(
     scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
     robot: Robot | str | Path | None,
 ) -> tuple[Scenario, ...]:  # fmt: skip
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     files = [Path(path) for path in one_or_more(plugins)]
     for path in files:

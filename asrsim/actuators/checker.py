@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import Actuator
-from asrsim.actuators.user import declaration_problems
+from asrsim.actuators.declaration import declaration_problems
 from asrsim.actuators.vectorised import Array, over_arrays
 
 FREE_RANGE = 0.5

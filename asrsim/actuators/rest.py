@@ -20,16 +20,14 @@ FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 
 
-def resting_motors(drive: Drive, position: Array, references: Array) -> Array:
-    """Rest positions (positions, n) of motors and adjuster with the link at `position` (n,), rad.
+def resting_motors(drive: Drive, position: Array, references: Array) -> tuple[Array, Array]:
+    """Rest positions (positions, n) of motors and adjuster in rad with the link at `position` (n,) in rad, and the torques
+    (springs, n) of the springs there in N m.
 
     references: references (positions, n) after the reference map, rad. A controller without integral action has the
     steady-state error tau_el / P. Ideal motors stand at their references. Friction is neglected.
     """
-    resting = np.array(references, dtype=float)
-    if not (drive.mode.motor and drive.mode.controller):
-        return resting
-    law = over_arrays(drive.actuator.elastic_torques)
+    resting, law = np.array(references, dtype=float), over_arrays(drive.actuator.elastic_torques)
 
     def load(motor: int, theta: Array) -> Array:
         """Torque (n,) of the springs on a motor at `theta` (n,), while the other motors stand at `resting`."""
@@ -43,7 +41,8 @@ def resting_motors(drive: Drive, position: Array, references: Array) -> Array:
         most = drive.max_torque[motor]
         return np.asarray(load(motor, theta) - np.clip(torque, -most, most))
 
-    for _ in range(ROUNDS):
+    torques = law(position, *resting, drive.elastic)
+    for _ in range(ROUNDS if drive.mode.controller and drive.dynamic_motors else 0):
         loads = []
         for motor in range(drive.dynamic_motors):
             # At the reference, integral action balances the springs, up to the motor's largest torque.
@@ -51,17 +50,11 @@ def resting_motors(drive: Drive, position: Array, references: Array) -> Array:
             found = increasing_roots(partial(missing, motor, holding), references[motor])
             resting[motor] = np.clip(found, *drive.motor_ranges[motor])
             loads.append(load(motor, resting[motor]))
+        torques = law(position, *resting, drive.elastic)
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
-        if np.array_equal(loads, law(position, *resting, drive.elastic)[: len(loads)]):
+        if np.array_equal(loads, torques[: len(loads)]):
             break
-    return resting
-
-
-def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
-    """Torque (motors, n) of each controller's integral action at rest, N m; 0 without integral action."""
-    torques = over_arrays(drive.actuator.elastic_torques)(position, *resting, drive.elastic)
-    rows = zip(torques, drive.integral, drive.max_torque, strict=False)
-    return np.array([np.clip(torque, -most, most) * (gain > 0.0) for torque, gain, most in rows])
+    return resting, torques
 
 
 @np.errstate(all="ignore")

@@ -91,7 +91,7 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
 def load_plugins(paths: Sequence[Path] | None) -> None:
     """Register the actuators, signals, measures and readers of users' files. Raises ActuatorError."""
     if paths:
-        from asrsim.actuators.user import load_plugin_file
+        from asrsim.plugins import load_plugin_file
 
         for path in paths:
             load_plugin_file(path)

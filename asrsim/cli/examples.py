@@ -19,7 +19,7 @@ def examples(
 
     Example: asrsim examples
     """
-    from asrsim.actuators.user import command_line
+    from asrsim.plugins import command_line
     from asrsim.runs.examples import copy_examples
 
     written = copy_examples(out, overwrite=overwrite)

@@ -12,7 +12,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.plain import mapped
 from asrsim.robot import ActuatorBlock, Robot, read_robot
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
@@ -51,7 +51,6 @@ class FileReport:
                     for joint in moving
                     if joint.spring_stiffness
                 },
-                "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
                 "actuators": [_block(block) for block in self.robot.actuators],
                 "step": self.step,
             }
@@ -117,7 +116,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
         warnings = [*(robot.warnings if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
     changed = apply_to_robot(scenario, robot)
-    warnings = [*changed.warnings, *([] if alone else notes)]
+    warnings = [*map(scenario.placed, changed.warnings), *([] if alone else notes)]
     substeps, unbuildable = _built(scenario, robot, report.path)
     if substeps is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]

@@ -65,8 +65,8 @@ def ilc(
 
 
 def _learn(plant: Plant, folder: Path, plugins: list[Path], overwrite: bool, plot: bool, *, quiet: bool) -> Done:
-    from asrsim.actuators.user import command_line
     from asrsim.learning.session import run_session, session_data
+    from asrsim.plugins import command_line
 
     def start(prepared: PreparedLearning) -> None:
         for line in prepared.before:

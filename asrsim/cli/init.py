@@ -60,7 +60,7 @@ def init(
 
     Example: asrsim init --experiment examples/recordings/bench_motion.csv --out bench_motion.csv.yaml
     """
-    from asrsim.actuators.user import command_line
+    from asrsim.plugins import command_line
 
     columns, target = mapping or [], out or Path("scenario.yaml")
     if robot is None:

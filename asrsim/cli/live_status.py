@@ -6,7 +6,6 @@ import sys
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from asrsim.cli.console import complain, is_terminal, say
@@ -33,7 +32,7 @@ class StatusLine:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._wipe()
 
     def tell(self, text: str) -> None:
@@ -75,7 +74,7 @@ def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *
     print_run(summary, quiet=quiet)
     if quiet:
         return
-    from asrsim.actuators.user import command_line
+    from asrsim.plugins import command_line
 
     figures = session.figures()
     wall = max(summary.wall_time, 1e-9)

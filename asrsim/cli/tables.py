@@ -57,14 +57,12 @@ def _print_head(report: FileReport) -> None:
 
 
 def _print_passive(robot: Robot) -> None:
-    """Print passive springs and mimic joints."""
+    """Print passive springs."""
     for joint in robot.moving_joints:
         if joint.spring_stiffness:
             per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
             spring = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
             say(f"{styled('passive spring', 'bold cyan')}, {spring}: {joint.name}")
-        if joint.mimic is not None:
-            say(f"{styled('mimic', 'bold cyan')}, not simulated: {joint.name} = {joint.mimic}")
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:

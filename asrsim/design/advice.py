@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.actuators.user import plugin_options
 from asrsim.identification.noise import bandwidth
 from asrsim.identification.result import AT_BOUND, CLOSE, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.outfile import write_text
 from asrsim.plain import mapped
+from asrsim.plugins import plugin_options
 from asrsim.robot.model import INERTIAS
 
 LOAD_CELL = 0.05

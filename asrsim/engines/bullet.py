@@ -29,7 +29,7 @@ from asrsim.engines.base import (
     contact_forces,
     whole_kick,
 )
-from asrsim.engines.bullet_model import BASE, BulletDynamics, Client, inertial_frame, load_body, matrix_of
+from asrsim.engines.bullet_model import BulletDynamics, Client, make_body, make_shape
 from asrsim.engines.exact_friction import STICKING
 from asrsim.engines.rigid import (
     BEFORE,
@@ -41,11 +41,12 @@ from asrsim.engines.rigid import (
     find_change,
     make_room,
 )
-from asrsim.errors import Problem, SimulationError
-from asrsim.robot.engine_text import engine_urdf, usable_shapes
-from asrsim.robot.merge import merge_fixed
+from asrsim.errors import Problem
+from asrsim.robot.inertia import principal_axes
+from asrsim.robot.merge import merge_fixed, merge_for_engine
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix
+from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario, WorldObject
@@ -56,12 +57,12 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
 NO_CLAMP = 1e9
 """Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
+NO_LIMIT = 1e9
+"""Stop in rad or m in the place of a missing stop."""
 BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 ARREST = 1e9
 """Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
-GROUND_SIZE = 100.0
-"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
 """Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
@@ -102,11 +103,13 @@ class BulletEngine(RigidEngine):
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
-        self._dynamics = dynamics = BulletDynamics(scenario, robot)
-        self._kinematics = robot_model(scenario, robot)
+        self.joints = tuple(joint.name for joint in robot.moving_joints)
+        merged, self.origin = merge_for_engine(robot, fixed_base=scenario.fixed_base)
+        self._merged, self.root = merged.robot, merged.robot.root.name
+        self._dynamics = BulletDynamics(scenario, merged.robot)
+        self._model = robot_model(scenario, robot)
         """Model that places the wrenches."""
-        self.joints, self.root, self.centre = dynamics.joints, dynamics.root, dynamics.centre
-        count, base = len(self.joints), dynamics.free
+        count, base = len(self.joints), self._dynamics.free
         self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
         room = make_room(
@@ -115,30 +118,32 @@ class BulletEngine(RigidEngine):
         )  # fmt: skip
         if base:
             x, y, z, w = quaternion(scenario.base_rpy)
-            home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ self.centre
+            home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ self.origin
             home[3:7] = w, x, y, z
         super().__init__(room, home)
 
-    def turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link, if it floats."""
-        w, *vector = configuration[3:7].tolist()
-        return matrix_of(self._dynamics.p, (*vector, w))
+    @property
+    def _rotation(self) -> Array | None:
+        """Rotation matrix (3, 3) of a floating base at the configuration of the room; None for a fixed base."""
+        if not self._room.free:
+            return None
+        w, *vector = self._room.qpos[3:7].tolist()
+        return rotation_of((*vector, w))
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
-        room, dynamics = self._room, self._dynamics
-        rotation = self.turned(room.qpos) if room.free else None
-        positions = room.qpos[self._start :]
-        room.matrix[:] = dynamics.matrix_at(positions, rotation)
-        room.bias[:] = dynamics.bias_at(positions, rotation, room.qvel)
+        """Fill in mass matrix, bias and generalised forces of the wrenches."""
+        room, dynamics, rotation = self._room, self._dynamics, self._rotation
+        positions = dynamics.ordered(room.qpos[self._start :])
+        room.matrix[:] = dynamics.matrix(positions, rotation)
+        room.bias[:] = dynamics.bias(positions, room.qvel, rotation)
         for piece, values in enumerate(wrenches if wrenches.size else ()):
-            forces[piece, :, 0] = self._push(values, positions, rotation)
+            forces[piece, :, 0] = self._push(values, room.qpos[self._start :], rotation)
 
     def _push(self, values: Array, positions: Array, rotation: Array | None) -> Array:
         """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
-        model, total = self._kinematics, np.zeros(self._room.freedoms)
-        # The origin is the centre of mass of a floating base.
-        base = None if rotation is None else frame(-rotation @ self.centre, rotation)
+        model, total = self._model, np.zeros(self._room.freedoms)
+        # The base's frame is the origin of a floating robot.
+        base = None if rotation is None else frame(-rotation @ self.origin, rotation)
         for wrench, value in zip(self._scenario.wrenches, values, strict=True):
             if not value.any():
                 continue
@@ -170,59 +175,45 @@ class BulletContacts(BulletEngine):
 
     def _load(self) -> None:
         p, scenario, world = self._p, self._scenario, self._scenario.world
-        merged = merge_fixed(self.robot).robot
-        text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
-        self._body, places = load_body(p, text, scenario, merged)
-        for index in range(-1, p.getNumJoints(self._body)):
+        robot, _ = usable_shapes(self._merged, package_paths=scenario.package_paths)
+        joints, rotation = robot.outward_joints, rotation_matrix(scenario.base_rpy)
+        self._body = make_body(
+            p, robot, mass=0.0 if scenario.fixed_base else robot.root.mass or 0.0,
+            shapes={one.name: make_shape(p, f"link '{one.name}'", one.collisions) for one in robot.links if one.collisions},
+            basePosition=scenario.base_position + rotation @ self.origin, baseOrientation=quaternion(scenario.base_rpy),
+        )  # fmt: skip
+        self._axes = rotation_matrix(principal_axes(robot.root)[1])
+        """Principal axes (3, 3) of the base's inertia in the frame of the base."""
+        for index in range(-1, len(joints)):
             p.changeDynamics(self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0)
+        for index, joint in enumerate(joints):
+            if np.isfinite(joint.stops).any():
+                lower, upper = np.clip(joint.stops, -NO_LIMIT, NO_LIMIT).tolist()
+                p.changeDynamics(self._body, index, jointLowerLimit=lower, jointUpperLimit=upper)
         p.setGravity(*scenario.gravity)
         # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
-        self._indices = [places[joint.child] for joint in merged.moving_joints]
-        self._bodies: dict[str, int] = {}
+        self._indices = [joints.index(joint) for joint in robot.moving_joints]
+        self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
-        if world.ground:
-            at = 0.0, 0.0, world.ground_height - 0.5 * GROUND_SIZE
-            ground = WorldObject(
-                name=GROUND, shape="box", size=(GROUND_SIZE,) * 3, mass=0.0, friction=world.ground_friction, position=at
-            )
-            self._bodies[GROUND] = self._add_object(ground)
-            if scenario.fixed_base:
-                # A fixed base that stands on the ground must not have contact forces.
-                p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
-        self._bodies |= {item.name: self._add_object(item) for item in world.objects}
+        if world.ground and scenario.fixed_base:
+            # A fixed base that stands on the ground must not have contact forces.
+            p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
         """Pose of the robot and of each object at the start, by Bullet's body number."""
-        self._stops = [(j, *joint.stops) for j, joint in enumerate(merged.moving_joints) if np.isfinite(joint.stops).any()]
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(robot.moving_joints) if np.isfinite(joint.stops).any()]
         """Index, lower and upper stop of each joint with stops."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
-        self._rotation = np.eye(3)
-        """Rotation matrix (3, 3) of the base link."""
         self._calculation = Calculation(find_torques, self._room)
         self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
         """Arguments of `find_torques`."""
 
-    def turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link, if it floats, at Bullet's present state."""
-        return self._rotation
-
     def _add_object(self, item: WorldObject) -> int:
         p = self._p
-        if item.shape == "box":
-            arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
-        elif item.shape == "sphere":
-            arguments = {"shapeType": p.GEOM_SPHERE, "radius": item.size[0]}
-        elif item.shape == "cylinder":
-            arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
-        else:
-            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": item.size}
-        try:
-            shape = p.createCollisionShape(**arguments)
-        except p.error as error:
-            raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
-        body = int(p.createMultiBody(item.mass, shape, -1, item.position, p.getQuaternionFromEuler(item.rpy)))
+        shape = make_shape(p, f"object '{item.name}'", [item.solid])
+        body = int(p.createMultiBody(item.mass, shape, -1, item.position, quaternion(item.rpy)))
         inertia = {} if item.inertia is None else {"localInertiaDiagonal": item.inertia}
         p.changeDynamics(body, -1, lateralFriction=item.friction, restitution=0.0, **UNDAMPED, **inertia)
         return body
@@ -236,7 +227,8 @@ class BulletContacts(BulletEngine):
         for body, pose in self._poses.items():
             self._p.resetBasePositionAndOrientation(body, *pose)
         self._move_objects(np.zeros(3))
-        self._place(self._state[self._start : first], self._state[first : first + size])
+        self._room.qpos[:] = self._state[:first]
+        self._place(self._state[first : first + size])
         self._read()
         self._before[:] = self._room.velocity
 
@@ -246,14 +238,13 @@ class BulletContacts(BulletEngine):
             if item.mass:
                 self._p.resetBaseVelocity(self._bodies[item.name], velocity.tolist(), [0, 0, 0])
 
-    def _place(self, positions: Array, velocities: Array) -> None:
-        """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
-        base = self._dynamics.free
-        for index, position, velocity in zip(self._indices, positions.tolist(), velocities[base:].tolist(), strict=True):
+    def _place(self, velocities: Array) -> None:
+        """Set the positions of the joints to those in the room, and the velocities (v,) of all degrees of freedom."""
+        positions, rotation = self._room.qpos[self._start :].tolist(), self._rotation
+        for index, position, velocity in zip(self._indices, positions, velocities[self._dynamics.free :].tolist(), strict=True):
             self._p.resetJointState(self._body, index, position, velocity)
-        if base:
-            spin = (self._rotation @ velocities[3:6]).tolist()
-            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin)
+        if rotation is not None:
+            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), (rotation @ velocities[3:6]).tolist())
 
     def _read(self) -> None:
         """Read positions and velocities of the robot."""
@@ -262,9 +253,14 @@ class BulletContacts(BulletEngine):
             states = zip(*p.getJointStates(body, self._indices), strict=True)
             room.qpos[self._start :], room.velocity[base:], *_ = states
         if base:
-            self._rotation = inertial_frame(p, body, -1)[1]
+            centre, principal = p.getBasePositionAndOrientation(body)
+            # Rotations are multiplied as matrices, since Bullet multiplies quaternions in single precision.
+            rotation = rotation_of(principal) @ self._axes.T
+            x, y, z, w = quaternion(roll_pitch_yaw(rotation))
+            room.qpos[: self._start] = *centre, w, x, y, z
             linear, angular = p.getBaseVelocity(body)
-            room.velocity[:BASE] = *linear, *(self._rotation.T @ angular)
+            room.velocity[:base] = *linear, *(angular @ rotation)
+        self._state[: len(room.qpos)] = room.qpos
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
@@ -273,7 +269,7 @@ class BulletContacts(BulletEngine):
         now, positions = room.velocity.copy(), room.qpos[self._start :]
         push, load, _, length = self._arrays
         load[0], length[0] = loads, fraction
-        rotation = self._rotation if room.free else None
+        rotation = self._rotation
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
         self.look(forces, self._forces)
         self._calculation(*self._arrays)
@@ -282,18 +278,17 @@ class BulletContacts(BulletEngine):
         if fraction != 1.0:
             # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
             self._before -= room.change
-            self._place(positions, now - (1.0 / fraction - 1.0) * room.change)
+            self._place(now - (1.0 / fraction - 1.0) * room.change)
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
-        push += dynamics.bias_at(positions, rotation, room.velocity) - room.bias
+        push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
             set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
             set_motors(p.TORQUE_CONTROL, forces=push[dynamics.free :].tolist())
         if rotation is not None:
-            centre = p.getBasePositionAndOrientation(self._body)[0]
-            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME)
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), room.qpos[:3].tolist(), p.WORLD_FRAME)
             p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
         p.stepSimulation()
         self._read()
@@ -338,11 +333,7 @@ class BulletContacts(BulletEngine):
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link if it floats; contact forces."""
-        p, world, poses = self._p, self._scenario.world, {}
-        if self._room.free:
-            centre, rotation, local = inertial_frame(p, self._body, -1)
-            origin = np.array(centre) - rotation @ np.array(local)
-            poses[self.root] = (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))
+        p, world, poses = self._p, self._scenario.world, dict(super().scene().bodies)
         objects = [item.name for item in world.objects]
         for name in objects:
             position, orientation = p.getBasePositionAndOrientation(self._bodies[name])

@@ -1,17 +1,13 @@
-"""Mass matrix and bias of the robot without its world, by PyBullet's routines on a separate physics client.
+"""PyBullet's physics clients, robots and shapes in them, and the mass matrix and bias of a robot by PyBullet's routines.
 
-PyBullet reads only files, may crash on a mesh, and prints to the terminal. Its dynamics routines follow unusual conventions,
-which this module converts. The routines order the degrees of freedom by Bullet's links. For a floating base, the routines use
-the principal axes of the base's inertia, with angular before linear velocity, and ignore the base's orientation. Forces on the
-base are returned with linear before angular components.
+Robots and shapes are made from the robot's data. PyBullet may crash on a mesh and prints to the terminal.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import BuiltinFunctionType
@@ -20,17 +16,15 @@ from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.foreign import crashes, quiet
-from asrsim.errors import RobotError
-from asrsim.robot.engine_text import engine_urdf
+from asrsim.engines.foreign import quiet
+from asrsim.errors import RobotError, SimulationError
+from asrsim.robot.dynamics import BASE, with_base_joints
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import merge_fixed
-from asrsim.robot.model import Robot
+from asrsim.robot.meshes import convex_hull
+from asrsim.robot.model import Link, Robot, Shape
+from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-
-BASE = 6
-"""Degrees of freedom of a floating base."""
 
 
 class Client:
@@ -56,173 +50,169 @@ class Client:
 
 
 def _disconnect(p: Any, number: int) -> None:
-    with suppress(p.error), quiet():
+    with suppress(p.error):
         p.disconnect(number)
 
 
+def make_body(
+    p: Client, robot: Robot, *, lift: float = 0.0, mass: float = 0.0, shapes: Mapping[str, int] | None = None, **pose: Any
+) -> int:
+    """Bullet's number of a body that consists of the links of a robot without fixed joints. The number of a link in the body is
+    the place of its joint among `robot.outward_joints`, -1 for the base.
+
+    lift: increase of the principal moments of inertia, kg m^2. mass: mass of the base in kg; 0 for a fixed base. shapes:
+    Bullet's number of the shape of each link that has one. pose: arguments `basePosition` and `baseOrientation`.
+    """
+    joints, links = robot.outward_joints, {link.name: link for link in robot.links}
+    carried = [links[joint.child] for joint in joints]
+    numbers = {robot.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
+    number_of = shapes or {}
+    # Bullet's routines for mass matrix and bias use the axes of the base's inertia, even if the base is fixed.
+    root = robot.root if mass else Link(name=robot.root.name, mass=None, inertia=None)
+    moments, (turned, *axes) = zip(*map(principal_axes, (root, *carried)), strict=True)
+    body: int = p.createMultiBody(
+        baseMass=mass,
+        baseCollisionShapeIndex=number_of.get(root.name, -1),
+        baseInertialFramePosition=root.centre_of_mass,
+        baseInertialFrameOrientation=quaternion(turned),
+        linkMasses=[link.mass or 0.0 for link in carried],
+        linkCollisionShapeIndices=[number_of.get(link.name, -1) for link in carried],
+        linkVisualShapeIndices=[-1] * len(joints),
+        linkPositions=[joint.origin for joint in joints],
+        linkOrientations=[quaternion(joint.rpy) for joint in joints],
+        linkInertialFramePositions=[link.centre_of_mass for link in carried],
+        linkInertialFrameOrientations=[quaternion(rpy) for rpy in axes],
+        linkParentIndices=[numbers[joint.parent] for joint in joints],
+        linkJointTypes=[p.JOINT_PRISMATIC if joint.kind == "prismatic" else p.JOINT_REVOLUTE for joint in joints],
+        linkJointAxis=[joint.axis for joint in joints],
+        flags=p.URDF_MAINTAIN_LINK_ORDER,
+        **pose,
+    )
+    # Bullet would compute moments of inertia from the shapes.
+    for number, principal in enumerate(moments, -1):
+        p.changeDynamics(body, number, localInertiaDiagonal=[moment + lift for moment in principal])
+    return body
+
+
+def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
+    """Bullet's number of a shape that consists of these shapes. Bullet reads convex hulls in the place of the files of meshes.
+
+    what: the body, for the error. Raises SimulationError.
+    """
+    sizes = [(*shape.size, 0.0, 0.0, 0.0) for shape in shapes]
+    frames: dict[str, Any] = {}
+    if any((*shape.origin, *shape.rpy) != (0.0,) * 6 for shape in shapes):
+        frames = {
+            "collisionFramePositions": [shape.origin for shape in shapes],
+            "collisionFrameOrientations": [quaternion(shape.rpy) for shape in shapes],
+        }
+    with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
+        files = [str(Path(folder) / f"{number}.stl") for number in range(len(shapes))]
+        for shape, file in zip(shapes, files, strict=True):
+            if shape.kind == "mesh":
+                convex_hull(Path(shape.mesh), shape.scale).export(file)
+        try:
+            return int(
+                p.createCollisionShapeArray(
+                    shapeTypes=[getattr(p, f"GEOM_{shape.kind.upper()}") for shape in shapes],
+                    halfExtents=[[0.5 * edge for edge in size[:3]] for size in sizes],
+                    radii=[size[0] for size in sizes],
+                    lengths=[size[1] for size in sizes],
+                    fileNames=files,
+                    **frames,
+                )
+            )
+        except p.error as error:
+            raise SimulationError(f"{what}: PyBullet cannot make its shape ({error})") from error
+
+
 class BulletDynamics:
-    """Mass matrix and bias of a robot, computed by PyBullet. Raises RobotError for a robot that PyBullet cannot simulate."""
+    """Mass matrix and bias of a robot without fixed joints, computed by PyBullet. Raises RobotError for a robot that PyBullet
+    cannot simulate.
+
+    The velocity (v,) of a floating base consists of the linear velocity along the axes of the world and the angular velocity
+    about the axes of its frame. For PyBullet, a floating base is a fixed base with six joints that stand at 0.
+    """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self.p = p = Client()
+        self._p = p = Client()
         self.close = p.close
-        merged = merge_fixed(robot)
-        bare = replace(merged.robot, links=tuple(replace(link, collisions=()) for link in merged.robot.links))
-        text, _ = engine_urdf(bare)
-        self._load = partial(load_body, p, text, scenario, bare)
-        self._scenario, self._robot = scenario, bare
-        self._body, index = self._load()
-        self.indices = [index[joint.child] for joint in bare.moving_joints]
-        self.root, self.joints = bare.root.name, tuple(joint.name for joint in bare.moving_joints)
         self.free = 0 if scenario.fixed_base else BASE
-        # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
-        self._to_bullet = np.argsort(self.indices).tolist()
-        joints = (self.free + np.argsort(self._to_bullet)).tolist()
-        # The base: translation before rotation.
-        rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + joints, dtype=np.int64)
-        self._forces: Any = np.array([*range(self.free), *joints], dtype=np.int64)
-        self._block: Any = np.ix_(rows, rows)
-        if not self.free and joints == list(range(len(joints))):
-            # Bullet's order is ours: `...` is faster than indices.
-            self._forces = self._block = ...
-        self._zero = [0.0] * len(self.indices)
-        dynamics = p.getDynamicsInfo(self._body, -1)
-        self.centre, self.axes = np.array(dynamics[3]), matrix_of(p, dynamics[4])
-        _, standing = p.getBasePositionAndOrientation(self._body)
-        self._standing = matrix_of(p, standing)
+        self._robot = robot if scenario.fixed_base else with_base_joints(robot)
+        ours = [joint.name for joint in self._robot.moving_joints]
+        self._to_bullet = [ours.index(joint.name) for joint in self._robot.outward_joints]
+        """Index of each of Bullet's joints among ours: Bullet needs parents before children, a file may have another order."""
+        order = np.argsort(self._to_bullet)
+        self._same = self._to_bullet == sorted(self._to_bullet)
+        # If Bullet's order is ours: `...` is faster than indices.
+        self._from_bullet: Any = ... if self._same else order
+        self._block: Any = ... if self._same else np.ix_(order, order)
+        self._still = [0.0] * len(ours)
+        self._gravity = np.array(scenario.gravity)
+        self._set_gravity(rotation_matrix(scenario.base_rpy))
+        self._body = make_body(p, self._robot)
         self._parts: list[tuple[float, int]] = []
-        self._set_gravity(self._standing)
-        self._set_up()
+        """Factors and Bullet's numbers of further bodies, whose mass matrix and bias are added to those of the first body."""
+        if ours:
+            self._set_up()
 
     def _set_up(self) -> None:
         """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
 
         Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
-        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s). The first of them becomes the
-        robot.
+        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
         """
-        if not self.joints:
-            return
         with quiet():
             try:
-                self.full_matrix(np.zeros(len(self.indices)))
+                self.matrix(self._still, None)
                 return
             except SystemError:
                 moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
                 lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
-                self._body = self._load(lift)[0]
-                self._parts = [(1.0, self._body), (-1.0, self._load(2.0 * lift)[0])]
+                self._body = make_body(self._p, self._robot, lift=lift)
+                self._parts = [(1.0, self._body), (-1.0, make_body(self._p, self._robot, lift=2.0 * lift))]
             try:
-                self.full_matrix(np.zeros(len(self.indices)))
+                self.matrix(self._still, None)
             except SystemError as error:
                 message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
-    def _ordered(self, values: Array) -> list[float]:
-        """`values` of the moving joints in Bullet's order."""
-        plain = values.tolist()
-        return [plain[j] for j in self._to_bullet]
+    def ordered(self, values: Array) -> list[float]:
+        """Values (v,) in Bullet's order; of values (n,) of the joints alone, the base's are 0."""
+        plain = [0.0] * (len(self._to_bullet) - len(values)) + values.tolist()
+        return plain if self._same else [plain[j] for j in self._to_bullet]
 
-    def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
-        """Mass matrix (v, v) of all degrees of freedom, a floating base first: translation of its centre of mass along the axes
-        of the world, rotation about the axes of the base link.
+    def _set_gravity(self, rotation: Array) -> None:
+        """Turn gravity in the place of the base. rotation: (3, 3) rotation of the base."""
+        self._p.setGravity(*(self._gravity @ rotation).tolist())
 
-        rotation: (3, 3) rotation of a floating base; None for a fixed base.
-        """
-        matrix = self.full_matrix(positions)
-        if rotation is not None:
-            for axes, at in ((rotation @ self.axes, slice(0, 3)), (self.axes, slice(3, 6))):
-                matrix[at] = axes @ matrix[at]
-                matrix[:, at] = matrix[:, at] @ axes.T
-        return matrix
-
-    def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
-        """Gravity, Coriolis and centrifugal forces (v,) in N m, in the order of `matrix_at`. velocity: velocities (v,)."""
-        q = self._ordered(positions)
-        if rotation is None:
-            return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
-        turned = rotation @ self.axes
-        spins, moves = (self.axes.T @ velocity[3:6]).tolist(), (turned.T @ velocity[:3]).tolist()
-        bias = self._forces_at(turned, q, [*spins, *moves, *self._ordered(velocity[BASE:])], self._zero)
-        bias[:3], bias[3:6] = turned @ bias[:3], self.axes @ bias[3:6]
-        return bias
-
-    def _sum(self, routine: Any, *arguments: list[float]) -> Array:
+    def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:
         """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
         total = np.array(routine(self._body, *arguments))
         for part, body in self._parts:
             total += part * np.array(routine(body, *arguments))
         return total
 
-    def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
-        """Generalised forces (v,) in N m that give the accelerations, along Bullet's axes, in asrsim's order of degrees of
-        freedom. turned: (3, 3) principal axes of the base in the world."""
-        states = [positions, velocities, accelerations]
-        if self.free:
-            # The position of the base has no effect; its velocity must have six numbers.
-            still = [0.0] * (BASE + len(self.indices) - len(velocities))
-            states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
-            # Bullet ignores the orientation of the base: gravity is turned instead.
-            self._set_gravity(turned)
-        return np.asarray(self._sum(self.p.calculateInverseDynamics, *states)[self._forces])
+    def matrix(self, positions: Sequence[float], rotation: Array | None) -> Array:
+        """Mass matrix (v, v). positions: see `ordered`. rotation: (3, 3) rotation of a floating base, None for a fixed base."""
+        full = np.asarray(self._sum(self._p.calculateMassMatrix, positions)[self._block])
+        if rotation is not None:
+            full[:3] = rotation @ full[:3]
+            full[:, :3] = full[:, :3] @ rotation.T
+        return full
 
-    def _set_gravity(self, turned: Array) -> None:
-        self.p.setGravity(*(turned.T @ self._scenario.gravity).tolist())
-
-    def full_matrix(self, positions: Array) -> Array:
-        """Mass matrix (v, v), a floating base first, along the principal axes of the base's inertia."""
-        return np.asarray(self._sum(self.p.calculateMassMatrix, self._ordered(positions))[self._block])
-
-
-def load_body(p: Client, urdf: str, scenario: Scenario, robot: Robot, lift: float = 0.0) -> tuple[int, dict[str, int]]:
-    """Bullet's number of a robot that is loaded from the URDF text, on the scenario's base, and Bullet's number of each link,
-    by name; -1 for the base. Raises RobotError.
-
-    The principal moments of inertia are those of `robot` plus `lift` kg m^2: Bullet itself loads zeros where the largest moment
-    exceeds the sum of the others, as in many published robots.
-    """
-    with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(urdf, encoding="utf-8")
-        load = partial(
-            p.loadURDF,
-            str(path),
-            basePosition=scenario.base_position,
-            baseOrientation=p.getQuaternionFromEuler(scenario.base_rpy),
-            useFixedBase=scenario.fixed_base,
-            flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_IGNORE_VISUAL_SHAPES,
-        )
-        try:
-            with quiet():
-                if "<mesh" in urdf and crashes(load):
-                    message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
-                    raise RobotError(message, file=robot.path, code="engine-crash")
-                body = int(load())
-        except p.error as error:
-            message = f"PyBullet cannot load this robot ({error})"
-            raise RobotError(message, file=robot.path, code="engine-load") from error
-    places = {p.getBodyInfo(body)[0].decode(): -1}
-    places |= {p.getJointInfo(body, index)[12].decode(): index for index in range(p.getNumJoints(body))}
-    for link in robot.links:
-        moments = tuple(moment + lift for moment in principal_axes(link)[0])
-        if p.getDynamicsInfo(body, places[link.name])[2] != moments:
-            p.changeDynamics(body, places[link.name], localInertiaDiagonal=moments)
-    return body, places
-
-
-def inertial_frame(p: Client, body: int, index: int) -> tuple[Any, Array, Any]:
-    """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
-
-    The rotations are multiplied as matrices, since Bullet computes transforms and the poses of link frames in single precision.
-    """
-    dynamics = p.getDynamicsInfo(body, index)
-    if index == -1:
-        position, inertial = p.getBasePositionAndOrientation(body)
-    else:
-        position, inertial = p.getLinkState(body, index, 0, 1)[:2]
-    return position, matrix_of(p, inertial) @ matrix_of(p, dynamics[4]).T, dynamics[3]
-
-
-def matrix_of(p: Client, quaternion: Sequence[float]) -> Array:
-    """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
-    return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
+    def bias(self, positions: Sequence[float], velocity: Array, rotation: Array | None) -> Array:
+        """Gravity, Coriolis and centrifugal forces (v,) in N m. velocity: velocities (v,)."""
+        accelerations = self._still
+        if rotation is not None:
+            self._set_gravity(rotation)
+            x, y, z = velocity[3:6].tolist()
+            # The base turns about three axes in succession: these accelerations keep its angular velocity constant.
+            turning = np.array([0.0, 0.0, 0.0, -y * z, x * z, -x * y, *self._still[BASE:]])
+            accelerations = self.ordered(turning)
+            velocity = np.concatenate([velocity[:3] @ rotation, velocity[3:]])
+        states = positions, self.ordered(velocity), accelerations
+        bias = np.asarray(self._sum(self._p.calculateInverseDynamics, *states)[self._from_bullet])
+        if rotation is not None:
+            bias[:3] = rotation @ bias[:3]
+        return bias

@@ -1,4 +1,4 @@
-"""Protection against C libraries that print to the terminal or crash the process."""
+"""Protection against C libraries that print to the terminal."""
 
 from __future__ import annotations
 
@@ -6,27 +6,18 @@ import ctypes
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_lock = threading.RLock()
-_inside: list[bool] = []
-"""Not empty while a thread is inside `quiet`."""
+_lock = threading.Lock()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait.
-
-    The garbage collector may close an engine at any moment and so call this function again: a nested call has no effect.
-    """
+    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait."""
     with _lock:
-        if _inside:
-            yield
-            return
         saved: list[tuple[int, int]] = []
         try:
-            _inside.append(True)
             _flush()
             saved.extend((number, os.dup(number)) for number in (1, 2) if _is_open(number))
             nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -43,7 +34,6 @@ def quiet() -> Iterator[None]:
                 for number, copy in saved:
                     os.dup2(copy, number)
                     os.close(copy)
-                _inside.clear()
 
 
 def _is_open(number: int) -> bool:
@@ -62,18 +52,3 @@ def _flush() -> None:
     # The C library of this process; on Windows, extension modules share `ucrtbase`.
     with suppress(OSError, AttributeError):
         (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)
-
-
-def crashes(call: Callable[[], object]) -> bool:
-    """Whether `call` crashes, tried in a child process: Bullet's mesh readers do not validate their files."""
-    if not hasattr(os, "fork"):
-        return False
-    child = os.fork()
-    if child == 0:
-        with suppress(BaseException):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            for number in (1, 2):
-                os.dup2(nowhere, number)
-            call()
-        os._exit(0)
-    return os.WIFSIGNALED(os.waitpid(child, 0)[1])

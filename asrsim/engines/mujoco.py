@@ -17,7 +17,6 @@ from asrsim.engines import mujoco_step
 from asrsim.engines.base import (
     DAMPING,
     FRICTION,
-    GROUND,
     POSITION,
     ROBOT,
     TORQUE,
@@ -28,7 +27,7 @@ from asrsim.engines.base import (
     contact_forces,
     whole_kick,
 )
-from asrsim.engines.mujoco_build import HARD, base_centre, build, link_body
+from asrsim.engines.mujoco_build import HARD, build, link_body
 from asrsim.engines.mujoco_library import (
     bound,
     compiled_step,
@@ -40,9 +39,9 @@ from asrsim.engines.mujoco_library import (
 from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.packed import pack
-from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import LinkPlacement, merge_fixed
+from asrsim.robot.merge import LinkPlacement, merge_for_engine
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
@@ -70,13 +69,12 @@ class MujocoEngine(RigidEngine):
         stop_the_clock()
         self.version = f"mujoco {library_version()}"
         self.robot, self._scenario = robot, scenario
-        merged = merge_fixed(robot)
+        merged, self.origin = merge_for_engine(robot, fixed_base=scenario.fixed_base)
         shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
-        self._m = self.raw_model = build(mujoco, scenario, shaped)
+        self._m = self.raw_model = build(mujoco, scenario, shaped, self.origin)
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.root, self._free = merged.robot.root.name, not scenario.fixed_base
-        self.centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
@@ -99,7 +97,7 @@ class MujocoEngine(RigidEngine):
             self._mujoco.mju_mat2Quat(turn, rotation_matrix(rpy).ravel())
             m.body_mass[body] = link.mass or 0.0
             m.body_inertia[body] = moments
-            m.body_ipos[body] = link.centre_of_mass - self._shift(link.name)
+            m.body_ipos[body] = link.centre_of_mass
             m.body_iquat[body] = turn
         self._mujoco.mj_setConst(m, data)
 
@@ -111,13 +109,9 @@ class MujocoEngine(RigidEngine):
         """MuJoCo body of a link, and position (3,) in m and rotation (3, 3) of the link in the body."""
         body, pose = self._body(place.body), place.pose
         if body:
-            return body, pose.position - self._shift(place.body), pose.rotation
+            return body, pose.position, pose.rotation
         turn = rotation_matrix(self._scenario.base_rpy)
         return body, self._scenario.base_position + turn @ pose.position, turn @ pose.rotation
-
-    def _shift(self, link: str) -> Array:
-        """Origin (3,) of the link's MuJoCo body in m, in the frame of the link."""
-        return self.centre if link == self.root else np.zeros(3)
 
     def _make_record(self, data: Any) -> mujoco_step.Record:
         joints = [self._m.joint(name) for name in self.joints]
@@ -151,18 +145,12 @@ class MujocoEngine(RigidEngine):
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
         if robot.links != self.robot.links:
-            merged = merge_fixed(robot).robot
-            if not np.array_equal(self.centre, base_centre(self._scenario, merged)):
+            merged, origin = merge_for_engine(robot, fixed_base=self._scenario.fixed_base)
+            if origin != self.origin:
                 return False
-            self._set_inertials(merged.links, self._d)
+            self._set_inertials(merged.robot.links, self._d)
         self.robot = robot
         return True
-
-    def turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link, if it floats."""
-        turn = np.zeros(9)
-        self._mujoco.mju_quat2Mat(turn, configuration[3:7])
-        return turn.reshape(3, 3)
 
 
 class MujocoContacts(MujocoEngine):
@@ -175,9 +163,7 @@ class MujocoContacts(MujocoEngine):
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
         self._objects = [item.name for item in scenario.world.objects]
-        names = {self._m.geom(f"object/{name}").id: name for name in self._objects}
-        if scenario.world.ground:
-            names[self._m.geom(GROUND).id] = GROUND
+        names = {self._m.geom(f"object/{item.name}").id: item.name for item in scenario.world.solids}
         self._owner = [names.get(index, ROBOT) for index in range(self._m.ngeom)]
         self._m.dof_invweight0[:] *= LIGHTER
         self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH

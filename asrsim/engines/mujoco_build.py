@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,8 @@ from asrsim.engines.base import GROUND
 from asrsim.errors import RobotError
 from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
-from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World
 
-GROUND_HALF = 50.0
-"""Half the edge length in m of the box that serves as the ground."""
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot collides with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
@@ -24,7 +20,7 @@ HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: the hardest that MuJoCo accepts."""
 
 
-def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
+def build(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector) -> Any:
     """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
 
     Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
@@ -33,7 +29,7 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
     flags = mujoco.mjtDisableBit
     off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
     try:
-        spec = assemble(mujoco, scenario, robot, centre=base_centre(scenario, robot), shapes=contacts)
+        spec = assemble(mujoco, scenario, robot, origin, shapes=contacts)
         spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -47,10 +43,10 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
 
 
-def assemble(mujoco: Any, scenario: Scenario, robot: Robot, *, centre: Array, shapes: bool) -> Any:
+def assemble(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
     """Editable model (MjSpec) of a robot without fixed joints in its world; joints without limits, bodies of 1 kg.
 
-    centre: origin (3,) of the root link's body in the frame of the link, m. shapes: whether the links have their collision
+    origin: origin of the base's frame in the frame of the root link, m. shapes: whether the links have their collision
     shapes.
     """
     spec = mujoco.MjSpec()
@@ -58,7 +54,7 @@ def assemble(mujoco: Any, scenario: Scenario, robot: Robot, *, centre: Array, sh
     spec.option.impratio = IMPEDANCE_RATIO
     spec.option.gravity = list(scenario.gravity)
     spec.option.timestep = scenario.step
-    _bodies(mujoco, spec, scenario, robot, centre, shapes)
+    _bodies(mujoco, spec, scenario, robot, origin, shapes)
     if not scenario.world.empty:
         _furnish(mujoco, spec, scenario.world)
         _pair(spec, scenario)
@@ -70,19 +66,10 @@ def link_body(name: str) -> str:
     return f"link/{name}"
 
 
-def base_centre(scenario: Scenario, robot: Robot) -> Array:
-    """Origin (3,) of the root link's MuJoCo body in m, in the frame of the link; the centre of mass if the base floats.
-
-    The linear velocity of the base is then the velocity of its centre of mass, as in PyBullet, and both engines compute equal
-    steps.
-    """
-    return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
-
-
-def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, centre: Array, shapes: bool) -> None:
+def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
     kinds = mujoco.mjtJoint
-    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
+    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ origin
     root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion_wxyz(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
@@ -90,57 +77,37 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, centre: Ar
     while waiting:
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
-        shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
+            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape)
             geom.contype, geom.conaffinity = ROBOT_BIT, WORLD_BIT
         for joint in robot.carried.get(name, ()):
-            origin = (np.array(joint.origin) - shift).tolist()
-            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion_wxyz(joint.rpy))
+            child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion_wxyz(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             child.add_joint(name=joint.name, type=kind, axis=list(joint.axis))
             waiting.append((child, joint.child))
 
 
-def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> Any:
-    """Add a shape of a link to the link's body as a geom, and return the geom. shift: origin (3,) of the body in the frame of
-    the link, m."""
-    form = _form(mujoco, spec, name, shape.kind, shape.scale if shape.kind == "mesh" else shape.size, shape.mesh)
-    return body.add_geom(name=name, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion_wxyz(shape.rpy), **form)
-
-
-def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
-    """Attributes that give a geom its shape. size: m; for a mesh, its scale. A mesh is added to the model under `name`."""
-    kinds = mujoco.mjtGeom
-    if kind == "mesh":
-        spec.add_mesh(name=name, file=mesh, scale=list(size))
-        return {"type": kinds.mjGEOM_MESH, "meshname": name}
-    if kind == "box":
-        return {"type": kinds.mjGEOM_BOX, "size": [0.5 * edge for edge in size]}
-    if kind == "sphere":
-        return {"type": kinds.mjGEOM_SPHERE, "size": [size[0], 0.0, 0.0]}
-    return {
-        "type": kinds.mjGEOM_CYLINDER if kind == "cylinder" else kinds.mjGEOM_CAPSULE, "size": [size[0], 0.5 * size[1], 0.0],
-    }  # fmt: skip
+def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> Any:
+    """Add a shape to a body as a geom, and return the geom."""
+    form: dict[str, Any] = {"pos": list(shape.origin), "quat": quaternion_wxyz(shape.rpy)}
+    if shape.kind == "mesh":
+        spec.add_mesh(name=name, file=shape.mesh, scale=list(shape.scale))
+        form["meshname"] = name
+    else:
+        # MuJoCo's sizes are radii and half lengths.
+        halves = [0.5 * length for length in shape.size]
+        form["size"] = halves if shape.kind == "box" else [shape.size[0], *halves[1:], 0.0, 0.0][:3]
+    return body.add_geom(name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), **form)
 
 
 def _furnish(mujoco: Any, spec: Any, world: World) -> None:
-    if world.ground:
-        spec.worldbody.add_geom(
-            name=GROUND,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[GROUND_HALF] * 3,
-            pos=[0.0, 0.0, world.ground_height - GROUND_HALF],
-            contype=WORLD_BIT,
-            conaffinity=ROBOT_BIT | WORLD_BIT,
-        )
-    for item in world.objects:
+    for item in world.solids:
         name = f"object/{item.name}"
         body = spec.worldbody.add_body(name=name, pos=list(item.position), quat=quaternion_wxyz(item.rpy))
         if item.mass:
             body.add_freejoint(name=name)
-        form = _form(mujoco, spec, name, item.shape, item.size, str(item.mesh))
-        body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
+        geom = add_shape(mujoco, spec, body, name, item.solid)
+        geom.mass, geom.contype, geom.conaffinity = item.mass, WORLD_BIT, ROBOT_BIT | WORLD_BIT
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
             body.inertia = list(item.inertia)
@@ -149,15 +116,13 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
 def _pair(spec: Any, scenario: Scenario) -> None:
     """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger
     coefficient."""
-    frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
-    if scenario.world.ground:
-        frictions[GROUND] = scenario.world.ground_friction
+    frictions = {f"object/{item.name}": item.friction for item in scenario.world.solids}
     base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
     # A fixed base that stands on the ground must not have contact forces.
-    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == GROUND)]
+    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object/{GROUND}")]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)
         pair = spec.add_pair(geomname1=a, geomname2=b, condim=3)

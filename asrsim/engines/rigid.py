@@ -24,7 +24,8 @@ from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.packed import pack
-from asrsim.robot.model import Robot
+from asrsim.robot.model import Robot, Vector
+from asrsim.robot.poses import rotation_of
 from asrsim.samples import Array
 
 Numbers = NDArray[Any]
@@ -296,7 +297,7 @@ class Calculation:
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
         compiled if this process has imported Numba."""
         self._function, self._record, self._make = function, record, make
-        self._plain, self._packed = plain(record), pack(record)
+        self._plain, self.packed = plain(record), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -320,7 +321,7 @@ class Calculation:
                 self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
-                self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
+                self._arguments = *[array.ctypes.data for array in (self.packed, *arrays)], len(arrays[-1])
         self._call(*self._arguments)
 
 
@@ -333,8 +334,8 @@ class RigidEngine(Engine):
     robot: Robot
     root: str
     """Name of the base link."""
-    centre: Array
-    """Centre of mass (3,) of the base link in the frame of the link, m."""
+    origin: Vector
+    """Origin of the base's frame in the frame of the base link, m; see `asrsim.robot.merge.merge_for_engine`."""
 
     def __init__(self, room: Room, home: Array, calculation: Calculation | None = None) -> None:
         """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
@@ -391,16 +392,12 @@ class RigidEngine(Engine):
         self._state[:] = values
         self._changed = True
 
-    def turned(self, configuration: Array) -> Array:
-        """Rotation matrix (3, 3) of the base link, if it floats."""
-        raise NotImplementedError
-
     def scene(self) -> Scene:
-        """Pose of the base link, if it floats. The base's position in a state is that of `centre`, a point of the link."""
+        """Pose of the base link, if it floats. The base's position in a state is that of `origin`, a point of the link."""
         if not self._room.free:
             return Scene({}, {})
         w, *vector = self._state[3:7].tolist()
-        origin = self._state[:3] - self.turned(self._state) @ self.centre
+        origin = self._state[:3] - rotation_of((*vector, w)) @ self.origin
         return Scene({self.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:

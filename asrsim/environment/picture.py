@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
@@ -13,10 +11,8 @@ from asrsim.render.shapes import drawable
 from asrsim.samples import Array
 from asrsim.simulation.worlds import Worlds
 
-LOOKS = 3
-"""Number of positions of each joint that must be in the camera's view."""
-MOST = 81
-"""Largest number of robot poses that must be in the camera's view."""
+POSTURES = 40
+"""Number of random postures that must be in the camera's view."""
 
 
 class Picture:
@@ -28,12 +24,11 @@ class Picture:
         scenario, robot = worlds.prepared.scenario, worlds.prepared.robot
         self._scene = RenderScene(drawable(robot, scenario.package_paths)[0], scenario)
         self._painter = Painter(self._scene)
-        joints = [drive.joint for drive in worlds.prepared.drives]
-        ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}
-        poses = [dict(zip(ranges, pose, strict=True)) for pose, _ in zip(product(*ranges.values()), range(MOST), strict=False)]
-        frames = [*(self._scene.frames(pose, {}) for pose in poses), self._frames()]
+        low, high = np.clip(np.transpose([drive.joint.stops for drive in worlds.prepared.drives]), -np.pi, np.pi)
+        postures = [low, high, *np.random.default_rng(0).uniform(low, high, (POSTURES, len(low)))]
+        frames = [*(self._scene.frames(dict(zip(worlds.joints, row, strict=True)), {}) for row in postures), self._frames()]
         cloud = np.concatenate([self._painter.outer_points(one) for one in frames])
-        axis = main_axis(self._scene.axes(frames[-1]), {name: float(np.ptp(values)) for name, values in ranges.items()})
+        axis = main_axis(self._scene.axes(frames[-1]), dict(zip(worlds.joints, high - low, strict=True)))
         self._camera = fit_camera(cloud, viewpoint(axis), aspect=1.0)
 
     def image(self) -> Image:

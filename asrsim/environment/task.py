@@ -69,7 +69,7 @@ class ControlTask:
         # Start positions beyond a stop must raise now, not after hours of training.
         for places in self._start.bounds():
             positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
-            prepared.check_start(Start(positions=positions))
+            prepared.started(Start(positions=positions))
         self._plan = plan(self._random, prepared)
         self._observe, self._tip = one_or_more(options["observe"]), options["tip"]
 

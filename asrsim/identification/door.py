@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.user import load_plugin_file
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError
+from asrsim.plugins import load_plugin_file
 from asrsim.quantities import QUANTITIES
 from asrsim.robot import Robot, check_two_motors
 from asrsim.samples import Array

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.file import kind_of, read_document
 from asrsim.document.kinds import NUMBER, Boolean, File, Integer, ListOf, MapOf, Number, Text
@@ -17,6 +16,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
+from asrsim.plugins import check_named
 from asrsim.scenario.overrides import override_texts
 
 _TIE = re.compile(r"(?:(?P<factor>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from asrsim.kinematics.drive_inverse import equilibrium_for_load
+from asrsim.kinematics.drive_inverse import equilibria_for_loads
 from asrsim.kinematics.path import PoseTrajectory, follow
 from asrsim.kinematics.plan import plan, plan_references, plan_task
 
 __all__ = [
     "PoseTrajectory",
-    "equilibrium_for_load",
+    "equilibria_for_loads",
     "follow",
     "plan",
     "plan_references",

@@ -48,22 +48,14 @@ MOST_KNOTS = 200
 # -- at rest ---------------------------------------------------------------------------------------------------------
 
 
-def equilibrium_for_load(drive: Drive, position: float, load: float, preset: float, *, droop: bool = False) -> float:
-    """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
-
-    preset: the second reference (stiffness preset, or adjuster in m). droop: whether to include the steady-state error of the
-    motors under their load. Raises ScenarioError if the springs or the motors cannot hold the load.
-    """
-    values = (np.array([value], dtype=float) for value in (position, load, preset))
-    return float(equilibria_for_loads(drive, *values, droop=droop)[0])
-
-
 def equilibria_for_loads(
     drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
 ) -> Array:
-    """Equilibrium positions (n,) at the instants of a motion, rad; see `equilibrium_for_load`. All arrays are (n,).
+    """Equilibrium positions (n,) in rad at which the springs put `loads` (n,) in N m on a link at `positions` (n,) in rad.
 
-    time: times for error messages, s.
+    presets: the second references (n,): stiffness preset, or adjuster in m. droop: whether to include the steady-state error of
+    the motors under their load. time: times (n,) for error messages, s. Raises ScenarioError if the springs or the motors
+    cannot hold a load.
     """
     rest = rest_under_torque(drive, positions, loads, presets, droop=droop)
     springs = rest.springs

@@ -45,22 +45,17 @@ class Demand:
 
     joint: str
     what: str
-    """Name of the demand: `motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or
-    `error from the start` (an error in the first moments that learning cannot remove)."""
+    """Name of the demand: `motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort` or `joint
+    stop`."""
     needed: float
     limit: float
     unit: str
     time: float
     """Instant of the largest value, s."""
+    score: float
+    """Needed value divided by the limit, 2 beyond a stop; above 1 the drive cannot follow the motion."""
     motor: int = 0
     """Number of the motor, 1 or 2; 0 if the demand does not concern a motor."""
-
-    @property
-    def score(self) -> float:
-        """Needed value divided by the limit; above 1 the drive cannot follow the motion."""
-        if self.what == "joint stop":
-            return 2.0
-        return abs(self.needed / self.limit) if self.limit else (np.inf if self.needed else 0.0)
 
     def __str__(self) -> str:
         which = f" of motor {self.motor}" if self.motor else ""
@@ -76,33 +71,19 @@ class InverseDynamics:
 
     motion: DesiredMotion
     """Desired motion of the model's joints."""
-    joints: tuple[str, ...]
-    """Names of the driven joints."""
-    torques: Array = field(repr=False)
-    """Torques (n, joints) on the links, N m."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
     """Demands on all parts of all joints, the highest score first."""
 
-    @property
-    def inputs(self) -> Array:
-        """First references (n, joints) of the joints."""
-        return np.column_stack([drive.inputs for drive in self.drives])
-
-    @property
-    def out_of_reach(self) -> tuple[Demand, ...]:
-        """Demands beyond their limit."""
-        return tuple(demand for demand in self.demands if demand.score > 1.0)
-
-    def inputs_at(self, time: Array, delays: Sequence[float] = ()) -> Array:
+    def inputs_at(self, time: Array, delays: Sequence[float]) -> Array:
         """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
         from scipy.interpolate import CubicSpline
 
         own = self.motion.time
-        columns = []
-        for index, values in enumerate(self.inputs.T):
-            ahead = np.clip(time + (delays[index] if len(delays) else 0.0), own[0], own[-1])
-            columns.append(CubicSpline(own, values)(ahead))
+        columns = [
+            CubicSpline(own, drive.inputs)(np.clip(time + delay, own[0], own[-1]))
+            for drive, delay in zip(self.drives, delays, strict=True)
+        ]
         return np.column_stack(columns)
 
 
@@ -169,7 +150,7 @@ class SoftArm:
             raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         rigid = self.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
-        found, torques, demands = [], [], []
+        found, demands = [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)
             position, velocity = motion.positions[:, column], motion.velocities[:, column]
@@ -185,12 +166,9 @@ class SoftArm:
                 torque = torque + _link_damping(drive, law, position, item) * velocity
                 item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             found.append(item)
-            torques.append(torque)
             demands += demands_of(drive, motion.time, position, torque, item, joint)
-        return InverseDynamics(
-            motion=motion, joints=tuple(joints), torques=np.column_stack(torques), drives=tuple(found),
-            demands=tuple(sorted(demands, key=lambda demand: -demand.score)),
-        )  # fmt: skip
+        demands.sort(key=lambda demand: -demand.score)
+        return InverseDynamics(motion=motion, drives=tuple(found), demands=tuple(demands))
 
 
 def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
@@ -217,20 +195,20 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
         rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))
     found: list[Demand] = []
 
-    def add(what: str, motor: int, unit: str, needed: Array, limits: Array, shares: Array) -> None:
-        worst = int(np.argmax(shares))
+    def add(what: str, motor: int, unit: str, needed: Array, limits: Array, scores: Array) -> None:
+        worst = int(np.argmax(scores))
         found.append(Demand(
             joint=drive.joint, what=what, motor=motor, unit=linear_unit(unit) if joint.kind == "prismatic" else unit,
-            needed=float(needed[worst]), limit=float(limits[worst]), time=float(time[worst]),
+            needed=float(needed[worst]), limit=float(limits[worst]), time=float(time[worst]), score=float(scores[worst]),
         ))  # fmt: skip
 
     for what, motor, unit, needed, limit in rows:
         limits = np.broadcast_to(np.abs(limit), needed.shape)
         with np.errstate(all="ignore"):
-            shares = np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf)
-        add(what, motor, unit, needed, limits, np.where(judged, shares, -1.0))
+            scores = np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf)
+        add(what, motor, unit, needed, limits, np.where(judged, scores, -1.0))
     within = np.clip(position, *joint.stops)
     beyond = np.abs(position - within)
     if beyond.max() > 1e-3:
-        add("joint stop", 0, "rad", position, within, beyond)
+        add("joint stop", 0, "rad", position, within, np.where(beyond == beyond.max(), 2.0, 0.0))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,28 +36,6 @@ BENDS = (0.0, 0.3, -0.3)
 its point cannot move along the arm."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlannedReferences:
-    """References and joint positions that fulfil a Cartesian task."""
-
-    path: JointPath
-    """Link positions that fulfil the task."""
-    references: Mapping[str, Mapping[str, Array]]
-    """Reference values (n,) at `path.time`, by joint and name of the reference."""
-
-    @property
-    def time(self) -> Array:
-        """Times (n,) of the path and the references, s."""
-        return self.path.time
-
-    def signals(self) -> dict[str, dict[str, Signal]]:
-        """The references as signals, for a scenario's `references`."""
-        return {
-            joint: {name: Sampled(times=self.time, samples=values) for name, values in items.items()}
-            for joint, items in self.references.items()
-        }
-
-
 def plan(
     task: CartesianTask,
     model: RobotModel,
@@ -66,8 +44,9 @@ def plan(
     duration: float,
     *,
     presets: Mapping[str, Signal] | None = None,
-) -> PlannedReferences:
-    """References that move the task's point along its poses.
+) -> tuple[JointPath, dict[str, dict[str, Array]]]:
+    """Path of the links that moves the task's point along its poses, and values (n,) of the references at the times of this
+    path, by joint and name of the reference.
 
     drives: drives of the actuated joints. A joint that the task does not move stays at its initial position; with gravity
     compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
@@ -88,12 +67,14 @@ def plan(
     references = {}
     for drive in drives:
         index = model.joints.index(drive.joint)
-        preset = _preset(task, drive, presets or {}, time)
+        preset = np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
+        if presets and drive.joint in presets:
+            preset = presets[drive.joint].values(time)
         equilibria = path.positions[:, index].copy()
         if loads is not None and drive.mode.spring:
             equilibria = equilibria_for_loads(drive, equilibria, loads[:, index], preset, droop=task.motor_droop, time=time)
         references[drive.joint] = _references(drive, equilibria, preset)
-    return PlannedReferences(path=path, references=references)
+    return path, references
 
 
 def _check_path(
@@ -133,13 +114,6 @@ def _check_path(
     )
 
 
-def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
-    """Values (n,) of the second reference at `time`."""
-    if drive.joint in presets:
-        return presets[drive.joint].values(time)
-    return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
-
-
 def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
     """Values of each reference of the mode, by name, for the given equilibrium positions."""
     mode = drive.mode
@@ -167,19 +141,24 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
         }
     else:
         try:
-            task = plan_task(scenario, robot)
+            path, references = plan_task(scenario, robot)
         except ScenarioError as error:
             raise ScenarioError([scenario.placed(problem) for problem in error.problems]) from None
-        planned = task.signals()
-        path = zip([joint.name for joint in robot.moving_joints], task.path.positions.T, strict=True)
-        desired = {name: Sampled(times=task.time, samples=np.ascontiguousarray(column)) for name, column in path}
+        planned = {joint: _signals(path.time, values) for joint, values in references.items()}
+        joints = [joint.name for joint in robot.moving_joints]
+        desired = _signals(path.time, dict(zip(joints, path.positions.T, strict=True)))
     if not planned:
         return scenario
-    references = dict(scenario.references)
-    for joint, signals in planned.items():
-        references[joint] = {**scenario.references_of(joint), **signals}
     # The references replace the plan, so that preparing the scenario again does not plan the task again.
-    return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
+    changed = {joint: {**scenario.references_of(joint), **signals} for joint, signals in planned.items()}
+    return replace(
+        scenario, references={**scenario.references, **changed}, inverse_dynamics={}, desired={**desired, **scenario.desired}
+    )
+
+
+def _signals(time: Array, values: Mapping[str, Array]) -> dict[str, Signal]:
+    """Signals of values (n,) at `time` (n,), by name."""
+    return {name: Sampled(times=time, samples=np.ascontiguousarray(column)) for name, column in values.items()}
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
@@ -211,7 +190,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
     arm = SoftArm(scenario=scenario, robot=robot)
     inverse = arm.inverse(time, joints, wanted)
-    unheld = [demand for demand in inverse.out_of_reach if demand.what == "spring torque"]
+    unheld = [demand for demand in inverse.demands if demand.score > 1.0 and demand.what == "spring torque"]
     if unheld:
         raise ScenarioError(
             [
@@ -223,14 +202,11 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
             ]
         )  # fmt: skip
     inputs = inverse.inputs_at(time, [arm.delay(joint) for joint in joints])
-    return {
-        joint: {names[joint]: Sampled(times=time, samples=np.ascontiguousarray(column))}
-        for joint, column in zip(joints, inputs.T, strict=True)
-    }
+    return {joint: _signals(time, {names[joint]: column}) for joint, column in zip(joints, inputs.T, strict=True)}
 
 
-def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
-    """References and joint path for the task of a scenario. Raises ScenarioError as `plan_references` does."""
+def plan_task(scenario: Scenario, robot: Robot) -> tuple[JointPath, dict[str, dict[str, Array]]]:
+    """Joint path and references for the task of a scenario. Raises ScenarioError as `plan_references` does."""
     if scenario.task is None:
         raise ScenarioError("the scenario has no Cartesian task", key="task", code="no-task")
     drives = [drive_of(block) for block in robot.actuators]

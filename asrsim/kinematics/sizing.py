@@ -176,15 +176,10 @@ class _Joint:
         low, high = self._joint.stops
         self._places = np.linspace(np.maximum(low, wanted - FARTHEST), np.minimum(high, wanted + FARTHEST), TABLE)
         spread = np.repeat(self._goals[:, None], TABLE, axis=1).reshape(len(self._goals), -1)
-        _, torques = self._at_rest(self._places.ravel(), spread)
+        _, torques = resting_motors(drive, self._places.ravel(), spread)
         effort = self._joint.most_effort
         self._torques = np.clip(torques.sum(axis=0), -effort, effort).reshape(self._places.shape)
         self._slopes = np.maximum(-np.gradient(self._torques, axis=0) / np.gradient(self._places, axis=0), 0.0)
-
-    def _at_rest(self, position: Array, goals: Array) -> tuple[Array, Array]:
-        """Positions of the motors at rest, and torques of the springs in N m."""
-        resting = resting_motors(self._drive, position, goals)
-        return resting, over_arrays(self._drive.actuator.elastic_torques)(position, *resting, self._drive.elastic)
 
     def settle(self, position: Array, load: Array, share: Array) -> Array:
         """Position (n,) after a relaxation step towards equilibrium with the load. share: fraction of a full step."""
@@ -200,7 +195,7 @@ class _Joint:
         worst = int(np.argmax(off))
         low, high = self._joint.stops
         stopped = min(abs(position[worst] - low), abs(position[worst] - high)) < 1e-6
-        resting, torques = (rows[:, worst] for rows in self._at_rest(position, self._goals))
+        resting, torques = (rows[:, worst] for rows in resting_motors(self._drive, position, self._goals))
         most = np.array(self._drive.max_torque or np.inf)
         motors = self._drive.actuator.motors
         return Holding(

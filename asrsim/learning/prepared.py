@@ -85,5 +85,4 @@ def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
     law: Law = FixedGain(problem, settings)
     if settings.law == "auto":
         law = NormOptimal(problem, model.lifted)
-    demands = tuple(sorted(model.inverse.demands, key=lambda one: -one.score))
-    return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=demands)
+    return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=model.inverse.demands)

@@ -6,7 +6,6 @@ import hashlib
 import inspect
 import json
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
+from asrsim.robot.meshes import usable_shapes
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -48,11 +48,10 @@ def identity_of(plant: Plant) -> str:
 
 def _files(plant: Plant) -> Iterator[Path]:
     """Files of the scenario (such as playbacks and meshes of objects), and collision meshes of the robot."""
-    from asrsim.robot import engine_urdf
-
     scenario = plant.scenario
-    text, _ = engine_urdf(plant.robot, package_paths=scenario.package_paths)
-    for path in (*scenario.attachments.values(), *map(Path, re.findall(r'filename="([^"]*)"', text))):
+    robot, _ = usable_shapes(plant.robot, package_paths=scenario.package_paths)
+    meshes = [Path(shape.mesh) for link in robot.links for shape in link.collisions if shape.mesh]
+    for path in (*scenario.attachments.values(), *meshes):
         # A ROS 2 bag is a folder.
         yield from path.rglob("*") if path.is_dir() else [path]
 

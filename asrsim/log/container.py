@@ -28,7 +28,6 @@ from mcap.records import (
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 
 from asrsim import __version__
@@ -255,16 +254,9 @@ class McapContainer:
             metadata_count=self._records[Opcode.METADATA_INDEX], schema_count=self._records[Opcode.SCHEMA],
         )  # fmt: skip
         self._summarise(Opcode.STATISTICS, encode(statistics))
-        summary = offsets = b""
-        for opcode, group in self._summary.items():
-            if group:
-                offset = SummaryOffset(group_opcode=opcode, group_start=start + len(summary), group_length=len(group))
-                offsets += encode(offset)
-                summary += group
-        offset_start = start + len(summary)
-        summary += offsets
-        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
-        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(checked))
+        summary = b"".join(self._summary.values())
+        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
+        footer = Footer(summary_start=start, summary_offset_start=0, summary_crc=zlib.crc32(checked))
         self._storage.finish(body + summary, footer)
 
     def close(self) -> None:

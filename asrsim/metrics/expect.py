@@ -122,7 +122,8 @@ def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationR
 def subject_of(expectation: Expectation) -> tuple[object, ...]:
     """Key of the number that a claim measures: claims with equal keys share the number and differ in the comparison."""
     claim = expectation
-    return claim.joint, claim.body, claim.quantity, claim.measure, claim.against, repr(sorted(claim.options.items(), key=repr))
+    options = repr(sorted(claim.options.items(), key=repr))
+    return claim.joint, claim.body, claim.quantity, claim.measure, claim.reference, claim.against, options
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:

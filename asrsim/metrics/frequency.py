@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.excitation import excited_band
@@ -25,7 +24,8 @@ from asrsim.metrics.local import local_rational
 from asrsim.metrics.spectra import Spectra, uniform
 from asrsim.samples import Array
 
-METHODS = ("auto", "lines", "local")
+CONFIDENCE = 0.95
+"""Confidence level of the bands."""
 _STILL, _NOTHING = 1e-7, 1e-12
 """Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
 _TRUSTED = 0.5
@@ -50,14 +50,6 @@ class FrequencyResponse:
     """Upper edge (m,) of the gain's confidence band."""
     phase_margin: Array
     """Half-width (m,) of the phase's confidence band, degrees; 180 if the phase is unknown."""
-    confidence: float
-    """Confidence level of the bands, such as 0.95."""
-    averages: float
-    """Number of complex degrees of freedom of a point's confidence band."""
-    resolution: float
-    """Distance between independent points, Hz."""
-    method: str
-    """Name of the estimator: lines or local."""
     band: tuple[float, float]
     """Excited band, Hz."""
     resonance: tuple[float, float] | None
@@ -70,18 +62,10 @@ class FrequencyResponse:
     """Whether the output moves. False: static friction stops the output, or the input does not act on the output."""
     findings: tuple[Problem, ...] = ()
 
-    def at(self, frequencies: Array) -> NDArray[np.complex128]:
-        """Complex response at the frequencies (k,) Hz by linear interpolation; NaN outside the band."""
-        value = self.gain * np.exp(1j * np.radians(self.phase))
-        real = np.interp(frequencies, self.frequency, value.real, left=math.nan, right=math.nan)
-        imaginary = np.interp(frequencies, self.frequency, value.imag, left=math.nan, right=math.nan)
-        return np.asarray(real + 1j * imaginary)
-
 
 def frequency_response(
-    time: Array, excitation: Array, output: Array, *, band: tuple[float, float] | None = None, method: str = "auto",
-    confidence: float = 0.95,
-) -> FrequencyResponse:  # fmt: skip
+    time: Array, excitation: Array, output: Array, *, band: tuple[float, float] | None = None
+) -> FrequencyResponse:
     """Frequency response of the output to the excitation: a chirp, a multisine, noise or any other varying signal.
 
     Args:
@@ -89,14 +73,10 @@ def frequency_response(
         excitation: Input (n,). NaN at the ends are removed; inside, gaps of up to three samples are interpolated.
         output: Output (n,).
         band: Lowest and highest frequency, Hz; None: the band with more than -20 dB of the input's largest power.
-        method: auto, lines or local.
-        confidence: Confidence level of the bands.
 
     Raises:
         RecordingError: The record is too short, the input constant, or no frequency of the band excited.
     """
-    if method not in METHODS:
-        raise RecordingError(f"no method is called '{method}'", choices=METHODS)
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
         raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
@@ -114,13 +94,7 @@ def frequency_response(
         )  # fmt: skip
     step = float(t[1] - t[0])
     low, high, lines = excited_band(u, step, band)
-    chosen = ("local" if lines is None else "lines") if method == "auto" else method
-    if chosen == "local":
-        spectra = local_rational(u, y, step, low, high)
-    elif lines is not None:
-        spectra = by_lines(u, y, step, lines)
-    else:
-        raise RecordingError("the excitation does not consist of separate lines", code="no-lines", hint="Expected a multisine")
+    spectra = local_rational(u, y, step, low, high) if lines is None else by_lines(u, y, step, lines)
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
@@ -132,12 +106,10 @@ def frequency_response(
             Problem(f"there is a single frequency, {spectra.frequency[0]:.4g} Hz: gain and phase are points, not curves",
                     code="single-frequency", hint="A chirp, a multisine or a wider band gives more")
         )  # fmt: skip
-    return _response(spectra, chosen, (low, high), confidence, moves, findings)
+    return _response(spectra, (low, high), moves, findings)
 
 
-def _response(
-    spectra: Spectra, method: str, band: tuple[float, float], confidence: float, moves: bool, findings: list[Problem]
-) -> FrequencyResponse:
+def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings: list[Problem]) -> FrequencyResponse:
     from scipy.stats import f, t
 
     gain = np.abs(spectra.response)
@@ -146,13 +118,13 @@ def _response(
     # distribution, because the variance is estimated too. If the noise exceeds the response, the phase is unknown: use the
     # whole disc.
     sigma = spectra.deviation / math.sqrt(2)
-    disc = sigma * math.sqrt(2 * float(f.ppf(confidence, 2, 2 * spectra.freedom)))
-    width = np.where(disc < 1, sigma * float(t.ppf(0.5 + confidence / 2, 2 * spectra.freedom)), disc)
+    disc = sigma * math.sqrt(2 * float(f.ppf(CONFIDENCE, 2, 2 * spectra.freedom)))
+    width = np.where(disc < 1, sigma * float(t.ppf(0.5 + CONFIDENCE / 2, 2 * spectra.freedom)), disc)
     margin = np.where(width < 1, np.degrees(np.arcsin(np.minimum(width, 1.0))), 180.0)
     return FrequencyResponse(
         frequency=spectra.frequency, gain=gain, phase=phase, coherence=np.clip(spectra.coherence, 0, 1),
         gain_low=gain * np.maximum(1 - width, 0), gain_high=gain * (1 + width), phase_margin=margin,
-        confidence=confidence, averages=spectra.freedom, resolution=spectra.resolution, method=method, band=band,
+        band=band,
         resonance=_resonance(spectra.frequency, gain, spectra.coherence) if moves else None,
         bandwidth=_bandwidth(spectra.frequency, gain) if moves else None, moves=moves, findings=tuple(findings),
     )  # fmt: skip

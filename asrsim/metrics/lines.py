@@ -57,7 +57,7 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
     return Spectra(
         frequency=cycles / (n * step), response=response, coherence=1 / (1 + freedom * relative), deviation=np.sqrt(relative),
-        freedom=float(freedom.min()), resolution=1.0 / (count * step),
+        freedom=float(freedom.min()),
     )  # fmt: skip
 
 

@@ -16,15 +16,13 @@ STILL = 1e-12
 """Smallest variation that counts as motion, in the unit of the series; smaller variations are rounding errors."""
 
 
-def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
+def frequency(time: Array, values: Array) -> float:
     """Frequency in Hz of the dominant oscillation about the steady state; undefined without an oscillation.
 
     While the oscillation exceeds the residual motion at the end: slope of a straight line through the times of the
     interpolated zero crossings (least squares, both directions together), exact for a damped oscillation with even crossings.
     For uneven crossings (several modes, noise): peak of the Hann-windowed Fourier transform, refined between bins. Fewer than
     two crossings in a direction count as no oscillation.
-
-    lowest: lower limit of the frequency, Hz; slower motions (a drift, a moving reference) are ignored.
     """
     largest, smallest = float(np.max(values)), float(np.min(values))
     if len(time) < 8 or not largest - smallest > STILL:
@@ -35,16 +33,15 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
     excursion = float(np.max(np.abs(x)))
     noise = 4 * float(np.std(x[-max(len(time) // 10, 2) :]))
     up, down = _crossings(time, x, min(max(noise, _FLOOR[0] * excursion), _FLOOR[1] * excursion))
-    if min(len(up), len(down)) >= 2:
-        even = _even(up, down)
-        if even is not None and even > lowest:
-            return even
-    elif lowest == 0.0:
+    if min(len(up), len(down)) < 2:
         return math.nan
+    even = _even(up, down)
+    if even is not None:
+        return even
     # Exclude the approach to the steady state and the standstill after it, which would dominate the spectrum.
-    crossed = sorted(up + down) or [float(time[0])]
-    ringing = (time >= crossed[0]) & (time <= crossed[-1]) if len(crossed) > 3 else time >= crossed[0]
-    return _spectral_peak(time[ringing], x[ringing], lowest) if ringing.sum() >= 8 else math.nan
+    crossed = sorted(up + down)
+    ringing = (time >= crossed[0]) & (time <= crossed[-1])
+    return _spectral_peak(time[ringing], x[ringing]) if ringing.sum() >= 8 else math.nan
 
 
 def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[float]]:
@@ -78,7 +75,7 @@ def _even(up: list[float], down: list[float]) -> float | None:
     return 1.0 / period
 
 
-def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
+def _spectral_peak(time: Array, x: Array) -> float:
     """Frequency of the largest magnitude of the windowed transform, refined between bins by a parabola."""
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
@@ -89,7 +86,7 @@ def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
     # Below one period per record the window's main lobe dominates; its flank may reach higher, but is not a peak.
-    allowed = bins >= max(lowest, 1.0 / (grid[-1] - grid[0]))
+    allowed = bins >= 1.0 / (grid[-1] - grid[0])
     allowed[[0, -1]] = False
     allowed[1:-1] &= (spectrum[1:-1] >= spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])
     if not allowed.any():

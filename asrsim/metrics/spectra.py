@@ -29,8 +29,6 @@ class Spectra:
     """
     freedom: float
     """Number of complex degrees of freedom from which each deviation is estimated."""
-    resolution: float
-    """Distance between independent points, Hz."""
 
 
 def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[Problem]]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from asrsim.plots.curves import RunCurves, read_curves
-from asrsim.plots.decimate import Envelope, decimate
+from asrsim.plots.decimate import Curve, Envelope, decimate
 from asrsim.plots.figures import draw_run
-from asrsim.plots.world import Curve
 
 __all__ = ["Curve", "Envelope", "RunCurves", "decimate", "draw_run", "read_curves"]

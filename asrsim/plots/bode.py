@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asrsim.metrics.frequency import CONFIDENCE
 from asrsim.plots import style
 from asrsim.plots.figures import PER_PAGE, Page, joint_title
 from asrsim.plots.layout import PanelGrid, set_title
@@ -73,7 +74,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
     if moving:
         axes[1, -1].text(
-            1.02, 1.0, f"shaded: {moving[0].response.confidence:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
+            1.02, 1.0, f"shaded: {CONFIDENCE:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
             fontsize=8, color=style.GREY,
         )  # fmt: skip
     if title:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -24,6 +24,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     data = info.resolved.get("scenario", {})
     if not isinstance(data, dict) or not data.get("expect"):
         return ()
+    from asrsim.runs.repeat import unpacked
     from asrsim.scenario import scenario_from_data
 
     robot = folder / "robot.urdf"
@@ -35,7 +36,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     scenario = scenario_from_data(
         {"duration": 1.0, "expect": data["expect"], "world": {"objects": objects}, "engine": data.get("engine")},
         base_dir=Path(info.scenario_path).parent if info.scenario_path else None,
-        files=_unpacked(info, folder / "files"),
+        files=unpacked(info, folder / "files"),
         robot=robot,
         variant=info.variant,
     )
@@ -59,21 +60,6 @@ def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) ->
                 if recording.path.is_file() and recording.path.read_bytes() == content:
                     found.setdefault(str(recording.path), lag)
     return found
-
-
-def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
-    """Paths of the files unpacked from the log, by their names in the log; for a bag the path of its folder."""
-    files: dict[str, Path] = {}
-    for name, content in info.attachments.items():
-        parts = PurePosixPath(name.replace("\\", "/")).parts
-        # The names come from a file that is not trusted: reject paths outside the folder.
-        if not parts or ".." in parts or PurePosixPath(name).is_absolute():
-            continue
-        path = folder.joinpath(*parts)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-        files[name] = path
-    return files
 
 
 def judge(reader: LogReader) -> tuple[ExpectationResult, ...]:

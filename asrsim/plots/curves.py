@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain, takewhile
 from pathlib import Path
 
@@ -13,17 +13,23 @@ import numpy as np
 from asrsim.errors import LogError, Problem
 from asrsim.log import LogReader, open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.plots.decimate import BINS, Envelope
-from asrsim.plots.world import Curve, WorldEnvelope
+from asrsim.plots.decimate import BINS, Curve, Envelope
 from asrsim.quantities import DERIVED, QUANTITIES, Quantity
-from asrsim.samples import Array, JointInfo, RunInfo, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, RunInfo, Samples
 
 REFERENCE = "reference_position"
 EXTRA: dict[str, Quantity] = {
     REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references ask for"),
 }
 """Quantities that only pictures use: the position reference, which has the same name in all operation modes."""
-KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
+OBJECT, TASK_TIP = ("dx", "dy", "dz", "force"), ("dx", "dy", "dz", "reference_x", "reference_y", "reference_z", "error")
+"""Quantities of an object of the world and of the tip of a Cartesian task: displacement from the first sample; magnitude of the
+contact forces without the ground; goal and distance to the goal.
+"""
+BODIES: dict[str, Quantity] = {
+    name: Quantity(name, "N" if name == "force" else "m", name, "") for name in dict.fromkeys((*OBJECT, *TASK_TIP))
+}
+KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA | BODIES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +43,9 @@ class RunCurves:
     joints: tuple[JointInfo, ...]
     """Joints that were selected from the log."""
     curves: Mapping[tuple[str, str], Curve]
-    """Curve of each (joint, quantity) that the run has."""
-    bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
-    """Curves of each world object: dx, dy, dz (displacement from the first sample, m) and force (magnitude of the contact
-    forces, N).
-    """
+    """Curve of each (joint or body, quantity) that the run has."""
+    bodies: tuple[JointInfo, ...] = ()
+    """Objects of the world and the tip of a task, described as joints are."""
     status: str = "complete"
     samples: int
 
@@ -51,15 +55,15 @@ class RunCurves:
 
 
 def joint_info(runs: Sequence[RunCurves], joint: str) -> JointInfo:
-    """Description of a joint, from the first run that has it."""
-    return next(info for run in runs for info in run.joints if info.name == joint)
+    """Description of a joint or body, from the first run that has it."""
+    return next(info for run in runs for info in (*run.joints, *run.bodies) if info.name == joint)
 
 
 class CurveSource:
-    """Stored and derived quantities of a log's joints, read chunk by chunk.
+    """Stored and derived quantities of a log's joints and bodies, read chunk by chunk.
 
-    joints, quantities: all by default; start, end: limits of the part to read, s. Raises LogError for unknown names and
-    for files that are not logs.
+    joints, quantities: all by default; bodies: also read the bodies; start, end: limits of the part to read, s. Raises LogError
+    for unknown names and for files that are not logs.
     """
 
     def __init__(
@@ -68,6 +72,7 @@ class CurveSource:
         *,
         joints: Sequence[str] | None = None,
         quantities: Sequence[str] | None = None,
+        bodies: bool = False,
         start: float | None = None,
         end: float | None = None,
     ) -> None:
@@ -75,18 +80,24 @@ class CurveSource:
         self.reader = open_log(path)
         self.joints = _members(self.reader, joints)
         self._names = _names(self.reader, self.joints, quantities)
-        self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
-        """Joint and quantity of each column of the matrix."""
         self._stored = stored(self._names, self.reader.info.joints)
+        first = next(self.reader.iter_samples(quantities=(), joints=(), start=start, end=end), None) if bodies else None
+        found = {} if first is None else first.bodies
+        self._origins = {name: poses[0, :3] for name, poses in found.items() if name != TIP_GOAL or TIP not in found}
+        self.bodies = tuple(
+            JointInfo(name=name, actuator="", mode=None, quantities=TASK_TIP if name == TIP else OBJECT)
+            for name in self._origins
+        )
+        self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
+        """Joint or body, and quantity, of each column of the matrix."""
+        self.columns += [(body.name, name) for body in self.bodies for name in body.quantities]
 
-    def run(
-        self, curves: Mapping[tuple[str, str], Curve], samples: int, *, bodies: Mapping[str, Mapping[str, Curve]] | None = None
-    ) -> RunCurves:
+    def run(self, curves: Mapping[tuple[str, str], Curve], samples: int) -> RunCurves:
         """Description of this log's run together with the given curves."""
         reader = self.reader
         return RunCurves(
             path=reader.path, info=reader.info, label=reader.info.variant or reader.path.stem, joints=self.joints,
-            curves=curves, bodies=bodies or {}, status=reader.status, samples=samples,
+            curves=curves, bodies=self.bodies, status=reader.status, samples=samples,
         )  # fmt: skip
 
     def span(self, first: float) -> tuple[float, float]:
@@ -104,7 +115,8 @@ class CurveSource:
         for part in _ordered(samples, self.reader.path):
             empty = False
             columns = table(part, self._names, self.reader.info.joints)
-            yield part, np.concatenate([columns[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
+            moved = [self._moved(body.name, part) for body in self.bodies]
+            yield part, np.concatenate([np.empty((len(part.time), 0)), *columns.values(), *moved], axis=1)
         if empty:
             window = self._start is not None or self._end is not None
             ended = "The run ended before its first chunk was written" if self.reader.truncated else None
@@ -112,6 +124,17 @@ class CurveSource:
                 "the log contains no samples" + (" in that time" if window else ""), file=self.reader.path, code="empty-log",
                 hint=f"It lasts {self.reader.duration:g} s" if window and not ended else ended,
             )  # fmt: skip
+
+    def _moved(self, name: str, part: Samples) -> Array:
+        """Values (n, quantities) of a body; NaN where the log lacks the body."""
+        lacking = np.full((len(part.time), 3), np.nan)
+        moved = part.bodies[name][:, :3] - self._origins[name] if name in part.bodies else lacking
+        if name == TIP:
+            goal = part.bodies[TIP_GOAL][:, :3] - self._origins[name] if TIP_GOAL in part.bodies else lacking
+            return np.concatenate([moved, goal, np.linalg.norm(moved - goal, axis=1)[:, None]], axis=1)
+        forces = (force for other, force in part.forces_on(name).items() if other != "ground")
+        push = sum(forces, np.zeros((len(part.time), 3)))
+        return np.concatenate([moved, np.linalg.norm(push, axis=1)[:, None]], axis=1)
 
 
 def read_curves(
@@ -129,22 +152,19 @@ def read_curves(
     joints, quantities: all by default, derived quantities included; start, end: limits of the part to read, s. Raises
     LogError for unknown names, files that are not logs, and a part without samples.
     """
-    source = CurveSource(path, joints=joints, quantities=quantities, start=start, end=end)
+    source = CurveSource(path, joints=joints, quantities=quantities, bodies=bodies, start=start, end=end)
     chunks = source.chunks()
     head = next(chunks)
     first, last = source.span(float(head[0].time[0]))
     envelope = Envelope(start=first, end=last, bins=bins)
-    world = WorldEnvelope(head[0], start=first, end=last, bins=bins) if bodies else None
     for part, matrix in chain([head], chunks):
         envelope.add(part.time, matrix)
-        if world is not None:
-            world.add(part)
     curves = {}
     for index, column in enumerate(source.columns):
         time, values = envelope.column(index)
         if np.isfinite(values).any():
             curves[column] = Curve(time=time, values=values)
-    return source.run(curves, envelope.samples, bodies=world.curves() if world is not None else {})
+    return source.run(curves, envelope.samples)
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:

@@ -6,6 +6,7 @@ A line through the kept samples covers the same pixels as a line through all sam
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,22 @@ from asrsim.samples import Array
 
 BINS = 1500
 """Number of intervals per picture, larger than the width of a panel in pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Thinned time series."""
+
+    time: Array
+    """Times (k,), s."""
+    values: Array
+    """Values (k,), SI units."""
+
+    @property
+    def extent(self) -> float:
+        """Largest magnitude of the values; 0 without samples."""
+        finite = self.values[np.isfinite(self.values)]
+        return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 class Envelope:

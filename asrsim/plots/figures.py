@@ -15,9 +15,16 @@ from asrsim.plots.curves import REFERENCE, RunCurves, joint_info, read_curves
 from asrsim.plots.layout import GAP_Y, PanelGrid, set_title
 from asrsim.plots.legends import LIMIT, legend
 from asrsim.plots.output import check_formats, save_figure, styled
-from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
-from asrsim.plots.view import draw_curve, show_time, show_values
-from asrsim.plots.world import BodyPanel, body_panels
+from asrsim.plots.panels import (
+    BODY_PANELS,
+    ENERGY_PANELS,
+    JOINT_PANELS,
+    PANELS,
+    Panel,
+    content,
+    draw_panel,
+    quantity_panel,
+)
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -45,18 +52,19 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     only the first page of joints follows.
     """
     if quantities is not None:
-        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joint_names(runs))
         return
-    many = len(joint_names(runs)) >= OVERVIEW_FROM
+    joints = joint_names(runs)
+    many = len(joints) >= OVERVIEW_FROM
     if many:
         yield Page(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
-    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
+    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs, joints), 1 if first else None)
     if not brief:
-        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
-    if any(run.bodies for run in runs):
-        yield Page(name="objects", figure=objects_figure(runs))
+        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs, joints)
+    bodies = tuple(dict.fromkeys(body.name for run in runs for body in run.bodies))
+    yield from islice(_grid_pages("objects", "objects", BODY_PANELS, runs, bodies), 1 if brief else None)
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
@@ -64,10 +72,12 @@ def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
 
 
-def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
+def _grid_pages(
+    name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves], joints: Sequence[str]
+) -> Iterator[Page]:
     # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
-    for joint in joint_names(runs):
+    for joint in joints:
         alike.setdefault(tuple(panel.key for panel in panels if content(panel, runs, joint)), []).append(joint)
     groups = sorted((item for item in alike.items() if item[0]), key=lambda item: -len(item[0]))
     pages = [joints[index : index + PER_PAGE] for _, joints in groups for index in range(0, len(joints), PER_PAGE)]
@@ -151,48 +161,6 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
     return figure
 
 
-def objects_figure(runs: Sequence[RunCurves]) -> Figure:
-    """Figure with the displacement of the world's objects and the contact forces on them."""
-    names = tuple(dict.fromkeys(name for run in runs for name in run.bodies))[: 2 * PER_PAGE]
-    several = len(runs) > 1
-    wide = style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 0.85)
-    grid = PanelGrid(columns=len(names), heights=[1.6, 1.4], width=wide, title=0.26)
-    figure, axes = grid.figure([run.label for run in runs], sharex=True)
-    words: dict[str, str] = {}
-    for c, body in enumerate(names):
-        moved, _ = (_draw_body(row, runs, body, panel) for row, panel in zip(axes[:, c], body_panels(body), strict=True))
-        words |= moved
-        axes[0, c].set_title(shorten(body, 40), loc="left")
-        axes[1, c].set_xlabel("time (s)")
-    legend(axes[0, -1], list(words), words=words, several=several)
-    figure_title(figure, runs, "objects", (1, 1))
-    return figure
-
-
-def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPanel) -> dict[str, str]:
-    """Draw one panel of a body and return its legend entries. All variants have the same goal, which is drawn once in the style
-    of references.
-    """
-    plain = [key for key in panel.entries if not key.startswith("goal")]
-    words: dict[str, str] = {}
-    shown = []
-    for number, run in enumerate(runs):
-        curves = run.bodies.get(body, {})
-        for key in (key for key in panel.entries if key in curves and (key in plain or not number)):
-            led = key not in plain
-            own = len(runs) > 1 and not led
-            draw_curve(
-                axes, curves[key], linestyle=style.line_style(plain.index(key)) if own else "-", gid=f"{body}.{key}.{number}",
-                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key), reference=led,
-            )  # fmt: skip
-            words[REFERENCE if led else key] = "goal" if led else panel.entries[key]
-            shown.append(curves[key])
-    show_time(axes, shown)
-    show_values(axes, shown, brief=panel.unit == "N")
-    axes.set_ylabel(f"{panel.words.replace(' without', chr(10) + 'without')} ({panel.unit})")
-    return words
-
-
 def _empty(axes: Axes) -> None:
     axes.set_ylabel("")
     axes.set_yticks([])
@@ -202,7 +170,7 @@ def _empty(axes: Axes) -> None:
 
 def joint_title(joint: JointInfo) -> str:
     """Title of a joint's column: its name, and its actuator and mode."""
-    return f"{shorten(joint.name, 40)}\n{describe(joint)}"
+    return f"{shorten(joint.name, 40)}\n{describe(joint)}".strip()
 
 
 def describe(joint: JointInfo) -> str:

@@ -38,7 +38,7 @@ class PanelGrid:
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
         """Figure and its axes (rows, columns), with the legend of variants below."""
-        from asrsim.plots.ticks import AggFigure, Plain
+        from asrsim.plots.ticks import TICKS, AggFigure
 
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
         foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
@@ -57,7 +57,7 @@ class PanelGrid:
         for ax in axes.flat:
             # Fixed position: otherwise axis labels would move with the width of the tick labels.
             ax.yaxis.set_label_coords(-0.62 / self.width, 0.5)
-            ax.yaxis.set_major_formatter(Plain())
+            ax.yaxis.set_major_formatter(TICKS)
         variants(figure, labels)
         return figure, axes
 

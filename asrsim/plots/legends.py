@@ -28,20 +28,18 @@ def legend(
     from matplotlib.lines import Line2D
 
     plain = [name for name in quantities if not name.startswith("reference") and name != LIMIT]
-    handles: list[Any] = []
+    handles: dict[str, Any] = {}
     for name in quantities:
         own = several and name in plain
         text = (words or {}).get(name) or _WORDS.get(name) or style.plain(style.name(name))
-        handles.append(
-            Line2D(
-                [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
-                label=text, color=style.BLACK if own else style.colour(name),
-                linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
-            )
+        handles[text] = Line2D(
+            [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
+            label=text, color=style.BLACK if own else style.colour(name),
+            linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
         )  # fmt: skip
     if handles or extra:
         length = 3.0 if several else 2.2
-        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
+        axes.legend(handles=[*handles.values(), *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
 
 
 LIMIT = "limit"
@@ -95,5 +93,9 @@ _WORDS = {
     "friction_loss": "friction",
     "link_work": "link work",
     "damping_loss": "damping",
+    **dict.fromkeys(("reference_x", "reference_y", "reference_z"), "goal"),
+    **{f"d{axis}": f"along {axis}" for axis in "xyz"},
+    "force": "without ground",
+    "error": "distance",
     LIMIT: "limits",
 }

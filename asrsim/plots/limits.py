@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import RobotError
 from asrsim.plots import style
 from asrsim.plots.curves import RunCurves
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import Curve
 
 
 def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:

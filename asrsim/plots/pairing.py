@@ -16,11 +16,10 @@ from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.outfile import write_text
 from asrsim.plots.curves import available, stored
-from asrsim.plots.decimate import BINS, decimate
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import BINS, Curve, decimate
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, band, compare
-from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
+from asrsim.recordings.align import Alignment, LagChoice, align_recording
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
 
@@ -108,11 +107,10 @@ def compare_run(
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples
 
-    series = series_of(read, infos)
     alignments: dict[str, Alignment] = {}
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
-        alignments[name] = align_recording(recording, pairing, series, lag=lags[name], infos=infos)
+        alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
     samples = reader.read(quantities=stored(common, infos), joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):

@@ -11,10 +11,10 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.decimate import Curve
 from asrsim.plots.legends import LIMIT, LIMIT_LINE
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.view import draw_curve, show_time, show_values
-from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -103,6 +103,12 @@ PANELS: dict[str, Panel] = {
         Panel(key="numerical_error", words="numerical error", quantities=("numerical_error",)),
     )
 }
+BODY_PANELS = (
+    Panel(key="displacement", words="displacement", quantities=("reference_x", "reference_y", "reference_z", "dx", "dy", "dz")),
+    Panel(key="force", words="contact force", quantities=("force",)),
+    Panel(key="distance", words="distance to the goal", quantities=("error",)),
+)
+"""Panels of the objects of the world and of the tip of a task."""
 _STILL = 1e-6
 """Smallest change of a position that counts as motion, rad or m."""
 JOINT_PANELS = ("position", "motors", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
@@ -184,7 +190,7 @@ def _common_limits(runs: Sequence[RunCurves], joint: str, panel: str) -> list[Cu
 
 
 def _info(run: RunCurves, joint: str) -> list[JointInfo]:
-    return [info for info in run.joints if info.name == joint]
+    return [info for info in (*run.joints, *run.bodies) if info.name == joint]
 
 
 def _equal(a: Curve, b: Curve) -> bool:

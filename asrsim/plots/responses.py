@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,21 +25,6 @@ _RUN = "the run"
 """Source of a column that comes from the run's log and not from a recording."""
 LEAST = 64
 """Smallest number of samples that input and output must have in common."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResponseSignal:
-    """Input or output of a frequency response."""
-
-    quantity: str
-    joint: str | None = None
-    """Joint of the signal; None: the joint whose response is computed."""
-
-    @classmethod
-    def parse(cls, text: str | None, default: str) -> ResponseSignal:
-        """Signal named by `joint.quantity`, or by `quantity` for every joint."""
-        joint, _, quantity = (text or default).rpartition(".")
-        return cls(quantity=quantity, joint=joint or None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +106,13 @@ def responses(
     at the times of the recording. Raises LogError for a joint or quantity that the log does not have.
     """
     reader = open_log(path)
-    first, last = ResponseSignal.parse(given, REFERENCE), ResponseSignal.parse(output, OUTPUT)
-    named = [signal for signal, text in ((first, given), (last, output)) if text is not None]
-    require_names(reader, "quantity", [signal.quantity for signal in named], (*available(reader), *EXTRA))
+    (first_joint, first), (last_joint, last) = _signal(given or REFERENCE), _signal(output or OUTPUT)
+    named = [name for name, text in ((first, given), (last, output)) if text is not None]
+    require_names(reader, "quantity", named, (*available(reader), *EXTRA))
     members = reader.info.joints
     infos = {joint.name: joint for joint in members}
-    require_names(reader, "joint", [signal.joint for signal in named if signal.joint is not None], tuple(infos))
-    names = [name for name in (first.quantity, last.quantity, "reference_1") if stored([name], members)]
+    require_names(reader, "joint", [name for name in (first_joint, last_joint) if name], tuple(infos))
+    names = [name for name in (first, last, "reference_1") if stored([name], members)]
     samples = reader.read(quantities=stored(names, members)).samples
     columns = table(samples, names, members)
 
@@ -143,28 +129,27 @@ def responses(
     found: list[Response] = []
     problems: list[Problem] = []
     for info in members:
-        if (joints is not None and info.name not in joints) or (last.joint not in (None, info.name)):
+        if (joints is not None and info.name not in joints) or last_joint not in ("", info.name):
             continue
-        u, y = logged(first.quantity, infos[first.joint or info.name]), logged(last.quantity, info)
+        u, y = logged(first, infos[first_joint or info.name]), logged(last, info)
         if u is None and given is None:
             u = logged("reference_1", info)
         if u is None or y is None or not np.nanmax(u.values) - np.nanmin(u.values) > 1e-9 * np.nanmax(np.abs(u.values)):
             continue
-        try:
+        with _collected(problems, info.name, path):
             found.append(_response(info, label, variant, u, y, band))
-        except InputError as error:
-            problems += [replace(problem, key=info.name, file=path) for problem in error.problems]
-            continue
         for one in experiments:
-            try:
-                pair = _recorded_pair(one, info, first, last, u, chosen=given is not None)
-                if pair is not None:
-                    found.append(_response(info, label, variant, *pair, band, recording=one.recording))
-            except InputError as error:
-                problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
+            with _collected(problems, info.name, one.recording.path):
+                # The user's choice of an input must be recorded; otherwise the run's reference replaces a missing one.
+                if given is not None:
+                    pair = one.require(first, first_joint or info.name), one.require(last, info.name)
+                elif recorded := one.column(last, info.name):
+                    pair = _recorded_input(one, info) or replace(u, time=u.time + one.lag), recorded
+                else:
+                    continue
+                found.append(_response(info, label, variant, *pair, band, recording=one.recording))
     if not found and not problems:
-        name = "reference" if given is None else first.quantity
-        message = f"no joint has a moving {name}; a frequency response needs one"
+        message = f"no joint has a moving {'reference' if given is None else first}; a frequency response needs one"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message, file=path, hint=hint, code="no-excitation"))
     return found, problems
@@ -183,36 +168,37 @@ def recorded_responses(
 
     given, output: as in `responses`; None: the recorded reference and the link position.
     """
-    first, last = ResponseSignal.parse(given, "reference_1"), ResponseSignal.parse(output, OUTPUT)
+    (first_joint, first), (last_joint, last) = _signal(given or "reference_1"), _signal(output or OUTPUT)
     one = ResponseExperiment(recording=recording, joints={joint: joint for joint in recording.joints})
     found: list[Response] = []
     problems: list[Problem] = []
-    for name in [last.joint] if last.joint is not None else joints or recording.joints:
-        try:
-            u, y = one.require(first.quantity, first.joint or name), one.require(last.quantity, name)
+    for name in [last_joint] if last_joint else joints or recording.joints:
+        with _collected(problems, name, recording.path):
+            u, y = one.require(first, first_joint or name), one.require(last, name)
             info = JointInfo(name=name, actuator="", mode=None, prismatic=y.unit == "m")
             found.append(_response(info, recording.path.name, variant, u, y, band, recording=recording))
-        except InputError as error:
-            problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
     return found, problems
 
 
-def _recorded_pair(
-    one: ResponseExperiment, info: JointInfo, first: ResponseSignal, last: ResponseSignal, excitation: Column, *, chosen: bool
-) -> tuple[Column, Column] | None:
-    """Input and output of a joint's response in a recording; None if the output is not recorded.
+def _signal(text: str) -> tuple[str, str]:
+    """Joint and quantity of `joint.quantity`; the joint is empty if the text names the quantity of every joint."""
+    joint, _, quantity = text.rpartition(".")
+    return joint, quantity
 
-    chosen: the user chose the input, so it must be recorded. Otherwise the run's `excitation` replaces a missing reference.
-    """
-    if chosen:
-        return one.require(first.quantity, first.joint or info.name), one.require(last.quantity, info.name)
-    output, mode = one.column(last.quantity, info.name), MODES.get(info.mode) if info.mode is not None else None
-    if output is None:
-        return None
-    # In modes without a reference map, reference 1 belongs to a motor and not to the link.
-    of_link = mode is not None and (mode.mapped or not mode.spring)
-    reference = one.column("reference_1", info.name) if of_link else None
-    return reference or replace(excitation, time=excitation.time + one.lag), output
+
+@contextmanager
+def _collected(problems: list[Problem], joint: str, file: Path) -> Iterator[None]:
+    """Context manager that adds the problems of an InputError to a list, with their joint and file."""
+    try:
+        yield
+    except InputError as error:
+        problems += [replace(problem, key=joint, file=file) for problem in error.problems]
+
+
+def _recorded_input(one: ResponseExperiment, info: JointInfo) -> Column | None:
+    """Recorded reference of a joint's link; None if there is none, or if reference 1 belongs to a motor in the joint's mode."""
+    mode = MODES.get(info.mode) if info.mode is not None else None
+    return one.column("reference_1", info.name) if mode is not None and (mode.mapped or not mode.spring) else None
 
 
 def _response(

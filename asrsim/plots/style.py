@@ -27,6 +27,7 @@ COLOURS: dict[str, str] = {
     "stiffness": BLUE,
     "position_error": PURPLE,
     "reference_position": LIGHT,
+    **dict.fromkeys(("reference_x", "reference_y", "reference_z"), LIGHT),
     "reference_1": "#b5dfd2",
     "reference_2": "#e3c6dc",
     "motor_1_position": GREEN,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import Curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

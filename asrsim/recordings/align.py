@@ -22,20 +22,17 @@ first, as both records contain the same reference. The lag of a response is part
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function (quantities, joints) that returns the samples of these quantities and joints."""
-SeriesOf = Callable[[tuple[str, str]], tuple[Array, Array] | None]
-"""Function that returns the times (n,) in s and values (n,) of (joint, quantity) in a run; None where the run lacks them."""
 
 
 def align_recording(
-    recording: Recording, pairing: Mapping[str, str], series: SeriesOf, *, lag: LagChoice = "auto",
-    infos: Sequence[JointInfo] = (),
-) -> Alignment:  # fmt: skip
+    recording: Recording, pairing: Mapping[str, str], read: Reader, *, lag: LagChoice = "auto", infos: Sequence[JointInfo] = ()
+) -> Alignment:
     """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
 
     Args:
         recording: The experiment.
         pairing: Maps each joint of the recording to a joint of the run.
-        series: Function that returns the run's series.
+        read: Function that returns samples of the run, for example from its log.
         lag: See `LagChoice`.
         infos: The run's joints; columns whose unit does not fit their joint are left out.
 
@@ -43,13 +40,19 @@ def align_recording(
         RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
     """
     columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
+    recorded = {info.name: info.quantities for info in infos}
     best: tuple[str, Array, Array, Column] | None = None
-    for key in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
-        if (found := series(key)) is None:
+    for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
+        sources = DERIVED_SOURCES.get(quantity, (quantity,))
+        stored = [name for name in recorded.get(joint) or sources if name in sources]
+        samples = read(stored, (joint,)) if stored else None
+        values = None if samples is None else simulated(samples, joint, quantity, infos)
+        if samples is None or values is None:
             continue
-        moves = _moves(found[1]) and _moves(columns[key].values)
+        column = columns[joint, quantity]
+        moves = _moves(values) and _moves(column.values)
         if best is None or moves:
-            best = (".".join(key), *found, columns[key])
+            best = (f"{joint}.{quantity}", samples.time, values, column)
         # If the lag is not estimated, the first series is enough: only the times of the series are used.
         if moves or lag != "auto":
             break
@@ -83,23 +86,6 @@ def comparable(
         else:
             wrong.append(replace(problem, file=recording.path, message=f"{problem.message}; the column is not compared"))
     return found, wrong
-
-
-def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
-    """Function that reads single series of a run, for example from a log."""
-    recorded = {info.name: info.quantities for info in infos}
-
-    def series(key: tuple[str, str]) -> tuple[Array, Array] | None:
-        joint, quantity = key
-        sources = DERIVED_SOURCES.get(quantity, (quantity,))
-        stored = [name for name in recorded.get(joint, ()) if name in sources]
-        if not stored:
-            return None
-        samples = read(stored, (joint,))
-        values = simulated(samples, joint, quantity, infos)
-        return None if values is None else (samples.time, values)
-
-    return series
 
 
 def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:

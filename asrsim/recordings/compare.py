@@ -42,8 +42,6 @@ class Series:
     """Simulated values (m,); NaN in gaps."""
     recording: Array
     """Recorded values (m,); NaN in gaps."""
-    source: str
-    """Column of the recording."""
     reading: str
     """Description of how the column was read."""
     metrics: Mapping[str, float]
@@ -113,7 +111,7 @@ def compare(
     """
     pairing = match_joints(samples.joints, recording)
     columns, findings = comparable(recording, pairing, infos, quantities)
-    found = {key: (samples.time, own) for key in columns if (own := simulated(samples, *key, infos)) is not None}
+    found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
     if findings and not found:
         raise RecordingError(condense(findings))
     if not found:
@@ -125,9 +123,9 @@ def compare(
         )  # fmt: skip
 
     prismatic = {info.name for info in infos if info.prismatic}
-    alignment = align_recording(recording, pairing, found.get, lag=lag, infos=infos)
+    alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
     series = tuple(
-        _series(joint, quantity, *own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
+        _series(joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
         for (joint, quantity), own in found.items()
     )
     findings += alignment.findings
@@ -160,7 +158,7 @@ def _series(
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
     steps = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
-        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
+        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b,
         reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
 

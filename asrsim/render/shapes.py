@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.errors import listed
 from asrsim.robot import Robot
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Shape
 from asrsim.robot.shapes import Colour
 from asrsim.samples import Array

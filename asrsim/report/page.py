@@ -28,7 +28,7 @@ def build_page(
     films: Films,
     compared: Compared | None,
 ) -> str:
-    """HTML of the whole page. data: grid, joints and objects for the plots."""
+    """HTML of the whole page. data: grid and joints for the plots."""
     first = runs[0].info
     scenario = Path(first.scenario_path).stem
     title = " · ".join(filter(None, (first.robot, scenario)))
@@ -138,9 +138,6 @@ def _plots(data: Mapping[str, Any]) -> str:
             f'<details class="joint"{opened} data-joint="{index}"><summary><b>{escape(joint["joint"])}</b> '
             f'<span class="note">{escape(joint["actuator"])}</span></summary><div class="plots"></div></details>'
         )
-    if data["objects"]:
-        parts.append('<details class="joint" open data-objects="1"><summary><b>Objects</b></summary>'
-                     '<div class="plots"></div></details>')  # fmt: skip
     parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>")
     return section("Plots", "".join(parts))
 

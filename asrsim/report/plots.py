@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
-from asrsim.plots.decimate import Envelope
+from asrsim.plots.curves import RunCurves, joint_info
 from asrsim.plots.figures import describe, joint_names
-from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
-from asrsim.plots.world import body_panels
+from asrsim.plots.panels import BODY_PANELS, ENERGY_PANELS, JOINT_PANELS, PANELS, content
 from asrsim.report.series import pack
 from asrsim.samples import Array
 
@@ -35,13 +33,13 @@ Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
 
 
 def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
-    """Section of each joint: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
+    """Section of each joint and body: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     sections = []
-    for joint in joint_names(runs):
+    panels = (*(PANELS[key] for key in (*JOINT_PANELS, *ENERGY_PANELS)), *BODY_PANELS)
+    for joint in (*joint_names(runs), *dict.fromkeys(body.name for run in runs for body in run.bodies)):
         info = joint_info(runs, joint)
         plots = []
-        for key in (*JOINT_PANELS, *ENERGY_PANELS):
-            panel = PANELS[key]
+        for panel in panels:
             drawn = content(panel, runs, joint)
             if not drawn:
                 continue
@@ -64,28 +62,6 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
     return sections
 
 
-def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]:
-    """Plots of displacement and contact force of the world's objects. time: times (count,) of the page, s."""
-    plots = []
-    for body in dict.fromkeys(name for run in runs for name in run.bodies):
-        for panel in body_panels(body):
-            plain = [key for key in panel.entries if not key.startswith("goal")]
-            series = []
-            for number, run in enumerate(runs):
-                for key, name in panel.entries.items():
-                    curve = run.bodies.get(body, {}).get(key)
-                    if curve is None or (key not in plain and number):  # all variants have the same goal
-                        continue
-                    values = np.interp(time, curve.time, curve.values, right=np.nan)
-                    if len(curve.time) > len(time):
-                        values = _envelope(time, curve.time, curve.values)
-                    dash = DASHES[plain.index(key)] if len(runs) > 1 and key in plain else []
-                    owner, colour = (number if len(runs) > 1 else None, key) if key in plain else (None, REFERENCE)
-                    series.append(_series(name, colour, panel.unit, owner, values, dash))
-            plots.append({"title": f"{body}: {panel.words}", "unit": panel.unit, "series": series})
-    return plots
-
-
 def _series(label: str, quantity: str, unit: str, run: int | None, values: Array, dash: list[float]) -> dict[str, Any]:
     """Series of a plot for the page. run: number of the run that the colour marks; None: the colour marks the quantity."""
     recorded = quantity == "experiment"
@@ -102,12 +78,3 @@ def _series(label: str, quantity: str, unit: str, run: int | None, values: Array
         "run": run,
         **pack(values),
     }
-
-
-def _envelope(grid: Array, time: Array, values: Array) -> Array:
-    """Smallest and largest value of a curve in every interval of the grid."""
-    step = grid[1] - grid[0]
-    start = float(grid[0] - 0.5 * step)
-    envelope = Envelope(start=start, end=start + step * len(grid), bins=len(grid) // 2)
-    envelope.add(time, values[:, None])
-    return envelope.pairs(0)

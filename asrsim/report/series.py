@@ -12,8 +12,7 @@ import numpy as np
 
 from asrsim.log import open_log
 from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, available
-from asrsim.plots.decimate import Envelope
-from asrsim.plots.world import Curve
+from asrsim.plots.decimate import Curve, Envelope
 from asrsim.samples import Array
 
 BUDGET = 1_050_000
@@ -58,7 +57,7 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Time
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
     sources = [
-        CurveSource(path, quantities=[name for name in quantities if name in (*available(reader), REFERENCE)])
+        CurveSource(path, quantities=[name for name in quantities if name in (*available(reader), REFERENCE)], bodies=True)
         for path, reader in zip(paths, readers, strict=True)
     ]
     columns = sum(len(source.columns) for source in sources)

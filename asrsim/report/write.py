@@ -8,10 +8,10 @@ from pathlib import Path
 
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
-from asrsim.plots.curves import distinct_labels, read_curves
+from asrsim.plots.curves import distinct_labels
 from asrsim.report.content import Films, find_comparison, read_content, read_films, recorded_curves
 from asrsim.report.page import build_page
-from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
+from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import read_runs
 from asrsim.runs.folder import find_logs
 
@@ -50,17 +50,11 @@ def write_report(
     labels = [run.label for run in distinct_labels(runs)]
     tell("reading", 0.5)
     contents = [read_content(log) for log in logs]
-    worlds = (
-        [read_curves(log, quantities=("link_position",)) for log in logs]
-        if any("world" in one.info.resolved.get("scenario", {}) for one in contents)
-        else []
-    )
     beside = place if place.is_dir() else place.parent
     data = {
         "grid": grid.as_dict(),
         "runs": [{"label": label, "colour": style.variant_colour(n)} for n, label in enumerate(labels)],
         "joints": joint_sections(runs, recorded_curves(beside, labels), grid.time),
-        "objects": object_plots(worlds, grid.time),
     }
     tell("film strip", 0.9)
     films = read_films(logs) if film else Films(strips={})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.mounting import check_two_motors, drive_of, with_actuators, with_overrides
@@ -16,7 +15,6 @@ __all__ = [
     "Robot",
     "check_two_motors",
     "drive_of",
-    "engine_urdf",
     "load_robot",
     "merge_fixed",
     "read_robot",

@@ -13,7 +13,7 @@ from typing import Unpack
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Details, Problem, did_you_mean
+from asrsim.errors import Details, Problem
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.poses import link_poses
 from asrsim.robot.structure import EMPTY_LIMIT
@@ -35,16 +35,20 @@ GAINS = ("proportional", "integral", "derivative")
 
 
 def robot_doubts(robot: Robot) -> Iterator[Problem]:
-    """Warnings about a robot as described in its file."""
+    """Warnings about a robot. The key of a warning about a parameter that a scenario gives is a key of the scenario."""
     for check in ROBOT_CHECKS:
         yield from check(robot)
     for block in robot.actuators:
-        for doubt in block_doubts(block, robot.joint(block.joint)):
+        name = block.plugin_name or block.joint
+        for doubt in _block_doubts(block, robot.joint(block.joint)):
             set_by = [block.parameters[name] for name in (doubt.key or "").split(", ") if name]
-            line = set_by[0].line if set_by else block.line
-            name = block.plugin_name or block.joint
-            key = f"{name}.{', '.join(parameter.tag for parameter in set_by)}" if set_by else name
-            yield replace(doubt, file=robot.path, line=line, key=key)
+            if not set_by:
+                yield replace(doubt, file=robot.path, line=block.line, key=name)
+            elif set_by[0].origin == "scenario":
+                yield replace(doubt, key=f"parameters.{block.joint}.{doubt.key}")
+            else:
+                key = f"{name}.{', '.join(parameter.tag for parameter in set_by)}"
+                yield replace(doubt, file=robot.path, line=set_by[0].line, key=key)
 
 
 # -- links and joints --------------------------------------------------------------------------------------------------
@@ -119,20 +123,12 @@ def _passive(robot: Robot) -> Iterator[Problem]:
 
 
 def _mimics(robot: Robot) -> Iterator[Problem]:
-    driven, names = {block.joint for block in robot.actuators}, tuple(joint.name for joint in robot.joints)
+    driven = {block.joint for block in robot.actuators}
     for joint in robot.moving_joints:
-        leader = joint.mimic.joint if joint.mimic is not None else None
-        if leader == joint.name:
-            yield _about("<mimic> follows its own joint", robot, joint, code="mimic-of-nothing")
-        elif leader is not None and leader not in names:
-            hint = did_you_mean(leader, names)
-            yield _about(
-                "<mimic> follows a joint that does not exist", robot, joint, code="mimic-of-nothing", value=leader, hint=hint
-            )
-        elif leader is not None and joint.name not in driven:
+        if joint.mimic and joint.name not in driven:
             message = "<mimic> is not simulated: the joint moves freely under gravity, its damping and friction"
             hint = "Give both joints actuators with matching references, or make this one fixed"
-            yield _about(message, robot, joint, code="mimic-joint", value=str(joint.mimic), hint=hint)
+            yield _about(message, robot, joint, code="mimic-joint", value=joint.mimic, hint=hint)
 
 
 def _no_actuators(robot: Robot) -> Iterator[Problem]:
@@ -150,7 +146,7 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
 # -- actuators ---------------------------------------------------------------------------------------------------------
 
 
-def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
+def _block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
     """Warnings about one actuator. The key of a warning names its parameters, separated by commas; None: the whole actuator.
 
     Parameters with the same warning, such as those of two motors, share it.
@@ -173,7 +169,9 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
         message = "the joint's effort limit is 0: every torque is clipped to nothing"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
     if MODES[block.mode].spring and not has_spring(block):
-        yield Problem("the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+        names = [one.name for one in ACTUATORS.get(block.actuator).parameters if block.parameters[one.name].value == 0.0]
+        message = "the spring has no stiffness: nothing couples the motor to the link"
+        yield Problem(message, key=", ".join(names) or None, code="no-spring")
 
 
 def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:

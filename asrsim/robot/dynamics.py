@@ -9,6 +9,8 @@ times x^T. The sum of the products of a load and the twist of a joint at unit ve
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,12 +21,9 @@ from asrsim.robot.poses import frame, rotation_matrix
 
 Array = NDArray[np.float64]
 ZERO = (0.0, 0.0, 0.0)
-FREEDOMS = tuple(
-    Joint(name="base", kind=kind, parent="", child="", axis=axis)
-    for kind in ("prismatic", "revolute")
-    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-)
-"""Joints that replace a floating base; they always stand at 0."""
+AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+BASE = 6
+"""Degrees of freedom of a floating base."""
 
 
 class RobotModel:
@@ -49,11 +48,12 @@ class RobotModel:
         """Lower and upper stops (n,), rad or m; infinite for joints without stops."""
         self._gravity = np.array(gravity)
         self._base = frame(base_position, rotation_matrix(base_rpy))
-        self._free = len(FREEDOMS) if floating else 0
-        joints = (*FREEDOMS[: self._free], *merged.robot.outward_joints)
+        self._free = BASE if floating else 0
+        chain = with_base_joints(merged.robot) if floating else merged.robot
+        joints = chain.outward_joints
         # Joint k moves body k + 1; body 0 stands still.
-        bodies = {merged.robot.root.name: self._free} | {joint.child: k + 1 for k, joint in enumerate(joints) if joint.child}
-        self._parents = [bodies[joint.parent] if joint.parent else k for k, joint in enumerate(joints)]
+        bodies = {chain.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
+        self._parents = [bodies[joint.parent] for joint in joints]
         self._at = np.array([bodies[joint.child] - 1 for joint in moving], dtype=np.int64)
         """Indices (n,) of the robot's joints among all joints."""
         self._slides = np.array([joint.kind == "prismatic" for joint in joints])
@@ -61,7 +61,7 @@ class RobotModel:
         origins = [frame(joint.origin, rotation_matrix(joint.rpy)) for joint in joints]
         self._origins = np.array(origins).reshape(-1, 4, 4)
         self._inertias = np.zeros((len(joints) + 1, 4, 4))
-        for link in merged.robot.links:
+        for link in chain.links:
             self._inertias[bodies[link.name]] = _pseudo_inertia(link)
         self._places = {
             name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
@@ -154,6 +154,18 @@ class RobotModel:
             torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
             loads[self._parents[k]] = loads[self._parents[k]] + steps[k] @ loads[k + 1] @ np.swapaxes(steps[k], -1, -2)
         return torques
+
+
+def with_base_joints(robot: Robot) -> Robot:
+    """Robot on a fixed base, with six joints in the place of the floating base of `robot`: the root link moves along the axes
+    of its frame, then turns about them."""
+    names = [f"base {k}" for k in range(BASE)]
+    joints = (
+        Joint(name=names[k], kind="revolute" if k > 2 else "prismatic", parent=names[k], child=child, axis=AXES[k % 3])
+        for k, child in enumerate((*names[1:], robot.root.name))
+    )
+    links = (Link(name=name, mass=None, inertia=None) for name in names)
+    return replace(robot, links=(*links, *robot.links), joints=(*joints, *robot.joints))
 
 
 def _unit_twist(joint: Joint) -> Array:

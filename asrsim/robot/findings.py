@@ -80,15 +80,17 @@ class Findings:
             return 0.0
         return self.value(text, text, element, place, finite=finite)
 
-    def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
-        """Attribute as three numbers; the default if it is absent or invalid."""
+    def vector(self, element: Any, key: str, place: str, *, default: Vector | None) -> Vector:
+        """Attribute as three numbers; the default if it is absent or invalid. None: a missing attribute is an error."""
         text = element.get(key)
         if text is None:
-            return default
+            if default is None:
+                self.error(f"attribute '{key}' is missing", element, place, code="missing-attribute")
+            return default or ZERO
         parts = words(text)
         if len(parts) != 3:
             self.error(f"'{key}' must be three numbers", element, place, code="not-a-number", value=text)
-            return default
+            return default or ZERO
         x, y, z = (self.value(part, text, element, place) for part in parts)
         return x, y, z
 

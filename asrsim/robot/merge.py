@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.robot.inertia import inertia_tensor
+from asrsim.robot.inertia import inertia_tensor, numbers_of
 from asrsim.robot.model import Joint, Link, Robot, Shape, Vector
 from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
@@ -32,18 +32,31 @@ class MergedRobot:
     """Places of the file's links in the merged robot, by name of the link."""
 
 
-def merge_fixed(robot: Robot) -> MergedRobot:
+def merge_for_engine(robot: Robot, *, fixed_base: bool) -> tuple[MergedRobot, Vector]:
+    """Merged robot for a physics engine, and the origin of the base's frame in the frame of the root link, m.
+
+    The frame of a floating base lies at its centre of mass, so that in all engines the linear velocity of the base is the
+    velocity of this centre.
+    """
+    origin = (0.0, 0.0, 0.0) if fixed_base else merge_fixed(robot).robot.root.centre_of_mass
+    return merge_fixed(robot, origin), origin
+
+
+def merge_fixed(robot: Robot, origin: Vector = (0.0, 0.0, 0.0)) -> MergedRobot:
     """Robot with merged links: masses, centres, inertias (by the parallel-axis theorem), shapes and joints are combined.
 
     A body of one link keeps its numbers unchanged. A body has no `<inertial>` if no link in it has an
     `<inertial>`. The inertia of a body of massless links is the sum of the links' inertias.
+
+    origin: origin of the base's frame in the frame of the root link, m.
     """
+    base = Pose(position=-np.array(origin), rotation=np.eye(3))
     links = {link.name: link for link in robot.links}
     moving = robot.moving_joints
     places: dict[str, LinkPlacement] = {}
     bodies: dict[str, Link] = {}
     for name in (robot.root.name, *(joint.child for joint in moving)):
-        members = [(links[name], HERE)]
+        members = [(links[name], base if name == robot.root.name else HERE)]
         for link, pose in members:  # the loop appends children to `members`
             places[link.name] = LinkPlacement(body=name, pose=pose)
             fixed = [joint for joint in robot.carried.get(link.name, ()) if not joint.moves]
@@ -55,7 +68,7 @@ def merge_fixed(robot: Robot) -> MergedRobot:
 
 
 def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
-    if len(members) == 1:
+    if len(members) == 1 and members[0][1].is_identity:
         return first
     collisions = tuple(_placed(shape, pose) for link, pose in members for shape in link.collisions)
     visuals = tuple(_placed(shape, pose) for link, pose in members for shape in link.visuals)
@@ -63,7 +76,7 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
     heavy = [(link, pose) for link, pose in members if link.mass is not None or link.inertia is not None]
     if not heavy:
         return body
-    if len(heavy) == 1 and heavy[0][0] is first:
+    if len(heavy) == 1 and heavy[0][0] is first and heavy[0][1].is_identity:
         return body
     masses = np.array([link.mass or 0.0 for link, _ in heavy])
     centres = np.array([pose.position + pose.rotation @ link.centre_of_mass for link, pose in heavy])
@@ -74,10 +87,8 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
         away = place - centre
         tensor += pose.rotation @ inertia_tensor(link) @ pose.rotation.T
         tensor += own * (away @ away * np.eye(3) - np.outer(away, away))
-    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
-    return replace(
-        body, mass=mass, centre_of_mass=_vector(centre), inertia=(xx, xy, xz, yy, yz, zz), inertial_rpy=(0.0, 0.0, 0.0)
-    )
+    inertia = numbers_of(tensor)
+    return replace(body, mass=mass, centre_of_mass=_vector(centre), inertia=inertia, inertial_rpy=(0.0, 0.0, 0.0))
 
 
 def _placed(shape: Shape, pose: Pose) -> Shape:

@@ -1,12 +1,21 @@
-"""Checks mesh files: engines accept invalid files silently, and some invalid files crash them."""
+"""Mesh files: finds, checks and reads them. Engines accept invalid files silently, and some invalid files crash them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from asrsim.errors import Problem
+from asrsim.robot.model import Robot, Shape, Vector
+from asrsim.robot.packages import Packages, package_name, packages_of
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
 MAX_BYTES = 256 * 1024 * 1024
@@ -16,6 +25,60 @@ MAX_LINE = 4000
 _STL_HEAD = 84
 """Bytes before the triangles of a binary STL: 80 of text, 4 of the number of triangles."""
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def usable_shapes(
+    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
+) -> tuple[Robot, tuple[Problem, ...]]:
+    """Robot with the paths of its mesh files, without unusable meshes, and warnings.
+
+    Meshes must exist in the robot's folder, its package or a known package. Each collision that is left out has a warning with
+    its link; all visuals share one warning. `visuals=False` leaves out all visuals.
+    """
+    packages = packages_of(robot.path, package_paths)
+    warnings: list[Problem] = []
+    missing: list[tuple[str, str]] = []
+    links = []
+    for link in robot.links:
+        readable: dict[str, list[Shape]] = {"collisions": [], "visuals": []}
+        for name, shapes in (("collisions", link.collisions), ("visuals", link.visuals if visuals else ())):
+            for shape in shapes:
+                found = _mesh_file(shape, packages) if shape.kind == "mesh" else None
+                if not isinstance(found, str):
+                    readable[name].append(shape if found is None else replace(shape, mesh=str(found)))
+                elif name == "visuals":
+                    missing.append((shape.mesh, found))
+                else:
+                    message = f"collision mesh {found}; the link does not collide with it"
+                    warnings.append(
+                        Problem(
+                            message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
+                            hint=_cure(shape.mesh, found), code="missing-collision-mesh",
+                        )
+                    )  # fmt: skip
+        links.append(replace(link, collisions=tuple(readable["collisions"]), visuals=tuple(readable["visuals"])))
+    if missing:
+        first, fault = missing[0]
+        message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
+        hint = _cure(first, fault)
+        warnings.append(Problem(message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
+    return replace(robot, links=tuple(links)), tuple(warnings)
+
+
+def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
+    """File of a mesh, or the reason why it cannot be used."""
+    if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
+        return f"is none of {', '.join(MESH_FORMATS)}"
+    found = packages.resolve(shape.mesh)
+    return found if isinstance(found, str) else mesh_fault(found) or found
+
+
+def _cure(mesh: str, fault: str) -> str | None:
+    """Hint to state the folder of a package whose folder is unknown."""
+    name = package_name(mesh)
+    if name is None or not fault.endswith("is not known"):
+        return None
+    return f"Say where it is: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
 
 
 def mesh_fault(path: Path) -> str | None:
@@ -32,6 +95,39 @@ def mesh_fault(path: Path) -> str | None:
         return "is a Git LFS pointer, not the mesh itself (git lfs pull fetches it)"
     check = {".stl": _stl_fault, ".obj": _obj_fault, ".dae": _dae_fault}.get(path.suffix.lower())
     return f"is none of {', '.join(MESH_FORMATS)}" if check is None else check(data)
+
+
+def mesh_parts(path: Path) -> list[Trimesh]:
+    """Parts of the mesh in a file, in its unit (COLLADA: m). As in ROS, a COLLADA file's `<up_axis>` is ignored.
+
+    Raises ValueError and OSError if the file cannot be read.
+    """
+    import trimesh
+
+    if path.suffix.lower() not in MESH_FORMATS:
+        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
+    try:
+        scene: Any = trimesh.load_scene(path, process=False)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        part: Any
+        for part in parts:
+            part.apply_scale(trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0)
+    except OSError:
+        raise
+    except Exception as error:  # trimesh raises errors of many types for broken files
+        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+    if not parts:
+        raise ValueError(f"{path.name} has no triangle")
+    return parts
+
+
+def convex_hull(path: Path, scale: Vector) -> Trimesh:
+    """Convex hull of the mesh in a file, scaled along its axes. Raises ValueError and OSError if the file cannot be read."""
+    from trimesh.convex import convex_hull as hull_of
+
+    points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
+    hull: Trimesh = hull_of(points)
+    return hull
 
 
 def _stl_fault(data: bytes) -> str | None:

@@ -17,6 +17,7 @@ UNREAD = float("nan")
 """Value of a parameter whose problem is already reported. It is compared by identity, as other NaNs are possible."""
 STRIBECK_VELOCITY = 0.1
 """Velocity limit of a joint where the file has none, rad/s (m/s)."""
+Inertia = tuple[float, float, float, float, float, float]
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """Names of the entries of an inertia tensor in URDFs."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
@@ -89,7 +90,7 @@ class Link:
     name: str
     mass: float | None
     """Mass, kg; None if the file has no `<inertial>`."""
-    inertia: tuple[float, float, float, float, float, float] | None
+    inertia: Inertia | None
     """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the inertial frame, kg m^2."""
     centre_of_mass: Vector = (0.0, 0.0, 0.0)
     """Position of the centre of mass in the link's frame, m."""
@@ -98,19 +99,6 @@ class Link:
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
     line: int | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mimic:
-    """Coupling of a joint to another joint: position = multiplier * (the other's position) + offset. It is not simulated."""
-
-    joint: str
-    multiplier: float
-    offset: float
-    """Offset, rad or m."""
-
-    def __str__(self) -> str:
-        return f"{self.multiplier:g} * {self.joint} + {self.offset:g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +135,8 @@ class Joint:
     """Stiffness of a passive spring, N m/rad or N/m (Gazebo's `<springStiffness>`); 0: no spring."""
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
-    mimic: Mimic | None = None
+    mimic: str = ""
+    """Joint that this joint follows by its `<mimic>`, which is not simulated; empty for other joints."""
     line: int | None = None
 
     @property
@@ -187,7 +176,8 @@ class Robot:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
-    warnings: tuple[Problem, ...] = ()
+    findings: tuple[Problem, ...] = ()
+    """Warnings of the reader about the text of the file."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     unread: frozenset[str] = frozenset()
@@ -196,6 +186,13 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """Joint with this name. Raises KeyError if no joint has the name."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about the file, and about links, joints and actuators whose values are probably mistakes."""
+        from asrsim.robot.doubts import robot_doubts
+
+        return self.findings if self.faults else (*self.findings, *robot_doubts(self))
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:
@@ -207,13 +204,12 @@ class Robot:
 
     @cached_property
     def outward_joints(self) -> tuple[Joint, ...]:
-        """All joints from the root to the tips, parents first."""
+        """All joints from the root to the tips, branch by branch, parents first."""
         found: list[Joint] = []
-        waiting = [self.root.name]
+        waiting = [*reversed(self.carried.get(self.root.name, ()))]
         while waiting:
-            joints = self.carried.get(waiting.pop(), ())
-            found += joints
-            waiting += [joint.child for joint in joints]
+            found.append(waiting.pop())
+            waiting += reversed(self.carried.get(found[-1].child, ()))
         return tuple(found)
 
     @property

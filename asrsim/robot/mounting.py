@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
@@ -11,7 +11,6 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
 from asrsim.robot.blocks import MODE_CHOICES, default_parameter, default_value
-from asrsim.robot.doubts import robot_doubts
 from asrsim.robot.model import UNREAD, ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import REQUIRED_TAGS, parameter_name, parameter_tags, tag_parameters
 from asrsim.robot.values import parameter_fault, together_faults
@@ -51,8 +50,8 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
     """Robot with actuators (type, mode) on joints. `"*"` stands for all moving joints; a joint's own entry takes precedence.
 
-    The actuators replace those of the file, and the warnings about them are added to the robot's warnings. Raises ScenarioError
-    with keys that begin with `actuators`. `with_overrides` checks later whether parameters and modes fit together.
+    The actuators replace those of the file. Raises ScenarioError with keys that begin with `actuators`. `with_overrides` checks
+    later whether parameters and modes fit together.
     """
     changed, problems = mounted(robot, types, parameters)
     if problems:
@@ -98,19 +97,9 @@ def mounted(
         elif name in present:
             blocks.append(present[name])
     known = {joint: values for joint, values in parameters.items() if joint == "*" or joint in moving}
-    changed, faults = overridden(replace(_with_blocks(robot, blocks), unread=frozenset(unread)), {}, known)
+    changed, faults = overridden(replace(robot, actuators=tuple(blocks), unread=frozenset(unread)), {}, known)
     problems += [replace(fault, key=_key(fault.key or "")) for fault in faults]
     return changed, problems
-
-
-def _with_blocks(robot: Robot, blocks: Sequence[ActuatorBlock]) -> Robot:
-    """Robot with other actuator blocks, without the warnings about the old blocks."""
-    changed = replace(robot, actuators=tuple(blocks))
-    if robot.faults or changed.actuators == robot.actuators:
-        return changed
-    doubts = list(robot_doubts(changed))
-    resolved = [doubt for doubt in robot_doubts(robot) if doubt not in doubts]
-    return replace(changed, warnings=tuple(warning for warning in robot.warnings if warning not in resolved))
 
 
 def _key(key: str) -> str:
@@ -204,7 +193,7 @@ def overridden(
         for scope in ("*", block.joint):
             changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
         blocks.append(changed)
-    return _with_blocks(robot, blocks), problems
+    return replace(robot, actuators=tuple(blocks)), problems
 
 
 def block_faults(robot: Robot, before: Robot) -> list[Problem]:

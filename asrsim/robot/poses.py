@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
 
@@ -74,6 +75,13 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
     return (
         sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
     )  # fmt: skip
+
+
+def rotation_of(quaternion: Sequence[float]) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
+    vector, w = np.asarray(quaternion[:3]), quaternion[3]
+    cross = np.cross(np.eye(3), vector)
+    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
 
 
 def link_poses(robot: Robot) -> dict[str, Pose]:

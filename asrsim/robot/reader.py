@@ -9,7 +9,6 @@ from typing import Any
 
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
-from asrsim.robot.doubts import robot_doubts
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
@@ -98,10 +97,8 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     )  # fmt: skip
     if whole:
         check_movable(findings, robot)
-    if findings.errors:
-        faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
-        return replace(robot, warnings=tuple(findings.warnings), faults=faults)
-    return replace(robot, warnings=(*findings.warnings, *robot_doubts(robot)))
+    faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
+    return replace(robot, findings=tuple(findings.warnings), faults=faults)
 
 
 def _text(data: bytes, root: Any) -> str:

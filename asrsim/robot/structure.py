@@ -11,8 +11,9 @@ import numpy as np
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
-from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
-from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
+from asrsim.robot.inertia import numbers_of, tensor_of
+from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector
+from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -91,13 +92,15 @@ def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapp
     """
     shapes = []
     for shape in elements(element, tag):
-        try:
-            shapes.append(read_shape(shape, colours, findings.line(shape)))
-        except ShapeError as fault:
-            if tag == "collision":
-                findings.error(f"a collision {fault}", shape, name, code="collision-shape")
-            else:
-                findings.warn(f"a visual {fault}; it is not drawn", shape, name, code="visual-shape")
+        own = Findings(findings.file, expanded=findings.expanded)
+        found = read_shape(own, shape, f"{name}.{tag}", colours)
+        if found is not None and not own.errors:
+            shapes.append(found)
+        elif tag == "collision":
+            findings.errors += own.errors
+        else:
+            own.warnings += [replace(one, message=f"{one.message}; it is not drawn", code="visual-shape") for one in own.errors]
+        findings.warnings += own.warnings
     return tuple(shapes)
 
 
@@ -124,9 +127,7 @@ def _mass(findings: Findings, inertial: Any, name: str) -> float:
     return mass
 
 
-def _inertia(
-    findings: Findings, inertial: Any, name: str, mass: float, largest: float
-) -> tuple[float, float, float, float, float, float]:
+def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest: float) -> Inertia:
     """Six numbers of a link's inertia tensor, kg m^2. largest: largest moment of inertia in the file."""
     tag = _only_tag(findings, inertial, "inertia", name)
     if tag is None:
@@ -139,12 +140,10 @@ def _inertia(
             _too_small(findings, tag, f"{name}.inertia", moment)
     if max(map(abs, values)) < ROUNDING:
         values = [0.0] * 6
-    xx, xy, xz, yy, yz, zz = values
-    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    tensor = tensor_of(values)
     if len(findings.errors) == before:
         tensor = _physical(findings, tag, name, mass, tensor, largest)
-    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
-    return xx, xy, xz, yy, yz, zz
+    return numbers_of(tensor)
 
 
 def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
@@ -275,16 +274,8 @@ def _dynamics(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[st
     return values
 
 
-def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, Mimic]:
-    multiplier, offset = (
-        default if tag.get(key) is None else findings.number(tag, key, f"{name}.mimic", required=True)
-        for key, default in (("multiplier", 1.0), ("offset", 0.0))
-    )
-    return {"mimic": Mimic(joint=name_of(tag, "joint"), multiplier=multiplier, offset=offset)}
-
-
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
+    "limit": _limits, "dynamics": _dynamics, "mimic": lambda _findings, tag, _name, _joint: {"mimic": name_of(tag, "joint")},
 }  # fmt: skip
 """Functions that read the fields of a joint, by tag."""
 

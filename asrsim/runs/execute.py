@@ -166,12 +166,5 @@ def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str,
 
 def with_plugins(scenario: Scenario, plugins: Sequence[Path]) -> Scenario:
     """Scenario with users' actuator files as attachments, so that its log can be repeated."""
-    if not plugins:
-        return scenario
-    names: dict[str, Path] = {}
-    for path in plugins:
-        name, number = f"{PLUGINS}{path.name}", 2
-        while name in names:
-            name, number = f"{PLUGINS}{path.stem}_{number}{path.suffix}", number + 1
-        names[name] = path
-    return replace(scenario, attachments={**scenario.attachments, **names})
+    files = {f"{PLUGINS}{number}/{path.name}": path for number, path in enumerate(plugins)}
+    return replace(scenario, attachments={**scenario.attachments, **files})

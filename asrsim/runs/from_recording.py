@@ -16,8 +16,8 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.modes import Mode
-from asrsim.actuators.user import command_line
 from asrsim.outfile import check_output, csv_text, write_text
+from asrsim.plugins import command_line
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column

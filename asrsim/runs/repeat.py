@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
@@ -146,13 +147,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     """
     if "scenario" not in info.resolved:
         raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
-    files: dict[str, Path] = {}
-    for number, (name, data) in enumerate(sorted(info.attachments.items())):
-        # The names come from a file that may be malicious: only the last part of each name is used, in a separate folder.
-        own_folder = folder / "files" / str(number)
-        own_folder.mkdir(parents=True)
-        files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
-        files[name].write_bytes(data)
+    files = unpacked(info, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
@@ -173,22 +168,36 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot
 
 
+def unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
+    """Paths of the files in a log, which are written into `folder`, by their names in the log."""
+    files: dict[str, Path] = {}
+    for name, content in info.attachments.items():
+        parts = PurePosixPath(name.replace("\\", "/")).parts
+        # The names come from a file that is not trusted: reject paths outside the folder.
+        if not parts or ".." in parts or PurePosixPath(name).is_absolute():
+            continue
+        path = folder.joinpath(*parts)
+        with suppress(OSError, ValueError):  # impossible names; the scenario then lacks the file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            files[name] = path
+    return files
+
+
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
     from asrsim.actuators import ACTUATORS
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     for path in one_or_more(plugins):
         load_plugin_file(path)
-    carried = {name: data for name, data in reader.info.attachments.items() if name.startswith(PLUGINS)}
+    carried = [name for name in reader.info.attachments if name.startswith(PLUGINS)]
     if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):
         return
     if not trust:
-        names = ", ".join(name.removeprefix(PLUGINS) for name in carried)
+        names = ", ".join(PurePosixPath(name).name for name in carried)
         message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
         hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
         raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
-    for number, (name, data) in enumerate(carried.items()):
-        path = folder / "plugins" / str(number) / (PurePosixPath(name).name or "plugin.py")
-        path.parent.mkdir(parents=True)
-        path.write_bytes(data)
-        load_plugin_file(path)
+    files = unpacked(reader.info, folder / "plugins")
+    for name in carried:
+        load_plugin_file(files[name])

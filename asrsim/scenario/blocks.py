@@ -35,6 +35,7 @@ from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, ScenarioError
 from asrsim.robot.meshes import mesh_fault
+from asrsim.robot.model import Shape
 from asrsim.samples import TIP, TIP_GOAL
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -312,6 +313,13 @@ class WorldObject:
         doc="for pictures",
     )  # fmt: skip
 
+    @property
+    def solid(self) -> Shape:
+        """The object as a shape at the origin of its frame."""
+        kind: Any = self.shape
+        x, y, z = self.size if kind == "mesh" else (1.0, 1.0, 1.0)
+        return Shape(kind=kind, size=self.size, mesh=str(self.mesh), scale=(x, y, z))
+
 
 def _object(**arguments: Any) -> WorldObject:
     """World object, after checking that shape and size agree. The world sets its name later."""
@@ -344,6 +352,10 @@ _GROUND: Block[Keys] = Block(
 )
 
 
+GROUND_SIZE = 100.0
+"""Edge length in m of the box that serves as the ground."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class World:
     """Surroundings of the robot: ground and objects."""
@@ -360,7 +372,16 @@ class World:
     @property
     def empty(self) -> bool:
         """Whether the world has neither ground nor objects to collide with."""
-        return not self.ground and not self.objects
+        return not self.solids
+
+    @property
+    def solids(self) -> tuple[WorldObject, ...]:
+        """The ground, if there is one, as a large box, and the objects. With a plane, PyBullet's contact forces would jump."""
+        if not self.ground:
+            return self.objects
+        at = 0.0, 0.0, self.ground_height - 0.5 * GROUND_SIZE
+        size = (GROUND_SIZE,) * 3
+        return WorldObject(name="ground", shape="box", size=size, friction=self.ground_friction, position=at), *self.objects
 
 
 RESERVED = ("ground", "robot", TIP, TIP_GOAL)

@@ -84,7 +84,7 @@ def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[P
         return errors, []
     from asrsim.kinematics.sizing import problems_of_weight, sizing
 
-    warnings = [scenario.placed(problem) for problem in doubts(scenario, robot, changed)]
+    warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
     return [], [*warnings, *problems_of_weight(sizing(scenario, changed), changed, scenario.path)]
 
 

@@ -8,14 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import Robot
-from asrsim.robot.doubts import block_doubts
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.blocks import prescribes_motion, released_order
@@ -35,18 +33,10 @@ ROUNDING = 1e-9
 """Relative rounding error by which a value may exceed a limit."""
 
 
-def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
-    """Warnings about a scenario. robot: without the scenario's changes; changed: with them."""
+def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about a scenario; `robot.warnings` has those about its actuators. robot: with the scenario's changes."""
     for check in DOUBTS:
-        yield from check(scenario, changed)
-    earlier = {
-        (block.joint, doubt.message) for block in robot.actuators for doubt in block_doubts(block, robot.joint(block.joint))
-    }
-    for block in changed.actuators:
-        for doubt in block_doubts(block, changed.joint(block.joint)):
-            if (block.joint, doubt.message) not in earlier:
-                key = f"parameters.{block.joint}.{doubt.key}" if doubt.key else f"parameters.{block.joint}"
-                yield replace(doubt, key=key)
+        yield from check(scenario, robot)
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------

@@ -49,50 +49,37 @@ class Comparison:
 
     def __init__(self, runs: Sequence[Prepared]) -> None:
         self._runs = runs
-        shape = math.comb(len(runs), 2), len(COMPARED), len(runs[0].drives)
-        self._largest, self._squares, self._number = np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)
+        self._largest, self._squares = np.zeros((2, math.comb(len(runs), 2), len(COMPARED), len(runs[0].drives)))
+        self._samples = 0
 
     def __iter__(self) -> Iterator[float]:
-        """Simulate and compare all runs, and yield the simulated times in s. Raises DivergenceError after the comparison of all
-        samples up to the divergence."""
-        scenario, samples = self._runs[0].scenario, 0
+        """Simulate and compare all runs block by block, and yield the simulated times in s. Raises DivergenceError."""
+        scenario = self._runs[0].scenario
         for blocks in zip(*map(_motion, self._runs), strict=True):
-            # The last block of a run that diverges is shorter.
-            count = min(map(len, blocks))
-            difference = np.abs([one[:count] - other[:count] for one, other in combinations(blocks, 2)])
-            self._largest = np.fmax(self._largest, np.fmax.reduce(difference, axis=1, initial=np.nan))
-            self._squares += np.nansum(difference**2, axis=1)
-            self._number += np.isfinite(difference).sum(axis=1)
-            samples += count
-            yield (samples - 1) * scenario.step * scenario.log_every
+            difference = np.abs([one - other for one, other in combinations(blocks, 2)])
+            self._largest = np.maximum(self._largest, difference.max(axis=1))
+            self._squares += (difference**2).sum(axis=1)
+            self._samples += len(blocks[0])
+            yield (self._samples - 1) * scenario.step * scenario.log_every
 
     @property
     def measures(self) -> Array:
         """Differences (pairs, joints, `MEASURES`) between the first and each later run, then between the second and each later
-        run, and so on; NaN for quantities that a joint does not have."""
-        with np.errstate(invalid="ignore"):
-            both = np.stack([self._largest, np.sqrt(self._squares / self._number)], axis=-1)
+        run, and so on."""
+        both = np.stack([self._largest, np.sqrt(self._squares / self._samples)], axis=-1)
         return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
 
 
 def _motion(prepared: Prepared) -> Iterator[Array]:
-    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError after all
-    samples up to the divergence."""
+    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError."""
     length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
     with Simulation(prepared, record=True, names=COMPARED) as simulation:
         for end in range(length, simulation.last + length, length):
-            fault = None
-            try:
-                simulation.advance_to(min(end, simulation.last) + 1)
-                simulation.flush()
-            except DivergenceError as error:
-                fault = error
-            values = simulation.recording.samples.values
+            simulation.advance_to(min(end, simulation.last) + 1)
+            values = simulation.samples.values
             simulation.recording.kept.clear()
             if values:
                 yield np.stack([values[name] for name in COMPARED], axis=1)
-            if fault is not None:
-                raise fault
 
 
 @blame_laws()
@@ -182,8 +169,9 @@ def cross_check(
 
     robot: the robot as read from its file. progress: function that receives the name of the engine and its simulated time.
     Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
-    of each joint (rad, m; N m, N; None for a joint without drive); `finding`: description of a fault, empty if the engines
-    agree or may differ; `note`: explanation of the differences. Raises SimulationError if there is no other engine.
+    of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
+    empty if the engines agree or may differ; `note`: explanation of the differences. Raises SimulationError if there is no
+    other engine.
     """
     other, version = require_other_engine(scenario), ""
     names = [joint.name for joint in run.robot.moving_joints]
@@ -230,16 +218,15 @@ def cross_check(
 def _differences(
     one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None
 ) -> tuple[Array, str]:
-    """Differences (joints, `MEASURES`) between two runs, and the message of a divergence, which ends the comparison; "" if
-    there is none."""
-    comparison, fault = Comparison([one, other]), ""
+    """Differences (joints, `MEASURES`) between two runs, and the message of a divergence; then the differences are NaN."""
+    comparison = Comparison([one, other])
     try:
         for time in comparison:
             if progress is not None:
                 progress(title, time)
     except DivergenceError as error:
-        fault = str(error)
-    return comparison.measures[0], fault
+        return np.full((len(one.drives), len(MEASURES)), np.nan), str(error)
+    return comparison.measures[0], ""
 
 
 def _nudged(prepared: Prepared) -> Prepared:

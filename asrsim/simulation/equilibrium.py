@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.actuators.rest import resting_integrals, resting_motors
+from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 
 BALANCED = 1e-10
@@ -41,7 +40,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
     positions. Raises ScenarioError that names a joint without an equilibrium.
     """
-    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.zeros(1)).T)
+    sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
     sprung = np.array([_gives_way(drive) for drive in drives])
@@ -103,10 +102,11 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
     positions: tuple[float, ...] = ()
     integrals: tuple[float, ...] = ()
     if own and own.mode.controller and drive.dynamic_motors:
-        place = np.array([q])
-        resting = resting_motors(own, place, np.array(goals)[:, None])
+        resting, torques = resting_motors(own, np.array([q]), np.array(goals)[:, None])
         positions = tuple(resting[:, 0].tolist())
-        integrals = tuple(resting_integrals(own, place, resting)[:, 0].tolist())
+        # Integral action gives the torque of the springs, up to the motor's largest torque.
+        rows = zip(torques[:, 0].tolist(), own.integral, own.max_torque, strict=False)
+        integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):
         integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
@@ -117,9 +117,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
     torque of the passive spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
-        motors = resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[:, 0].tolist()
-        law: Any = drive.drive.actuator.elastic_torques
-        torque = float(sum(law(q, *motors, drive.elastic)))
+        torque = float(resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[1].sum())
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)

@@ -5,6 +5,7 @@ A run is divided into chunks. After each chunk, samples go to the sinks, energy 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
@@ -57,16 +58,10 @@ class Inputs:
     """All input signals of a run, by joint."""
 
     def __init__(
-        self,
-        scenario: Scenario,
-        drives: Sequence[SteppedJoint],
-        *,
-        substep: float | None = None,
-        staggered: bool = False,
-        longest: int = LONGEST,
+        self, scenario: Scenario, drives: Sequence[SteppedJoint], *, substep: float, staggered: bool, longest: int
     ) -> None:
-        """substep: length of a substep in s; None: a step. longest: largest number of substeps in a chunk."""
-        self.substep, self.staggered, self._longest = substep or scenario.step, staggered, longest
+        """substep: length of a substep in s. longest: largest number of substeps in a chunk."""
+        self.substep, self.staggered, self._longest = substep, staggered, longest
         self._chunk = lru_cache(maxsize=KEPT)(self._make_chunk)
         self._sensors = [drive.sensor for drive in drives]
         self._sensed = 2 * max((sensor.count for sensor in self._sensors if sensor is not None), default=0)
@@ -76,31 +71,7 @@ class Inputs:
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
-        slots = range(max((drive.positions for drive in drives), default=2))
-        self._signals: list[list[Signal]] = []
-        """External torque and references of each joint."""
-        for j, drive in enumerate(drives):
-            references = (self._reference(scenario, drive, j, slot) for slot in slots)
-            self._signals.append([for_joint(scenario.external_torques, drive.name, REST), *references])
-
-    @staticmethod
-    def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
-        own, names = drive.drive, drive.references
-        if own is None or slot >= len(names):
-            return REST
-        # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
-        mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
-        moved = position and mode.number != 0 and not mode.direct
-        rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
-        signal = scenario.references_of(drive.name).get(names[slot], rest)
-        effects = for_joint(scenario.command_effects, drive.name)
-        if effects is None or not effects.active:
-            return signal
-        return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
-
-    def sample(self, time: Array) -> Array:
-        """External torques and references (n, joints, columns) at `time` (n,)."""
-        return _sampled(self._signals, time)
+        self._signals = signals_of(scenario, drives)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
         """Table of inputs (sets, n, joints, columns), made from references (sets, n, joints, columns) and sensors (n, joints,
@@ -132,7 +103,7 @@ class Inputs:
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
         time = np.concatenate(times)
-        references, wrenches = self.sample(time)[None], _sampled(self._wrenches, time, 6)[None]
+        references, wrenches = _sampled(self._signals, time)[None], _sampled(self._wrenches, time, 6)[None]
         split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
         return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 
@@ -161,28 +132,56 @@ class Inputs:
 
     def _cuts(self, first: int, count: int) -> list[tuple[int, list[float]]]:
         """Kicks that are split into pieces because inputs jump in them, and the first kick of a run: number of the substep, and
-        the times in s at which the pieces begin and end."""
+        the times in s at which the pieces begin and end. A kick is also split at the time of its substep; no piece lies before
+        t = 0."""
         if not self.staggered:
             return []
         h = self.substep
-        start, end = (first - 0.5) * h, (first + count - 0.5) * h
+        least, start, end = 1e-6 * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
         listed = (signal for row in (*self._signals, *self._wrenches) for signal in row)
         signals = {id(signal): signal for signal in listed if type(signal) is not Constant}.values()
-        # A set instead of np.unique, which imports numpy.ma and slows down short runs.
-        times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
-        times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
-        owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
-        substeps = {owner for owner in owners.tolist() if first <= owner < first + count} | ({0} if first == 0 else set())
-        return [(substep, self._edges(substep, times[owners == substep].tolist())) for substep in sorted(substeps)]
+        kicks: dict[int, set[float]] = {0: set()} if first == 0 else {}
+        for jump in (jump for signal in signals for jump in signal.jumps(start, end).tolist()):
+            substep = math.floor(jump / h + 0.5 + 1e-6)
+            if least < jump < end - least and first <= substep < first + count:
+                inner = kicks.setdefault(substep, set())
+                if least < abs(jump - substep * h) < 0.5 * h - least:
+                    inner.add(jump)
+        cuts = []
+        for substep, inner in sorted(kicks.items()):
+            now = substep * h
+            cuts.append((substep, sorted({max(now - 0.5 * h, 0.0), now, now + 0.5 * h, *inner})))
+        return cuts
 
-    def _edges(self, substep: int, jumps: list[float]) -> list[float]:
-        """Times in s at which the kick around a substep is split, with its ends: at `jumps` and at the time of the substep; no
-        piece lies before t = 0."""
-        h = self.substep
-        now = substep * h
-        inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
-        edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
-        return [edge for edge in edges if substep or edge >= now]
+
+def signals_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> list[list[Signal]]:
+    """External torque and references of each joint."""
+    slots = range(max((drive.positions for drive in drives), default=2))
+    return [
+        [for_joint(scenario.external_torques, drive.name, REST), *(_reference(scenario, drive, j, slot) for slot in slots)]
+        for j, drive in enumerate(drives)
+    ]
+
+
+def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
+    """Reference number `slot` of joint number `j`; 0 if the joint has fewer references."""
+    own, names = drive.drive, drive.references
+    if own is None or slot >= len(names):
+        return REST
+    # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
+    mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
+    moved = position and mode.number != 0 and not mode.direct
+    rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
+    signal = scenario.references_of(drive.name).get(names[slot], rest)
+    effects = for_joint(scenario.command_effects, drive.name)
+    if effects is None or not effects.active:
+        return signal
+    return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
+
+
+def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Array) -> Array:
+    """External torques and references (columns, joints, n) of a run at `time` (n,)."""
+    return np.ascontiguousarray(_sampled(signals_of(scenario, drives), time).T)
 
 
 def longest_chunk(joints: int, asked: int | None = None) -> int:

@@ -72,12 +72,11 @@ from asrsim.simulation.layout import (
     JUMPED,
     KICK_POSITION,
     KIND,
-    LAST_AT_LIMIT,
+    KINETIC,
     LAST_DEFLECTION,
     LAST_ENGINE_VELOCITY,
     LAST_HYSTERESIS,
     LAST_KICK_POSITION,
-    LAST_MEAN_VELOCITY,
     LAST_POSITION,
     LAST_POWER,
     LAW,
@@ -87,6 +86,7 @@ from asrsim.simulation.layout import (
     LINK_WORK,
     LOAD,
     MEAN_VELOCITY,
+    MOTOR_ENERGY,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_SPEED_COUNT,
@@ -255,8 +255,7 @@ def run(
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
                 if watched:
-                    update_energies(s, p, k, z, substep == 0, jumped, asked)
-                    count_limits(s, p, k)
+                    update_ledger(s, p, k, z, substep == 0, jumped, asked)
                 if asked:
                     for c in range(len(columns)):
                         out[place, kept, j, c] = s[columns[c]]
@@ -436,7 +435,7 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
     s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
     s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
-        s[m + AT_LIMIT] = 1.0
+        s[m + AT_LIMIT] = 2.0
     resistance = friction + p[d + D_DAMPING] * (speed + z[IMPLICITNESS] * (velocity - speed))
     _add_works(s, m, 0.5 * step * speed, drive, resistance, load)
     if noted:
@@ -529,72 +528,104 @@ def friction_of(s: Any, p: Any, v: float) -> float:
 # -- energy balance and limits ------------------------------------------------------------------------------------------
 
 
-def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
-    """Add the energy flows since the last substep to the energies of the joint, and store values for the next substep.
+def update_ledger(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
+    """Add the energy flows since the last substep to the energies of the joint, count the limits that act in this substep, and
+    store values for the next substep.
 
     first: whether this is the first substep of the run. jumped: whether an input jumps in this kick, so that
     the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
     of the present state are needed.
     """
     before, following = (APPLIED_BEFORE, APPLIED_NEXT) if jumped else (APPLIED, APPLIED)
-    sprung, dynamic = k[KIND] == SPRUNG, k[DYNAMIC]
-    kinematic = sprung and dynamic < k[PLACED]
-    energy_before = s[SPRING_ENERGY]
-    if sprung and (recorded or first or kinematic):
-        s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
-        s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
-    if not first:
-        half = 0.5 * (s[POSITION] - s[LAST_POSITION])
-        link = (s[APPLIED_LAST] + s[before]) * half
-        damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
-        push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
-        work = link
-        if sprung:
-            lost = _hysteresis_loss(s, p, k)
-            work = _motors(s, p, dynamic, z[STEP])
-            if kinematic:
-                jump = jumped or s[JUMPED] != 0.0
-                work += _kinematic(s, p, k, before, s[SPRING_ENERGY] - energy_before + lost, jump)
-            s[HYSTERESIS_LOSS] += lost
-            s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
-        s[LINK_WORK] += link
-        s[DAMPING_LOSS] += damped
-        s[NET_LINK_WORK] += link + push - damped
-        s[MOTOR_WORK] += work
-        s[TURNOVER] += abs(link) + abs(push) + abs(work)
-    if sprung and (recorded or first):
-        _balance(s, p, k, first)
+    half = 0.0 if first else 0.5 * (s[POSITION] - s[LAST_POSITION])
+    link = (s[APPLIED_LAST] + s[before]) * half
+    damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
+    push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
+    work = link
+    if k[KIND] == SPRUNG:
+        work = _update_springs(s, p, k, z[STEP], first, jumped, recorded, before, half)
+        s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
+    s[LINK_WORK] += link
+    s[DAMPING_LOSS] += damped
+    s[NET_LINK_WORK] += link + push - damped
+    s[MOTOR_WORK] += work
+    s[TURNOVER] += abs(link) + abs(push) + abs(work)
+    if k[KIND] == SPRUNG and (recorded or first):
+        _balance(s, first)
     s[LAST_POSITION] = s[POSITION]
     s[JUMPED] = 1.0 if jumped else 0.0
-    for i in range(k[MOTORS]):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        s[m + LAST_KICK_POSITION], s[m + LAST_MEAN_VELOCITY] = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
-        s[m + LAST_AT_LIMIT], s[m + AT_LIMIT] = s[m + AT_LIMIT], 0.0
-        resistance = p[FIRST_DRIVE + i * PER_DRIVE + D_RESISTANCE]
-        if resistance != 0.0:
-            s[m + LAST_POWER] = resistance * s[m + CURRENT] * s[m + CURRENT]
     for c in range(PUSHES):
         s[APPLIED_LAST + c] = s[following + c]
+    if abs(s[TORQUE]) > p[P_EFFORT]:
+        s[EFFORT_COUNT] += 1.0
+    if abs(s[VELOCITY]) > p[P_FASTEST]:
+        s[VELOCITY_COUNT] += 1.0
+    if s[POSITION] <= p[P_LOWEST] or s[POSITION] >= p[P_HIGHEST]:
+        s[STOP_COUNT] += 1.0
 
 
-def _motors(s: Any, p: Any, dynamic: int, step: float) -> float:
-    """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
-    total = lost = 0.0
-    for i in range(dynamic):
+def _update_springs(
+    s: Any, p: Any, k: Any, step: float, first: bool, jumped: bool, recorded: bool, before: int, half: float
+) -> float:
+    """Update energies and counts of the springs and motors, and return the work in J of the motors since the last substep.
+
+    half: half of the link's displacement in rad; the other arguments are those of `update_ledger`.
+    """
+    kinematic, energy_before, hysteretic = k[DYNAMIC] < k[PLACED], s[SPRING_ENERGY], 0.0
+    if recorded or first or kinematic:
+        s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
+        s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
+    if p[P_LEVEL] > 0.0 and not first:
+        hysteretic = _hysteresis_loss(s, p, k)
+        s[HYSTERESIS_LOSS] += hysteretic
+    work = _update_motors(s, p, k, step, first)
+    if kinematic:
+        absorbed = s[SPRING_ENERGY] - energy_before + hysteretic
+        work += 0.0 if first else _kinematic(s, p, k, before, absorbed, jumped or s[JUMPED] != 0.0)
+        for i in range(k[MOTORS]):
+            m = FIRST_MOTOR + i * PER_MOTOR
+            s[m + LAST_KICK_POSITION] = s[m + KICK_POSITION]
+    return work
+
+
+def _update_motors(s: Any, p: Any, k: Any, step: float, first: bool) -> float:
+    """Update energies and counts of the motors, and return their work in J since the last substep."""
+    work = lost = kinetic = 0.0
+    saturated = bent = False
+    for i in range(k[MOTORS]):
         m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
-        work = s[m + ROW_WORK]
-        total += work
-        if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
+        theta, speed = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
+        if i < k[SPRINGS] and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
+            bent = True
+        if i >= k[DYNAMIC]:
+            continue
+        energy = 0.5 * p[d + D_INERTIA] * speed * speed
+        kinetic += energy
+        if not first:
+            work += s[m + ROW_WORK]
             # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
-            now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
-            lost += work - s[m + ROW_WORK + 2] - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
-        else:
-            lost += s[m + ROW_WORK + 1]
+            limited = s[m + ROW_WORK] - s[m + ROW_WORK + 2] - (energy - s[m + KINETIC])
+            lost += limited if s[m + AT_LIMIT] > 0.0 else s[m + ROW_WORK + 1]
+        s[m + KINETIC] = energy
+        if s[m + AT_LIMIT] > 0.0:
+            s[m + AT_LIMIT] -= 1.0
         if p[d + D_RESISTANCE] != 0.0:
-            power = p[d + D_RESISTANCE] * s[m + CURRENT] * s[m + CURRENT]
-            s[WINDING_LOSS] += 0.5 * step * (power + s[m + LAST_POWER])
+            heat = p[d + D_RESISTANCE] * s[m + CURRENT] * s[m + CURRENT]
+            s[WINDING_LOSS] += 0.0 if first else 0.5 * step * (heat + s[m + LAST_POWER])
+            s[m + LAST_POWER] = heat
+        if abs(s[m + DRIVE_TORQUE]) >= p[d + D_MAX_TORQUE]:
+            saturated = True
+        if theta <= p[d + D_LOW] + AT_STOP or theta >= p[d + D_HIGH] - AT_STOP:
+            s[MOTOR_STOP_COUNT] += 1.0
+        if abs(speed) >= FULL * p[d + D_MOST]:
+            s[MOTOR_SPEED_COUNT] += 1.0
+    s[MOTOR_ENERGY] = kinetic
     s[FRICTION_LOSS] += lost
-    return total
+    if saturated:
+        s[SATURATION_COUNT] += 1.0
+    if bent:
+        s[DEFLECTION_COUNT] += 1.0
+    return work
 
 
 def _kinematic(s: Any, p: Any, k: Any, before: int, absorbed: float, jump: bool) -> float:
@@ -656,47 +687,12 @@ def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
     return total
 
 
-def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
-    """Compute the energy stored in springs and motors, and the residual of the energy balance since the start."""
-    kinetic = 0.0
-    for i in range(k[DYNAMIC]):
-        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
-        kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
-    stored = s[SPRING_ENERGY] + kinetic
+def _balance(s: Any, first: bool) -> None:
+    """Compute the residual of the energy balance since the start."""
+    stored = s[SPRING_ENERGY] + s[MOTOR_ENERGY]
     if first:
         s[START_ENERGY] = stored
     s[RESIDUAL] = (
         s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (stored - s[START_ENERGY])
     )
     s[EXCESS] = max(s[EXCESS], abs(s[RESIDUAL]) - SHARE * s[TURNOVER])
-
-
-def count_limits(s: Any, p: Any, k: Any) -> None:
-    """Count the limits of the joint that act in this substep."""
-    if abs(s[TORQUE]) > p[P_EFFORT]:
-        s[EFFORT_COUNT] += 1.0
-    if abs(s[VELOCITY]) > p[P_FASTEST]:
-        s[VELOCITY_COUNT] += 1.0
-    if s[POSITION] <= p[P_LOWEST] or s[POSITION] >= p[P_HIGHEST]:
-        s[STOP_COUNT] += 1.0
-    if k[KIND] != SPRUNG:
-        return
-    dynamic, springs = k[DYNAMIC], k[SPRINGS]
-    saturated = bent = False
-    for i in range(k[MOTORS]):
-        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
-        theta = s[m + KICK_POSITION]
-        if i < springs and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
-            bent = True
-        if i >= dynamic:
-            continue
-        if abs(s[m + DRIVE_TORQUE]) >= p[d + D_MAX_TORQUE]:
-            saturated = True
-        if theta <= p[d + D_LOW] + AT_STOP or theta >= p[d + D_HIGH] - AT_STOP:
-            s[MOTOR_STOP_COUNT] += 1.0
-        if abs(s[m + MEAN_VELOCITY]) >= FULL * p[d + D_MOST]:
-            s[MOTOR_SPEED_COUNT] += 1.0
-    if saturated:
-        s[SATURATION_COUNT] += 1.0
-    if bent:
-        s[DEFLECTION_COUNT] += 1.0

@@ -49,6 +49,7 @@ from __future__ import annotations
     WINDING_LOSS,  # heat of the windings, J
     HYSTERESIS_LOSS,  # energy lost in the springs' hysteresis, J
     SPRING_ENERGY,  # energy stored in the springs, J
+    MOTOR_ENERGY,  # kinetic energy of the motors, J
     START_ENERGY,  # energy of springs and motors at the start, J
     RESIDUAL,  # motor work - losses - change of the stored energy - link work, J
     NET_LINK_WORK,  # work of actuator and external torques on the link, minus the damping loss of the link, J
@@ -65,7 +66,7 @@ from __future__ import annotations
     DEFLECTION_COUNT,  # number of substeps with a spring beyond its largest deflection
     STOP_COUNT,  # number of substeps with the link at its position stop
     FIRST_MOTOR,  # column at which the block of the first motor begins
-) = range(52)
+) = range(53)
 PUSHES = 4
 """Number of columns in a block of torques that do work on the link: applied, torque, damping, push."""
 
@@ -87,9 +88,8 @@ PUSHES = 4
     _,
     _,
     LAST_KICK_POSITION,  # position of the motor at the previous kick, rad
-    LAST_MEAN_VELOCITY,  # mean velocity of the motor over the previous kick, rad/s
-    AT_LIMIT,  # flag: 1 if a stop or the speed limit of the motor acted in this kick, else 0
-    LAST_AT_LIMIT,  # flag: 1 if a stop or the speed limit of the motor acted in the previous kick, else 0
+    KINETIC,  # kinetic energy of the motor at its mean velocity, J
+    AT_LIMIT,  # number of rows, from this one on, whose work a stop or the speed limit of the motor has changed: 2 after a kick
     CURRENT,  # current of the winding, A
     VOLTAGE,  # voltage of the winding, V
     LAST_POWER,  # heat loss of the winding at the previous kick, W
@@ -100,7 +100,7 @@ PUSHES = 4
     READ_ERROR,  # position error of the motor's sensor, rad: measured minus true position
     READ_PUSH,  # torque caused by the error of the measured velocity, in units of the command, N m
     PER_MOTOR,  # number of columns per motor
-) = range(29)
+) = range(28)
 MOTOR_WORKS = 3
 """Number of columns in WORK: work of the motor's torque, work lost to friction and damping, work against the spring."""
 

@@ -48,8 +48,10 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
     return entry.make(scenario, robot)
 
 
-def _start_fault(drive: SteppedJoint, what: str, value: Any) -> str:
+def _start_fault(drive: SteppedJoint | None, what: str, value: Any) -> str:
     """Fault of a start value of a joint; empty if there is none. what: `initial`, `velocities` or `motors`."""
+    if drive is None:
+        return "the robot has no moving joint of this name"
     if what == "motors":
         if np.ndim(value) != 1 or not all(map(_is_finite, value)):
             return "must be a list of finite numbers, one for each motor"
@@ -149,10 +151,6 @@ class Prepared:
         """
         return resolution_of(self.scenario, self.drives, self.model)
 
-    def range_of(self, joint: str, reference: str) -> tuple[float, float]:
-        """Smallest and largest value of a reference that callers may set; infinite if the scenario declares no range."""
-        return self.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
-
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
         """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
         unknown names."""
@@ -175,25 +173,20 @@ class Prepared:
             found[drive.name] = j, {**columns, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
-    def check_start(self, start: Start) -> None:
-        """Raise InputError for wrong names and values in the positions, velocities and motors of a start."""
-        joints = {drive.name: drive for drive in self.drives}
-        problems = []
-        for what, given in (("initial", start.positions), ("velocities", start.velocities), ("motors", start.motors)):
-            for name, value in given.items():
-                if name not in joints:
-                    message, hint = "the robot has no moving joint of this name", did_you_mean(name, tuple(joints))
-                    problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
-                elif message := _start_fault(joints[name], what, value):
-                    problems.append(Problem(message, key=f"{what}.{name}", value=value, code="start"))
-        if problems:
-            raise InputError(problems)
-
     def started(self, start: Start) -> Prepared:
         """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
-        self.check_start(start)
-        if not (start.positions or start.velocities or start.motors):
+        given = {"initial": start.positions, "velocities": start.velocities, "motors": start.motors}
+        if not any(given.values()):
             return self
+        joints = {drive.name: drive for drive in self.drives}
+        problems = []
+        for key, table in given.items():
+            for name, value in table.items():
+                if fault := _start_fault(joints.get(name), key, value):
+                    hint = None if name in joints else did_you_mean(name, tuple(joints))
+                    problems.append(Problem(fault, key=f"{key}.{name}", value=value, hint=hint, code="start"))
+        if problems:
+            raise InputError(problems)
         drives = tuple(
             replace(
                 drive,
@@ -314,7 +307,12 @@ def prepare(
         resolution=resolution,
         info=info,
         model=model,
-        warnings=(*robot.warnings, *warnings, *engine_warnings, *undersampled(scenario, resolution.substeps)),
+        warnings=(
+            *map(scenario.placed, robot.warnings),
+            *warnings,
+            *engine_warnings,
+            *undersampled(scenario, resolution.substeps),
+        ),
         _spare=[engine],
     )
 
@@ -356,7 +354,7 @@ def describe(
     from asrsim import __version__
     from asrsim.versions import version
 
-    joints = tuple(
+    joints = [
         JointInfo(
             name=drive.name,
             actuator=drive.actuator.name if drive.actuator else "rigid",
@@ -367,12 +365,11 @@ def describe(
             quantities=recorded_quantities(drive),
         )
         for drive in drives
-    )
+    ]
     order = {name: index for index, name in enumerate(scenario.joint_order)}
-    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
     return RunInfo(
         robot=robot.name,
-        joints=joints,
+        joints=tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))),
         step=scenario.step,
         log_every=scenario.log_every,
         variant=scenario.variant,

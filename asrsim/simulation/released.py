@@ -134,7 +134,7 @@ def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: 
     if position > p[d + D_HIGH] or position < p[d + D_LOW]:
         position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
         velocity, push = 0.0, math.nan
-        s[m + AT_LIMIT] = 1.0
+        s[m + AT_LIMIT] = 2.0
     way = position - before
     s[m + ROW_WORK] = 0.5 * (s[m + DRIVE_TORQUE] + push) * way
     s[m + ROW_WORK + 1] = (0.5 * (s[m + FRICTION] + friction) + p[d + D_DAMPING] * velocity) * way

@@ -250,7 +250,7 @@ class Worlds:
         self.check_open()
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
-        low, high = self.prepared.range_of(joint, reference)
+        low, high = self.prepared.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
         held: Any = np.nan
         if isinstance(values, float):
             # A single number, which controllers set in every step, is handled without arrays, since this is faster.

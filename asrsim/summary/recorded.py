@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
-from asrsim.recordings.align import Reader, align_recording, series_of
+from asrsim.recordings.align import Reader, align_recording
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
@@ -37,8 +37,8 @@ class RecordedSeries:
         options = claim.options
         key = (str(claim.against), *(str(options.get(name)) for name in ("lag", "map", "rate")))
         if key not in self._lags:
-            lag, series = options.get("lag", "auto"), series_of(self._read, self._infos)
-            self._lags[key] = align_recording(recording, pairing, series, lag=lag, infos=self._infos).lag
+            lag = options.get("lag", "auto")
+            self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
         sources = DERIVED_SOURCES.get(claim.quantity, (claim.quantity,))
         samples = self._read([name for name in joint.quantities if name in sources], (joint.name,))
         found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])

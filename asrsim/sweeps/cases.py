@@ -87,7 +87,7 @@ class Payload:
 
 def make_payload(study: Study) -> Payload:
     """Checked data for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     for plugin in study.plugins:
         load_plugin_file(plugin)

@@ -52,7 +52,7 @@ def _panels(table: Table, names: Sequence[str], draw: Callable[[Table, str, Axes
     from matplotlib.figure import Figure
     from matplotlib.ticker import ScalarFormatter
 
-    from asrsim.plots.ticks import Plain
+    from asrsim.plots.ticks import TICKS
 
     columns = min(len(names), 2)
     rows = -(-len(names) // columns)
@@ -68,7 +68,7 @@ def _panels(table: Table, names: Sequence[str], draw: Callable[[Table, str, Axes
         axes.locator_params(axis="x", nbins=5)
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(axis.get_major_formatter(), ScalarFormatter):
-                axis.set_major_formatter(Plain())
+                axis.set_major_formatter(TICKS)
     # All panels share one legend.
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if len(labels) > 1:

@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim import __version__
-from asrsim.actuators.user import check_named
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.extras import library
+from asrsim.plugins import check_named
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
 from asrsim.summary import RunSummary

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import kind_of, read_document, read_file
 from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Text
@@ -20,6 +19,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
+from asrsim.plugins import check_named
 from asrsim.samples import Array
 from asrsim.scenario.blocks import AnyData
 from asrsim.scenario.overrides import override_texts

@@ -180,7 +180,7 @@ _OWN = threading.local()
 
 @cache
 def _load(plugin: Path) -> None:
-    from asrsim.actuators.user import load_plugin_file
+    from asrsim.plugins import load_plugin_file
 
     load_plugin_file(plugin)
 

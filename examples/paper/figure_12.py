@@ -87,13 +87,14 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
     """Claim that the link settles on the reference, or, if its springs are too weak, that friction holds it elsewhere."""
-    from asrsim.kinematics.drive_inverse import equilibrium_for_load
+    from asrsim.kinematics import equilibria_for_loads
     from asrsim.robot import drive_of
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)
     series = result[joint]
     # At this distance from the equilibrium, the torque of the springs is as large as the friction.
-    band = equilibrium_for_load(drive_of(block), GOAL, FRICTION, float(series.reference_2[-1])) - GOAL
+    place, load, preset = np.array([[GOAL], [FRICTION], [series.reference_2[-1]]])
+    band = float(equilibria_for_loads(drive_of(block), place, load, preset, droop=False)[0]) - GOAL
     if band <= SETTLED:
         return Claim(
             origin=origin,

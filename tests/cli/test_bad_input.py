@@ -1,8 +1,6 @@
 """Bad input on the command line ends with an exit code and a line that names the fault, without a traceback."""
 
 import json
-import os
-import signal
 import struct
 import subprocess
 import sys
@@ -11,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from asrsim.cli.console import json_errors
-from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem, RobotError
 from asrsim.robot import load_robot
 from asrsim.robot.meshes import mesh_fault
@@ -115,13 +112,6 @@ def test_a_broken_mesh_is_a_warning_that_names_the_link(tiny, asrsim_command):
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")
     assert outcome.code == 0
     assert "arm: collision mesh has a line longer" in outcome.err
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_engine_crash_only_ends_a_child_process():
-    assert crashes(lambda: os.kill(os.getpid(), signal.SIGKILL))
-    assert not crashes(lambda: None)
-    assert not crashes(lambda: 1 / 0)
 
 
 def test_a_robot_without_name_or_with_blanks_in_names_runs(tiny, asrsim_command):

@@ -14,6 +14,7 @@ import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.log import LogWriter, read_log
+from support.bags import ramp_bag
 from support.paths import ROOT
 
 FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
@@ -239,9 +240,13 @@ def test_engines_agree_by_the_cross_check_if_nothing_touches(tiny, asrsim_comman
 
 
 def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command):
-    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4", "--set", "step=5e-4")
+    """Also the played bag, a folder of several files, is in the log."""
+    ramp_bag(tiny.folder / "bag", "sqlite3")
+    play = "external_torques.elbow={playback: {file: bag, column: /q}}"
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4", "--set", "step=5e-4", "--set", play)
     log = tiny.folder / "alone.mcap"
     shutil.move(log_of(tiny), log)
+    shutil.rmtree(tiny.folder / "bag")
     tiny.scenario.unlink()
     tiny.robot.unlink()
     outcome = asrsim_command("rerun", log)

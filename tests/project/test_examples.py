@@ -6,7 +6,7 @@ import pytest
 
 import asrsim
 from asrsim.robot import load_robot
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.meshes import usable_shapes
 from asrsim.scenario import check_against_robot, load_scenario
 from support.paths import EXAMPLES
 

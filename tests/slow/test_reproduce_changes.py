@@ -8,7 +8,7 @@ import pytest
 from asrsim import run
 from asrsim.errors import ScenarioError
 from asrsim.reproduce import figures
-from asrsim.robot import engine_urdf, load_robot
+from asrsim.robot import load_robot
 from asrsim.robot.model import INERTIAS
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario
@@ -105,7 +105,7 @@ def test_newtons_law_recovers_masses_and_losses(what, masses, damping, friction,
 
 def test_five_link_dynamics_are_those_of_the_robot_file():
     robot = load_robot(ROOT / "examples" / "urdf" / "dof5_arm.urdf")
-    model = PinocchioModel(engine_urdf(robot)[0], [joint.name for joint in robot.moving_joints])
+    model = PinocchioModel(robot.text, [joint.name for joint in robot.moving_joints])
     for q, v, a in np.random.default_rng(14).normal(size=(20, 3, 5)):
         assert five_links(*np.array([[q], [v], [a]]))[0] == pytest.approx(
             model.mass_matrix(q) @ a + model.bias(q, v), abs=1e-12

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot import Robot, load_robot
 from asrsim.scenario import Scenario
 from asrsim.simulation.prepare import make_engine
 from support.pinocchio_model import PinocchioModel, differences, without_stops
@@ -39,7 +39,7 @@ def rigid_body() -> Iterator[Check]:
         joints = [joint.name for joint in robot.moving_joints]
         for label, rpy in (("", (0.0, 0.0, 0.0)), (", base turned", TURN)):
             gravity = Rotation.from_euler("xyz", rpy).inv().apply(GRAVITY)
-            truth = PinocchioModel(engine_urdf(robot)[0], joints, gravity)
+            truth = PinocchioModel(robot.text, joints, gravity)
             scenario = Scenario(name="check", robot=robot.path, gravity=GRAVITY, base_rpy=rpy, engine=current())
             engine, _ = make_engine(scenario, without_stops(robot))
             states = np.random.default_rng(1).uniform(-1.5, 1.5, (SAMPLES, 2, len(joints)))

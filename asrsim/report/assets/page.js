@@ -207,7 +207,7 @@
   window.addEventListener("beforeprint", () => document.querySelectorAll(".plot .body").forEach(drawOnce));
 
   for (const part of document.querySelectorAll("details.joint")) {
-    const plots = part.dataset.objects ? data.objects : data.joints[Number(part.dataset.joint)].plots;
+    const plots = data.joints[Number(part.dataset.joint)].plots;
     const place = part.querySelector(".plots");
     for (const plot of plots) {
       const box = document.createElement("div"), head = document.createElement("h3"), body = document.createElement("div");

@@ -12,11 +12,11 @@ import pytest
 import asrsim
 from asrsim.actuators import ACTUATORS, Actuator, Parameter
 from asrsim.actuators.checker import check_actuator
-from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError, RobotError
 from asrsim.identification.door import Door
 from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.plugins import load_plugin_file
 from asrsim.robot import load_robot
 from support.paths import ROOT
 from validation.models import Body, chain, column, run

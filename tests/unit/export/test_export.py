@@ -11,10 +11,10 @@ import yaml
 
 import asrsim
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ScenarioError, SimulationError
 from asrsim.export import export_mjcf
 from asrsim.export.springs import spline_of
+from asrsim.plugins import load_plugin_file
 from support.independent_ode import solve
 from support.paths import EXAMPLES
 from support.random_runs import random_run

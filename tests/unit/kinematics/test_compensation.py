@@ -6,14 +6,18 @@ import pytest
 from asrsim.actuators import AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import equilibrium_for_load
-from asrsim.kinematics.drive_inverse import equilibria_for_loads
+from asrsim.kinematics import equilibria_for_loads
 from support.robots import drive_with
+
+
+def equilibrium_for_load(drive, position, load, preset, *, droop=False):
+    """Equilibrium of one instant."""
+    return equilibria_for_loads(drive, *np.array([[position], [load], [preset]]), droop=droop)[0]
 
 
 def rest(drive, position, references):
     """Positions of the motors of one instant."""
-    return resting_motors(drive, np.array([position]), np.array(references)[:, None])[:, 0]
+    return resting_motors(drive, np.array([position]), np.array(references)[:, None])[0][:, 0]
 
 
 CASES = {

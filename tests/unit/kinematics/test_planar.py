@@ -137,48 +137,47 @@ def test_a_robot_off_the_path_gets_a_start_proposed():
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     model = Planar2R()
     drives = [qbmove("one"), qbmove("two")]
-    planned = plan(
+    path, planned = plan(
         task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2), gravity_compensation=True, preset={"*": 0.2}),
         model,
         drives,
         initial(elbow(0.35, 0.1)),
         1.0,
     )
-    for row in range(0, len(planned.time), 50):
-        q = planned.path.positions[row]
+    for row in range(0, len(path.time), 50):
+        q = path.positions[row]
         loads = model.gravity_torques(np.asarray(q))
         for index, drive in enumerate(drives):
-            references = planned.references[drive.joint]
+            references = planned[drive.joint]
             motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])
             assert sum(QbMove.elastic_torques(q[index], *motors, drive.elastic)) == pytest.approx(loads[index], abs=1e-11)
-    shifts = [planned.references[name]["equilibrium_position"] for name in ("one", "two")] - planned.path.positions.T
+    shifts = [planned[name]["equilibrium_position"] for name in ("one", "two")] - path.positions.T
     assert np.abs(shifts).max() > 0.1
 
 
 def test_plans_of_motor_reference_modes_give_motor_positions():
-    planned = plan(
+    path, planned = plan(
         task((0.0, 0.35, 0.1), preset={"*": 0.3}),
         Planar2R(),
         [qbmove("one", mode=2), qbmove("two", mode=3)],
         initial(elbow(0.35, 0.1)),
         0.1,
     )
-    first = planned.references["one"]
-    assert first["reference_1"] - first["reference_2"] == pytest.approx(np.full(len(planned.time), 0.6))
-    assert set(planned.references["two"]) == {"equilibrium_position", "stiffness_preset"}
-    signal = planned.signals()["two"]["equilibrium_position"]
-    assert signal.values(np.array([0.05]))[0] == pytest.approx(elbow(0.35, 0.1)[1], abs=1e-6)
+    first = planned["one"]
+    assert first["reference_1"] - first["reference_2"] == pytest.approx(np.full(len(path.time), 0.6))
+    assert set(planned["two"]) == {"equilibrium_position", "stiffness_preset"}
+    assert planned["two"]["equilibrium_position"][25] == pytest.approx(elbow(0.35, 0.1)[1], abs=1e-6)
 
 
 def test_joints_outside_the_task_do_not_move():
     start = elbow(0.35, 0.1)
     goal, _ = Planar2R().pose(start + np.array([0.1, 0.0]), "tip", ORIGIN)
-    planned = plan(
+    path, _ = plan(
         task((0.0, 0.35, 0.1), (1.0, goal[0], goal[1]), joints=("one",), tolerance=0.02),
         Planar2R(),
         [qbmove("one"), qbmove("two")],
         initial(start),
         2.0,
     )
-    assert np.ptp(planned.path.positions[:, 1]) == 0.0
-    assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)
+    assert np.ptp(path.positions[:, 1]) == 0.0
+    assert path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)

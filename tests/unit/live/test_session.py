@@ -167,7 +167,7 @@ def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     assert len(told) == len(set(told)) == len(summary.live["dropped"])
     command, low, *_ = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert (command.joint, command.reference) == ("joint_1", "equilibrium_position")
-    assert command.value == session.simulation.prepared.range_of("joint_1", "equilibrium_position")[1]
+    assert command.value == session.simulation.scenario.ranges_of("joint_1")["equilibrium_position"][1]
     assert low.joint == "joint_2"
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from asrsim.metrics.frequency import FrequencyResponse
-from asrsim.plots import read_curves, style
+from asrsim.plots import Curve, read_curves, style
 from asrsim.plots.bode import bode_figure
-from asrsim.plots.figures import objects_figure, run_pages
+from asrsim.plots.figures import run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
-from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 from support.plot_example import made_up_log, simulated_log
 
@@ -60,23 +59,25 @@ def test_an_equilibrium_that_is_the_motors_position_is_not_drawn(tmp_path, scena
 def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path):
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
+    goal = {"reference_x": 1.1, "reference_y": 2.1, "reference_z": 3.1}
+    bodies = tuple(JointInfo(name=name, actuator="", mode=None) for name in ("box", "tip"))
     runs = []
     for label, scale in (("soft", 1.0), ("stiff", 5.0)):
-        box = curves({**{key: scale * slope for key, slope in moved.items()}, "force": 7.0 * scale})
-        tip = curves({**{key: scale * slope for key, slope in moved.items()}, "error": scale})
-        goal = curves({"goal_x": 1.1, "goal_y": 2.1, "goal_z": 3.1})
-        runs.append(replace(run, label=label, bodies={"box": box, "tip": {**tip, **goal}}))
+        own = {key: scale * slope for key, slope in moved.items()}
+        found = {("box", key): one for key, one in curves({**own, "force": 7.0 * scale}).items()}
+        found |= {("tip", key): one for key, one in curves({**own, "error": scale, **goal}).items()}
+        runs.append(replace(run, label=label, bodies=bodies, curves={**run.curves, **found}))
     for drawn in (runs[:1], runs):
-        figure = objects_figure(drawn)
-        lines = {line.get_gid(): line for axes in figure.axes for line in axes.get_lines() if line.get_gid()}
+        pages = [page.figure for page in run_pages(drawn) if page.name.startswith("objects")]
+        lines = {line.get_gid(): line for page in pages for axes in page.axes for line in axes.get_lines() if line.get_gid()}
         assert len(lines) == len(drawn) * (4 + 4) + 3  # box, tip, and the goal of the first run
         for gid, line in lines.items():
             body, key, number = gid.split(".")
-            np.testing.assert_array_equal(line.get_ydata(), drawn[int(number)].bodies[body][key].values)
+            np.testing.assert_array_equal(line.get_ydata(), drawn[int(number)].get(body, key).values)
             own = style.variant_colour(int(number)) if len(drawn) > 1 else style.colour(key)
-            assert line.get_color() == (style.colour("reference_position") if key.startswith("goal") else own)
-        labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
-        assert labels == ["displacement (m)"] * 2 + ["contact force\nwithout ground (N)", "distance to the goal (m)"]
+            assert line.get_color() == (style.colour(key) if key.startswith("reference") else own)
+        labels = {axes.get_ylabel() for page in pages for axes in page.axes if axes.get_ylabel()}
+        assert labels == {"displacement (m)", "contact force (N)", "distance to the goal\n(m)"}
 
 
 def response(coherence, *, experiment=False, scale=1.0):
@@ -85,7 +86,7 @@ def response(coherence, *, experiment=False, scale=1.0):
     found = FrequencyResponse(
         frequency=np.array([1.0, 2.0, 4.0, 8.0][:count]), gain=gain, phase=np.array([0.0, -90.0, -120.0, -170.0][:count]),
         coherence=np.array(coherence), gain_low=gain / 2, gain_high=gain * 2, phase_margin=np.full(count, 20.0),
-        confidence=0.95, averages=4.0, resolution=1.0, method="local", band=(1.0, 8.0), resonance=(2.0, 10.0), bandwidth=None,
+        band=(1.0, 8.0), resonance=(2.0, 10.0), bandwidth=None,
         moves=True,
     )  # fmt: skip
     joint = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))

@@ -217,7 +217,7 @@ def test_an_archive_larger_than_the_memory_is_refused(tmp_path):
         read_recording(tmp_path / "lab.npz")
 
 
-@pytest.mark.parametrize("other", [[[1, 2], [1]], [10**400, 1, 2], "text", [{"a": [[1], [1, 2]]}] * 2, None])
+@pytest.mark.parametrize("other", [[[1, 2], [1]], [10**400, 1, 2], "text", None])
 def test_other_values_of_json_are_left_out(tmp_path, other):
     path = tmp_path / "lab.json"
     path.write_text(json.dumps({"t": [0.0, 0.01, 0.02], "q1": [1, 2, 3], "run": {"other": other}}))

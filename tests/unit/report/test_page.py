@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,12 +12,10 @@ from asrsim.cli.app import app
 from asrsim.engines import default_engine
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
-from asrsim.plots.curves import Curve
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.content import read_parameters
-from asrsim.report.plots import object_plots
-from asrsim.report.series import pack, unpack
+from asrsim.report.series import pack, read_runs, unpack
 from support.browser import CHROMIUM, Browser
 from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
@@ -77,16 +74,18 @@ def test_packing_keeps_gaps_and_extremes(values):
     np.testing.assert_array_equal(back[exact], np.array(values)[exact])
 
 
-def test_a_short_push_is_on_the_page_at_its_time():
+def test_a_short_push_is_on_the_page_at_its_time(tmp_path):
     """Of more samples than the page has places: the least and the largest of each place."""
-    times, force, grid = np.arange(0.0, 10.0, 0.001), np.zeros(10_000), np.arange(0.0, 10.0, 0.1)
-    force[[2345, 6789]] = 5.0, -3.0
-    run = SimpleNamespace(bodies={"box": {"force": Curve(time=times, values=force)}})
-    (plot,) = [plot for plot in object_plots([run], grid) if plot["series"]]
-    shown = unpack(plot["series"][0], len(grid))
-    assert (shown.max(), shown.min(), np.count_nonzero(np.abs(shown) > 0.1)) == (5.0, -3.0, 2)
-    assert abs(grid[shown.argmax()] - 2.345) <= 0.2
-    assert abs(grid[shown.argmin()] - 6.789) <= 0.2
+    count = 30_001
+    whole = read_log(made_up_log(tmp_path / "whole.mcap", count=count))
+    force = np.zeros((count, 3))
+    force[[2345, 6789], 1] = 5.0, -3.0
+    with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
+        writer.write(replace(whole.samples, bodies={"box": np.zeros((count, 7))}, contacts={"box/robot": force}))
+    grid, (run,) = read_runs([tmp_path / "log.mcap"], quantities=["link_position"])
+    shown = run.get("box", "force").values
+    assert (grid.thinned, shown.max(), np.count_nonzero(shown)) == (True, 5.0, 2)
+    assert np.abs(grid.time[shown > 0.0] - [2.345, 6.789]).max() < 2.0 * grid.step
 
 
 def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path):

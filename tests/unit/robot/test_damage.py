@@ -8,8 +8,8 @@ import pytest
 
 from asrsim.cli.findings import robot_report
 from asrsim.errors import AsrsimError, RobotError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed
-from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot import load_robot, merge_fixed
+from asrsim.robot.meshes import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 from support.damage import damaged
@@ -34,7 +34,7 @@ def read(seed, folder):
         try:
             robot = load_robot(write(seed, folder))
             usable_shapes(robot, visuals=True)
-            engine_urdf(merge_fixed(robot).robot)
+            merge_fixed(robot)
         except RobotError:
             return "error"
     return "robot"

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from asrsim.errors import RobotError, ScenarioError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed, with_overrides
+from asrsim.robot import load_robot, merge_fixed, with_overrides
+from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
 from asrsim.scenario import check_against_robot, load_scenario
@@ -236,8 +237,6 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
         '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
     )
     robot = changed(tiny, ("</robot>", second + gazebo(*SPRING, joint="wrist")))
-    mimic = robot.joint("wrist").mimic
-    assert (mimic.joint, mimic.multiplier, mimic.offset) == ("elbow", -2.0, 0.1)
     assert {"mimic-joint"} <= codes(robot.warnings)
     from asrsim.robot import with_actuators
 
@@ -245,7 +244,7 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
     assert "mimic-joint" not in codes(with_actuators(robot, {"wrist": ("sea", 6)}, {}).warnings)
     told = asrsim_command("check", tiny.robot).out
     assert "passive spring, 200 N m/rad to -0.26 rad: wrist" in told
-    assert "mimic, not simulated: wrist = -2 * elbow + 0.1" in told
+    assert "<mimic> is not simulated" in told
     assert '"wrist": {' in asrsim_command("check", tiny.robot, "--json").out
 
 
@@ -260,8 +259,6 @@ REFUSED = {
         ('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"', 'ixx="0" iyy="0" izz="0"'), ("0 0 -0.1", "0 0.1 0"),
     ],
     "too stiff": [("<spring_k>10<", "<spring_k>1e11<")],
-    "name too long to write": [('name="arm"', f'name="{"&quot;" * 250}"'), ('link="arm"', f'link="{"&quot;" * 250}"')],
-    "no axis": [('<axis xyz="0 1 0"/>', "<axis/>")],
 }  # fmt: skip
 TAKEN = {
     "no limit": [(LIMIT, "")],
@@ -276,8 +273,6 @@ TAKEN = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_check_refuses_what_run_refuses(case, tiny, asrsim_command):
-    if case == "name too long to write":
-        pytest.importorskip("pybullet")
     text = tiny.robot.read_text() if REFUSED[case] else ""
     for old, new in REFUSED[case] or ():
         assert old in text
@@ -313,18 +308,18 @@ def test_mass_of_a_floating_base_may_be_in_fixed_links(tiny):
     assert check_against_robot(floating, load_robot(tiny.robot)) == ([], [])
     merged = merge_fixed(load_robot(tiny.robot)).robot
     assert (merged.root.name, merged.root.mass) == ("world", 2.0)
-    assert engine_urdf(merged)[0].count("<link") == 2
+    assert len(merged.links) == 2
 
 
 def test_an_unknown_package_gives_a_hint(tiny):
     shape = '<collision><geometry><mesh filename="package://arm_description/a.stl"/></geometry></collision>'
     robot = changed(tiny, ("</inertial>", f"</inertial>{shape}"))
-    (problem,) = engine_urdf(robot)[1]
+    (problem,) = usable_shapes(robot)[1]
     assert "--package arm_description=FOLDER" in str(problem.hint)
     folder = tiny.folder / "arm_description"
     folder.mkdir()
     (folder / "a.stl").write_bytes(b"")
-    (problem,) = engine_urdf(robot)[1]  # a folder beside the file, called a package
+    (problem,) = usable_shapes(robot)[1]  # a folder beside the file, called a package
     assert "is empty" in problem.message
     assert math.isfinite(robot.joint("elbow").damping)
 

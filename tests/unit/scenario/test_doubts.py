@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from asrsim.robot import load_robot
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
 from asrsim.scenario.signal_checks import undersampled
 
 STRONG = """modes: 5
@@ -46,8 +46,10 @@ def warned(tiny, more):
     (scenario,) = load_scenario(tiny.scenario)
     given = yaml.safe_load(tiny.scenario.read_text())
     tiny.scenario.write_text(text)
-    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    robot = load_robot(scenario.robot)
+    errors, warnings = check_against_robot(scenario, robot)
     assert not errors
+    warnings += map(scenario.placed, apply_to_robot(scenario, robot).warnings)
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given

@@ -1,23 +1,19 @@
-"""Plugin files: Python files of users, given on the command line, whose actuators are checked and registered."""
+"""Plugin files: Python files of users, given on the command line, which register actuators, signals, engines and so on."""
 
 from __future__ import annotations
 
 import inspect
-import math
 import re
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import redirect_stdout, suppress
-from functools import partial
+from collections.abc import Iterable
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
-from typing import Any
 
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.actuators.base import MOST_MOTORS
-from asrsim.actuators.parameters import Parameter
+from asrsim.actuators.declaration import declaration_problem, declaration_problems, file_of
 from asrsim.errors import ActuatorError, Problem
 from asrsim.registry import Registry, plugin_file
 
@@ -76,9 +72,9 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
     if not problems:
         names = [actuator.name for actuator in found]
-        taken = {name for name in names if name in ACTUATORS and _file_of(ACTUATORS.get(name)) != path.resolve()}
+        taken = {name for name in names if name in ACTUATORS and file_of(ACTUATORS.get(name)) != path.resolve()}
         problems = [
-            _problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name")
+            declaration_problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name")
             for number, (name, actuator) in enumerate(zip(names, found, strict=True))
             if name in taken.union(names[:number])
         ]
@@ -87,72 +83,6 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     for actuator in found:
         ACTUATORS.add(actuator.name, actuator, replace=True)
     return tuple(found)
-
-
-def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that does not follow the interface of `Actuator`. Laws are checked if the attributes are valid."""
-    wrong = [
-        _problem(actuator, f"must be {text}", "bad-declaration", key=key, value=getattr(actuator, key, None))
-        for key, (text, is_valid) in ATTRIBUTES.items()
-        if not is_valid(getattr(actuator, key, None))
-    ]
-    if wrong:
-        return tuple(wrong)
-    names = [parameter.name for parameter in actuator.all_parameters()]
-    twice = [
-        _problem(actuator, "another parameter has this name", "bad-parameter", key=f"parameters.{parameter.name}")
-        for parameter in actuator.parameters
-        if names.count(parameter.name) > 1
-    ]
-    return tuple(twice or _laws(actuator))
-
-
-ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "name": (
-        "lower-case letters, digits and underscores, as in lib<name>_plugin.so",
-        lambda value: isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9_]*", value) is not None,
-    ),
-    "title": ("a text", lambda value: isinstance(value, str)),
-    "source": ("a text", lambda value: isinstance(value, str)),
-    "motors": (f"1 to {MOST_MOTORS}", range(1, MOST_MOTORS + 1).__contains__),
-    "typical_preset": ("a finite number", lambda value: isinstance(value, int | float) and math.isfinite(value)),
-    "parameters": (
-        "a tuple of Parameter(...)",
-        lambda value: isinstance(value, tuple) and all(isinstance(parameter, Parameter) for parameter in value),
-    ),
-}
-"""Attributes of an actuator's class: description of valid values, and function that validates a value."""
-
-
-def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    """Problems of laws that are missing, do not take the right arguments, or give wrong results at rest: the simulation needs
-    numbers, and the right number of them."""
-    positions = dict.fromkeys((f"theta_{i + 1}" for i in range(actuator.positions())), 0.0)
-    spring = {"q": 0.0, **positions, "parameters": tuple(parameter.default for parameter in actuator.parameters)}
-    taken: dict[str, tuple[Mapping[str, object], int]] = {
-        "elastic_torques": (spring, max(2, actuator.motors)), "stiffness": (spring, 1), "elastic_energy": (spring, 1),
-        "motor_references": ({"equilibrium": 0.0, "preset": 0.0}, len(positions)), "equilibrium_position": (positions, 1),
-    }  # fmt: skip
-    why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
-    why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
-    for law, (arguments, count) in taken.items():
-        own, problem = inspect.getattr_static(actuator, law), partial(_problem, actuator, key=law)
-        if arguments is spring and own is inspect.getattr_static(Actuator, law):
-            if law in why:
-                yield problem(f"is missing; {why[law]}", "missing-law")
-            continue
-        if not isinstance(own, staticmethod):
-            yield problem("must be a @staticmethod: laws have no state", "bad-law")
-            continue
-        try:
-            result = own.__func__(*arguments.values())
-        except (Exception, SystemExit) as error:
-            yield problem(f"must take {', '.join(arguments)}: raised {type(error).__name__}: {error}", "law-raised")
-            continue
-        numbers = result if count > 1 and isinstance(result, tuple) else (result,)
-        if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):
-            wanted = f"{count} numbers" if count > 1 else "one number"
-            yield problem(f"must give {wanted}", "law-result", value=result)
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:
@@ -169,11 +99,6 @@ def _plugin_frames(error: BaseException) -> list[tuple[FrameType, int]]:
     """Frames of plugin files in which `error` was raised, with their line numbers; the innermost frame is the first."""
     frames = list(traceback.walk_tb(error.__traceback__))
     return [place for place in frames[::-1] if str(place[0].f_globals.get("__name__", "")).startswith(MODULES)]
-
-
-def _file_of(actuator: type[Actuator]) -> Path | None:
-    file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
-    return Path(file).resolve() if file else None
 
 
 def _run(path: Path) -> ModuleType:
@@ -195,10 +120,3 @@ def _run(path: Path) -> ModuleType:
         message = f"the plugin file raised {type(error).__name__}: {error}"
         raise ActuatorError(message, file=path, line=next(iter(lines), None), code="plugin-raised") from error
     return module
-
-
-def _problem(actuator: type[Actuator], message: str, code: str, *, key: str, value: object | None = None) -> Problem:
-    line: int | None = None
-    with suppress(OSError, TypeError):
-        line = inspect.getsourcelines(actuator)[1]
-    return Problem(message, file=_file_of(actuator), line=line, key=f"{actuator.__name__}.{key}", value=value, code=code)
