@@ -21,7 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
-from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -73,7 +73,7 @@ class Resolution:
 
 def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
-    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
+    sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
