@@ -21,7 +21,8 @@ from asrsim.metrics.expect import compares
 from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.plain import finite_or_none
 from asrsim.runs.examples import examples_folder
-from asrsim.workers import Lost, executor
+from asrsim.workers import Lost
+from asrsim.workers.local import Processes
 
 Origin = Literal["paper", "theory", "simulation", "beyond"]
 
@@ -221,7 +222,7 @@ def reproduce(
     make_folder(folder / "runs")
     make_folder(folder / "pictures")
     found = []
-    with executor(min(workers, len(order))) as pool:
+    with Processes(min(workers, len(order))) as pool:
         for number, one in chain.from_iterable(pool.results(partial(run_figure, folder=folder / "runs"), order)):
             found.append(Reproduction(name=order[number], error=one.reason) if isinstance(one, Lost) else one)
             if on_figure is not None:
