@@ -43,7 +43,7 @@ from asrsim.engines.rigid import (
 )
 from asrsim.errors import Problem
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import merge_fixed, merge_for_engine
+from asrsim.robot.merge import merge_for_engine
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
@@ -175,7 +175,7 @@ class BulletContacts(BulletEngine):
 
     def _load(self) -> None:
         p, scenario, world = self._p, self._scenario, self._scenario.world
-        robot, _ = usable_shapes(self._merged, package_paths=scenario.package_paths)
+        robot, self.warnings = usable_shapes(self._merged, package_paths=scenario.package_paths)
         joints, rotation = robot.outward_joints, rotation_matrix(scenario.base_rpy)
         self._body = make_body(
             p, robot, mass=0.0 if scenario.fixed_base else robot.root.mass or 0.0,
@@ -334,10 +334,9 @@ class BulletContacts(BulletEngine):
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link if it floats; contact forces."""
         p, world, poses = self._p, self._scenario.world, dict(super().scene().bodies)
-        objects = [item.name for item in world.objects]
-        for name in objects:
-            position, orientation = p.getBasePositionAndOrientation(self._bodies[name])
-            poses[name] = (*position, *orientation)
+        for item in world.objects:
+            position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
+            poses[item.name] = (*position, *orientation)
         names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
         # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
         # friction.
@@ -345,7 +344,7 @@ class BulletContacts(BulletEngine):
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in p.getContactPoints() or ()
         )
-        return Scene(poses, contact_forces(objects, world.ground, points))
+        return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
         """Disconnect the physics clients."""
@@ -355,5 +354,5 @@ class BulletContacts(BulletEngine):
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
-    _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
-    return (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot), warnings
+    engine = (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot)
+    return engine, engine.warnings
