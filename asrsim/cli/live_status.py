@@ -6,7 +6,6 @@ import sys
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from asrsim.cli.console import complain, is_terminal, say
@@ -33,7 +32,7 @@ class StatusLine:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._wipe()
 
     def tell(self, text: str) -> None:

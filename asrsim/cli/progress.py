@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 import time as clock
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from asrsim.cli.console import is_terminal
@@ -32,7 +31,7 @@ class Bar:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
             self._bar = None

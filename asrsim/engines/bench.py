@@ -9,21 +9,19 @@ import numpy as np
 
 from asrsim import compiling
 from asrsim.engines.base import POSITION, VELOCITY, Engine, Native, Record
-from asrsim.packed import pack
+from asrsim.engines.rigid import Calculation
+from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, grid
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
-from asrsim.signals.base import Signal
 
-CHUNK = 4096
-"""Number of rows of the motion that are sampled in one call."""
-LONGEST = 4_000_000
-"""Largest size (steps times joints) of a motion that is tabulated in advance, for native steps."""
+LONGEST = 50_000_000
+"""Largest number of values (steps times joints) of a motion."""
 
 
 class Motion(NamedTuple):
-    """The prescribed motion, for native steps."""
+    """The prescribed motion."""
 
     places: Array
     """Positions (n, joints) at whole steps, rad or m."""
@@ -46,47 +44,50 @@ def _sizes(motion: Any) -> tuple[int, int, int]:
     return motion.places.shape[1], 0, 6
 
 
-def link_motion(scenario: Scenario, joint: str) -> Signal:
-    """Motion of a joint's link on a bench: the link is locked unless the scenario prescribes a motion."""
-    return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
-
-
 class BenchEngine(Engine):
     """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect. After the scenario's
-    duration the links stand still."""
+    duration the links stand still. A state is the number (1,) of the row of the motion."""
 
-    model = None
     version = "bench"
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        self._scenario = scenario
         self.joints = tuple(joint.name for joint in robot.moving_joints)
-        self._signals = [link_motion(scenario, name) for name in self.joints]
-        self._duration = scenario.duration
-        self.state = 0
+        self._state = np.zeros(1)
+        self._motion = Motion(np.zeros((0, len(self.joints))), np.zeros(1))
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """Restart the prescribed motion from rest; the given positions and velocities are ignored."""
-        self._step, self.state = step, 0
-        self._rows = int(self._duration / step + 4.0)
-        self._first, self._places = 0, self._motion(0, CHUNK)
-        return self._places[0].tolist(), [0.0] * len(self.joints)
-
-    def _motion(self, first: int, count: int) -> Array:
-        """Positions (count, joints) from the step `first` on."""
-        time = np.minimum(grid(first, count, self._step), grid(self._rows - 1, 1, self._step))
-        return np.column_stack([signal.values(time) for signal in self._signals])
+        """Restart the prescribed motion from rest; the given positions and velocities are ignored. Raises SimulationError for a
+        motion of more than `LONGEST` values."""
+        if step != self._motion.step[0]:
+            rows = int(self._scenario.duration / step + 4.0)
+            if rows * len(self.joints) > LONGEST:
+                raise SimulationError(
+                    f"the bench's motion has more than {LONGEST} values: shorten the run, or take larger steps"
+                )
+            time = grid(0, rows, step)
+            locked = {name: Constant(value=for_joint(self._scenario.initial_positions, name, 0.0)) for name in self.joints}
+            signals = [for_joint(self._scenario.motion, name, locked[name]) for name in self.joints]
+            columns = np.column_stack([signal.values(time) for signal in signals])
+            self._motion = Motion(np.ascontiguousarray(columns), np.array([step]))
+            self._calculation = Calculation(move, self._motion, lambda kind: compiling.compile_packed(move, kind, _sizes))
+        self._state[:] = 0.0
+        return self._motion.places[0].tolist(), [0.0] * len(self.joints)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Move the links to the next sampled row."""
-        before = int(self.state) - self._first
-        if not 0 <= before < CHUNK - 1:
-            self._first, before = int(self.state), 0
-            self._places = self._motion(self._first, CHUNK)
-        self.state = int(self.state) + 1
-        exchange[-1, :, POSITION] = self._places[before + 1]
-        exchange[-1, :, VELOCITY] = (self._places[before + 1] - self._places[before]) / self._step
+        """Move the links to the next row of the motion."""
+        self._calculation(self._state, exchange, wrenches, lengths)
+
+    @property
+    def state(self) -> Array:
+        """Number (1,) of the present row of the motion."""
+        return self._state.copy()
+
+    @state.setter
+    def state(self, values: Array) -> None:
+        self._state[:] = values
 
     def vary(self, robot: Robot) -> bool:
         """True: the robot's inertials have no effect on a prescribed motion."""
@@ -94,13 +95,11 @@ class BenchEngine(Engine):
 
     @property
     def native(self) -> Native | None:
-        """A step through a table of the whole motion; None if this table would be larger than `LONGEST`."""
-        if not self._rows * len(self.joints) < LONGEST or not compiling.available():
+        """The step compiled by Numba; None if Numba is not installed."""
+        if not compiling.available():
             return None
-        motion = Motion(np.ascontiguousarray(self._motion(0, self._rows)), np.array([self._step]))
-        compiled = compiling.compile_packed(move, motion, _sizes)
-        words = pack(motion)
-        return Native(compiled.address, 1, lambda: Record(words.ctypes.data, (words, motion, compiled)))
+        calculation = self._calculation
+        return Native(calculation.compile().address, 1, lambda: Record(calculation.packed.ctypes.data, calculation))
 
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BenchEngine, tuple[()]]:

@@ -43,7 +43,7 @@ from asrsim.engines.rigid import (
 )
 from asrsim.errors import Problem
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.merge import merge_fixed, merge_for_engine
+from asrsim.robot.merge import merge_for_engine
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
@@ -63,8 +63,6 @@ BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 ARREST = 1e9
 """Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
-GROUND_SIZE = 100.0
-"""Edge length in m of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
 """Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
@@ -177,7 +175,7 @@ class BulletContacts(BulletEngine):
 
     def _load(self) -> None:
         p, scenario, world = self._p, self._scenario, self._scenario.world
-        robot, _ = usable_shapes(self._merged, package_paths=scenario.package_paths)
+        robot, self.warnings = usable_shapes(self._merged, package_paths=scenario.package_paths)
         joints, rotation = robot.outward_joints, rotation_matrix(scenario.base_rpy)
         self._body = make_body(
             p, robot, mass=0.0 if scenario.fixed_base else robot.root.mass or 0.0,
@@ -196,18 +194,11 @@ class BulletContacts(BulletEngine):
         # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [joints.index(joint) for joint in robot.moving_joints]
-        self._bodies: dict[str, int] = {}
+        self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
-        if world.ground:
-            at = 0.0, 0.0, world.ground_height - 0.5 * GROUND_SIZE
-            ground = WorldObject(
-                name=GROUND, shape="box", size=(GROUND_SIZE,) * 3, mass=0.0, friction=world.ground_friction, position=at
-            )
-            self._bodies[GROUND] = self._add_object(ground)
-            if scenario.fixed_base:
-                # A fixed base that stands on the ground must not have contact forces.
-                p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
-        self._bodies |= {item.name: self._add_object(item) for item in world.objects}
+        if world.ground and scenario.fixed_base:
+            # A fixed base that stands on the ground must not have contact forces.
+            p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
         """Pose of the robot and of each object at the start, by Bullet's body number."""
@@ -343,10 +334,9 @@ class BulletContacts(BulletEngine):
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link if it floats; contact forces."""
         p, world, poses = self._p, self._scenario.world, dict(super().scene().bodies)
-        objects = [item.name for item in world.objects]
-        for name in objects:
-            position, orientation = p.getBasePositionAndOrientation(self._bodies[name])
-            poses[name] = (*position, *orientation)
+        for item in world.objects:
+            position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
+            poses[item.name] = (*position, *orientation)
         names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
         # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
         # friction.
@@ -354,7 +344,7 @@ class BulletContacts(BulletEngine):
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in p.getContactPoints() or ()
         )
-        return Scene(poses, contact_forces(objects, world.ground, points))
+        return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
         """Disconnect the physics clients."""
@@ -364,5 +354,5 @@ class BulletContacts(BulletEngine):
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
-    _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
-    return (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot), warnings
+    engine = (BulletEngine if scenario.world.empty else BulletContacts)(scenario, robot)
+    return engine, engine.warnings

@@ -50,7 +50,7 @@ class Client:
 
 
 def _disconnect(p: Any, number: int) -> None:
-    with suppress(p.error), quiet():
+    with suppress(p.error):
         p.disconnect(number)
 
 

@@ -9,24 +9,15 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_lock = threading.RLock()
-_inside: list[bool] = []
-"""Not empty while a thread is inside `quiet`."""
+_lock = threading.Lock()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait.
-
-    The garbage collector may close an engine at any moment and so call this function again: a nested call has no effect.
-    """
+    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait."""
     with _lock:
-        if _inside:
-            yield
-            return
         saved: list[tuple[int, int]] = []
         try:
-            _inside.append(True)
             _flush()
             saved.extend((number, os.dup(number)) for number in (1, 2) if _is_open(number))
             nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -43,7 +34,6 @@ def quiet() -> Iterator[None]:
                 for number, copy in saved:
                     os.dup2(copy, number)
                     os.close(copy)
-                _inside.clear()
 
 
 def _is_open(number: int) -> bool:

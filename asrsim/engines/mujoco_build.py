@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,6 @@ from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.scenario.data import Scenario, World
 
-GROUND_HALF = 50.0
-"""Half the edge length in m of the box that serves as the ground."""
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot collides with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
@@ -91,43 +88,26 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Ve
 
 
 def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> Any:
-    """Add a shape of a link to the link's body as a geom, and return the geom."""
-    form = _form(mujoco, spec, name, shape.kind, shape.scale if shape.kind == "mesh" else shape.size, shape.mesh)
-    return body.add_geom(name=name, pos=list(shape.origin), quat=quaternion_wxyz(shape.rpy), **form)
-
-
-def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
-    """Attributes that give a geom its shape. size: m; for a mesh, its scale. A mesh is added to the model under `name`."""
-    kinds = mujoco.mjtGeom
-    if kind == "mesh":
-        spec.add_mesh(name=name, file=mesh, scale=list(size))
-        return {"type": kinds.mjGEOM_MESH, "meshname": name}
-    if kind == "box":
-        return {"type": kinds.mjGEOM_BOX, "size": [0.5 * edge for edge in size]}
-    if kind == "sphere":
-        return {"type": kinds.mjGEOM_SPHERE, "size": [size[0], 0.0, 0.0]}
-    return {
-        "type": kinds.mjGEOM_CYLINDER if kind == "cylinder" else kinds.mjGEOM_CAPSULE, "size": [size[0], 0.5 * size[1], 0.0],
-    }  # fmt: skip
+    """Add a shape to a body as a geom, and return the geom."""
+    form: dict[str, Any] = {"pos": list(shape.origin), "quat": quaternion_wxyz(shape.rpy)}
+    if shape.kind == "mesh":
+        spec.add_mesh(name=name, file=shape.mesh, scale=list(shape.scale))
+        form["meshname"] = name
+    else:
+        # MuJoCo's sizes are radii and half lengths.
+        halves = [0.5 * length for length in shape.size]
+        form["size"] = halves if shape.kind == "box" else [shape.size[0], *halves[1:], 0.0, 0.0][:3]
+    return body.add_geom(name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), **form)
 
 
 def _furnish(mujoco: Any, spec: Any, world: World) -> None:
-    if world.ground:
-        spec.worldbody.add_geom(
-            name=GROUND,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[GROUND_HALF] * 3,
-            pos=[0.0, 0.0, world.ground_height - GROUND_HALF],
-            contype=WORLD_BIT,
-            conaffinity=ROBOT_BIT | WORLD_BIT,
-        )
-    for item in world.objects:
+    for item in world.solids:
         name = f"object/{item.name}"
         body = spec.worldbody.add_body(name=name, pos=list(item.position), quat=quaternion_wxyz(item.rpy))
         if item.mass:
             body.add_freejoint(name=name)
-        form = _form(mujoco, spec, name, item.shape, item.size, str(item.mesh))
-        body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
+        geom = add_shape(mujoco, spec, body, name, item.solid)
+        geom.mass, geom.contype, geom.conaffinity = item.mass, WORLD_BIT, ROBOT_BIT | WORLD_BIT
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
             body.inertia = list(item.inertia)
@@ -136,15 +116,13 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
 def _pair(spec: Any, scenario: Scenario) -> None:
     """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger
     coefficient."""
-    frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
-    if scenario.world.ground:
-        frictions[GROUND] = scenario.world.ground_friction
+    frictions = {f"object/{item.name}": item.friction for item in scenario.world.solids}
     base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
     # A fixed base that stands on the ground must not have contact forces.
-    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == GROUND)]
+    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object/{GROUND}")]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)
         pair = spec.add_pair(geomname1=a, geomname2=b, condim=3)

@@ -23,6 +23,7 @@ from asrsim import compiling
 from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
+from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.model import Robot, Vector
 from asrsim.robot.poses import rotation_of
@@ -297,7 +298,7 @@ class Calculation:
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
         compiled if this process has imported Numba."""
         self._function, self._record, self._make = function, record, make
-        self._plain, self._packed = plain(record), pack(record)
+        self._plain, self.packed = plain(record), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
@@ -321,7 +322,7 @@ class Calculation:
                 self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
-                self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
+                self._arguments = *[array.ctypes.data for array in (self.packed, *arrays)], len(arrays[-1])
         self._call(*self._arguments)
 
 
@@ -332,6 +333,8 @@ class RigidEngine(Engine):
     """
 
     robot: Robot
+    warnings: tuple[Problem, ...] = ()
+    """Warnings about parts of the robot that the engine ignores."""
     root: str
     """Name of the base link."""
     origin: Vector

@@ -126,16 +126,8 @@ def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
 
 def demand_data(demand: Demand) -> dict[str, Any]:
     """Demand of the motion on a component of a joint, such as a motor, as plain data."""
-    return {
-        "joint": demand.joint,
-        "what": demand.what,
-        "motor": demand.motor or None,
-        "needed": finite_or_none(demand.needed),
-        "limit": finite_or_none(demand.limit),
-        "unit": demand.unit,
-        "time": demand.time,
-        "score": finite_or_none(demand.score),
-    }
+    numbers = {"motor": demand.motor or None, "needed": finite_or_none(demand.needed), "limit": finite_or_none(demand.limit)}
+    return vars(demand) | numbers | {"score": finite_or_none(demand.score)}
 
 
 def _write(session: Session, folder: Path, *, picture: bool) -> None:

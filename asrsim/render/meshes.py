@@ -45,21 +45,24 @@ def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
 
     Raises ValueError and OSError if the file cannot be read.
     """
+    from trimesh import Trimesh
+
     parts = mesh_parts(path)
-    size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts)
-    cells = CELLS
-    coarse = parts
-    while sum(len(part.faces) for part in coarse) > MOST and cells > 4:
-        coarse = [_simplified(part, size / cells) for part in parts]
+    # Meshes without textures, which would be copied with each mesh.
+    plain = [Trimesh(part.vertices, part.faces) for part in parts]
+    longest = max(float(mesh.extents.max()) for mesh in plain)
+    cells, coarse = CELLS, plain
+    while sum(len(mesh.faces) for mesh in coarse) > MOST and cells > 4:
+        coarse = [_simplified(mesh, longest / cells) for mesh in plain]
         cells = int(0.7 * cells)
-    return [(_smooth(part), _colour(part)) for part in coarse]
+    return [(_smooth(mesh), _colour(part)) for mesh, part in zip(coarse, parts, strict=True)]
 
 
 def _simplified(mesh: Any, cell: float) -> Any:
     """Mesh in which all points in the same cell of a grid are one point. cell: edge of a cell, m."""
     coarse = mesh.copy()
     coarse.apply_scale(1.0 / cell)
-    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    coarse.merge_vertices(digits_vertex=0)
     coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
     coarse.apply_scale(cell)
     return coarse
@@ -69,7 +72,6 @@ def _smooth(mesh: Trimesh) -> Trimesh:
     """Mesh whose triangles share the normals of their points, except along sharp edges."""
     from trimesh.graph import smooth_shade
 
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
     smooth: Trimesh = smooth_shade(mesh, angle=CREASE, facet_minarea=None)
     return smooth
 

@@ -1,17 +1,19 @@
-"""Inertia of links, and effective inertia of joints."""
+"""Inertia of links."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from asrsim.robot.model import Link, Vector
+from asrsim.robot.model import Inertia, Link, Vector
 from asrsim.robot.poses import roll_pitch_yaw, rotation_matrix
 
 
 def inertia_tensor(link: Link) -> np.ndarray:
     """Inertia tensor (3, 3) about the centre of mass, along the axes of the link's frame, kg m^2."""
     turned = rotation_matrix(link.inertial_rpy)
-    tensor: np.ndarray = turned @ _own_tensor(link) @ turned.T
+    tensor: np.ndarray = turned @ tensor_of(link.inertia or (0.0,) * 6) @ turned.T
     return tensor
 
 
@@ -21,7 +23,7 @@ def principal_axes(link: Link) -> tuple[Vector, Vector]:
     Engines diagonalise a full tensor with their own tolerances (PyBullet: relative errors of 1e-10 in the mass matrix of a
     robot of 50 links), but use a diagonal tensor unchanged.
     """
-    tensor = _own_tensor(link)
+    tensor = tensor_of(link.inertia or (0.0,) * 6)
     if not (tensor - np.diag(np.diag(tensor))).any():
         return (float(tensor[0, 0]), float(tensor[1, 1]), float(tensor[2, 2])), link.inertial_rpy
     moments, axes = np.linalg.eigh(tensor)
@@ -31,7 +33,13 @@ def principal_axes(link: Link) -> tuple[Vector, Vector]:
     return (xx, yy, zz), roll_pitch_yaw(rotation_matrix(link.inertial_rpy) @ axes)
 
 
-def _own_tensor(link: Link) -> np.ndarray:
-    """Inertia tensor (3, 3) along the axes of the inertial frame, kg m^2."""
-    xx, xy, xz, yy, yz, zz = link.inertia or (0.0,) * 6
+def tensor_of(inertia: Iterable[float]) -> np.ndarray:
+    """Inertia tensor (3, 3) of its six numbers, in the order of `asrsim.robot.model.INERTIAS`."""
+    xx, xy, xz, yy, yz, zz = inertia
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+
+def numbers_of(tensor: np.ndarray) -> Inertia:
+    """Six numbers of an inertia tensor (3, 3)."""
+    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
+    return xx, xy, xz, yy, yz, zz

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.robot.inertia import inertia_tensor
+from asrsim.robot.inertia import inertia_tensor, numbers_of
 from asrsim.robot.model import Joint, Link, Robot, Shape, Vector
 from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
@@ -87,10 +87,8 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
         away = place - centre
         tensor += pose.rotation @ inertia_tensor(link) @ pose.rotation.T
         tensor += own * (away @ away * np.eye(3) - np.outer(away, away))
-    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
-    return replace(
-        body, mass=mass, centre_of_mass=_vector(centre), inertia=(xx, xy, xz, yy, yz, zz), inertial_rpy=(0.0, 0.0, 0.0)
-    )
+    inertia = numbers_of(tensor)
+    return replace(body, mass=mass, centre_of_mass=_vector(centre), inertia=inertia, inertial_rpy=(0.0, 0.0, 0.0))
 
 
 def _placed(shape: Shape, pose: Pose) -> Shape:

@@ -17,6 +17,7 @@ UNREAD = float("nan")
 """Value of a parameter whose problem is already reported. It is compared by identity, as other NaNs are possible."""
 STRIBECK_VELOCITY = 0.1
 """Velocity limit of a joint where the file has none, rad/s (m/s)."""
+Inertia = tuple[float, float, float, float, float, float]
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """Names of the entries of an inertia tensor in URDFs."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
@@ -89,7 +90,7 @@ class Link:
     name: str
     mass: float | None
     """Mass, kg; None if the file has no `<inertial>`."""
-    inertia: tuple[float, float, float, float, float, float] | None
+    inertia: Inertia | None
     """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the inertial frame, kg m^2."""
     centre_of_mass: Vector = (0.0, 0.0, 0.0)
     """Position of the centre of mass in the link's frame, m."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
-from asrsim.robot.model import INERTIAS, Joint, Link, Shape, Vector
+from asrsim.robot.inertia import numbers_of, tensor_of
+from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector
 from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
@@ -126,9 +127,7 @@ def _mass(findings: Findings, inertial: Any, name: str) -> float:
     return mass
 
 
-def _inertia(
-    findings: Findings, inertial: Any, name: str, mass: float, largest: float
-) -> tuple[float, float, float, float, float, float]:
+def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest: float) -> Inertia:
     """Six numbers of a link's inertia tensor, kg m^2. largest: largest moment of inertia in the file."""
     tag = _only_tag(findings, inertial, "inertia", name)
     if tag is None:
@@ -141,12 +140,10 @@ def _inertia(
             _too_small(findings, tag, f"{name}.inertia", moment)
     if max(map(abs, values)) < ROUNDING:
         values = [0.0] * 6
-    xx, xy, xz, yy, yz, zz = values
-    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    tensor = tensor_of(values)
     if len(findings.errors) == before:
         tensor = _physical(findings, tag, name, mass, tensor, largest)
-    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
-    return xx, xy, xz, yy, yz, zz
+    return numbers_of(tensor)
 
 
 def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:

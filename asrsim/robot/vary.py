@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError
+from asrsim.robot.inertia import tensor_of
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
@@ -135,8 +136,7 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
             full = {**old, **values}
-            xx, xy, xz, yy, yz, zz = (full[name] for name in INERTIAS)
-            moments = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+            moments = np.linalg.eigvalsh(tensor_of(full[name] for name in INERTIAS))
             lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
             if lack <= 1e-12 * abs(float(moments[2])):
                 break

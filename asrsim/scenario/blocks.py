@@ -352,6 +352,10 @@ _GROUND: Block[Keys] = Block(
 )
 
 
+GROUND_SIZE = 100.0
+"""Edge length in m of the box that serves as the ground."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class World:
     """Surroundings of the robot: ground and objects."""
@@ -368,7 +372,16 @@ class World:
     @property
     def empty(self) -> bool:
         """Whether the world has neither ground nor objects to collide with."""
-        return not self.ground and not self.objects
+        return not self.solids
+
+    @property
+    def solids(self) -> tuple[WorldObject, ...]:
+        """The ground, if there is one, as a large box, and the objects. With a plane, PyBullet's contact forces would jump."""
+        if not self.ground:
+            return self.objects
+        at = 0.0, 0.0, self.ground_height - 0.5 * GROUND_SIZE
+        size = (GROUND_SIZE,) * 3
+        return WorldObject(name="ground", shape="box", size=size, friction=self.ground_friction, position=at), *self.objects
 
 
 RESERVED = ("ground", "robot", TIP, TIP_GOAL)

@@ -15,7 +15,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 
 
@@ -27,7 +27,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
     positions. Raises ScenarioError that names a joint without an equilibrium.
     """
-    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.zeros(1)).T)
+    sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
     sprung = np.array([_gives_way(drive) for drive in drives])

@@ -58,16 +58,10 @@ class Inputs:
     """All input signals of a run, by joint."""
 
     def __init__(
-        self,
-        scenario: Scenario,
-        drives: Sequence[SteppedJoint],
-        *,
-        substep: float | None = None,
-        staggered: bool = False,
-        longest: int = LONGEST,
+        self, scenario: Scenario, drives: Sequence[SteppedJoint], *, substep: float, staggered: bool, longest: int
     ) -> None:
-        """substep: length of a substep in s; None: a step. longest: largest number of substeps in a chunk."""
-        self.substep, self.staggered, self._longest = substep or scenario.step, staggered, longest
+        """substep: length of a substep in s. longest: largest number of substeps in a chunk."""
+        self.substep, self.staggered, self._longest = substep, staggered, longest
         self._chunk = lru_cache(maxsize=KEPT)(self._make_chunk)
         self._sensors = [drive.sensor for drive in drives]
         self._sensed = 2 * max((sensor.count for sensor in self._sensors if sensor is not None), default=0)
@@ -77,31 +71,7 @@ class Inputs:
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
-        slots = range(max((drive.positions for drive in drives), default=2))
-        self._signals: list[list[Signal]] = []
-        """External torque and references of each joint."""
-        for j, drive in enumerate(drives):
-            references = (self._reference(scenario, drive, j, slot) for slot in slots)
-            self._signals.append([for_joint(scenario.external_torques, drive.name, REST), *references])
-
-    @staticmethod
-    def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
-        own, names = drive.drive, drive.references
-        if own is None or slot >= len(names):
-            return REST
-        # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
-        mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
-        moved = position and mode.number != 0 and not mode.direct
-        rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
-        signal = scenario.references_of(drive.name).get(names[slot], rest)
-        effects = for_joint(scenario.command_effects, drive.name)
-        if effects is None or not effects.active:
-            return signal
-        return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
-
-    def sample(self, time: Array) -> Array:
-        """External torques and references (n, joints, columns) at `time` (n,)."""
-        return _sampled(self._signals, time)
+        self._signals = signals_of(scenario, drives)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
         """Table of inputs (sets, n, joints, columns), made from references (sets, n, joints, columns) and sensors (n, joints,
@@ -133,7 +103,7 @@ class Inputs:
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
         time = np.concatenate(times)
-        references, wrenches = self.sample(time)[None], _sampled(self._wrenches, time, 6)[None]
+        references, wrenches = _sampled(self._signals, time)[None], _sampled(self._wrenches, time, 6)[None]
         split = np.array(cuts, dtype=np.int64).reshape(1, -1, 4)
         return Given(self._input_rows(references, sensors), references, wrenches, lengths[None], split), sensors
 
@@ -182,6 +152,36 @@ class Inputs:
             now = substep * h
             cuts.append((substep, sorted({max(now - 0.5 * h, 0.0), now, now + 0.5 * h, *inner})))
         return cuts
+
+
+def signals_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> list[list[Signal]]:
+    """External torque and references of each joint."""
+    slots = range(max((drive.positions for drive in drives), default=2))
+    return [
+        [for_joint(scenario.external_torques, drive.name, REST), *(_reference(scenario, drive, j, slot) for slot in slots)]
+        for j, drive in enumerate(drives)
+    ]
+
+
+def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
+    """Reference number `slot` of joint number `j`; 0 if the joint has fewer references."""
+    own, names = drive.drive, drive.references
+    if own is None or slot >= len(names):
+        return REST
+    # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
+    mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
+    moved = position and mode.number != 0 and not mode.direct
+    rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
+    signal = scenario.references_of(drive.name).get(names[slot], rest)
+    effects = for_joint(scenario.command_effects, drive.name)
+    if effects is None or not effects.active:
+        return signal
+    return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
+
+
+def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Array) -> Array:
+    """External torques and references (columns, joints, n) of a run at `time` (n,)."""
+    return np.ascontiguousarray(_sampled(signals_of(scenario, drives), time).T)
 
 
 def longest_chunk(joints: int, asked: int | None = None) -> int:

@@ -6,7 +6,7 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -132,16 +132,16 @@ def run_to_end(
 def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
     """Result of a simulation up to the present time."""
     kept, prepared = simulation.recording.kept, simulation.prepared
-    run = make_run(
-        prepared, simulation.counts, status, wall_time=wall_time, compiled=simulation.compiled, message=message,
+    return make_run(
+        prepared, simulation.counts, status, slow_because=simulation.slow_because, wall_time=wall_time,
+        compiled=simulation.compiled, message=message, samples=concatenate(kept) if kept else None,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-        samples=concatenate(kept) if kept else None,
     )  # fmt: skip
-    return replace(run, warnings=(*run.warnings, *_slow(simulation)))
 
 
-def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Run:
-    """Result of a run with its warnings. more: other fields of `Run`."""
+def make_run(prepared: Prepared, counts: Counts, status: str, *, slow_because: str = "", **more: Any) -> Run:
+    """Result of a run with its warnings. slow_because: reason why the loop ran in Python although compiled code would have been
+    faster. more: other fields of `Run`."""
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
@@ -149,22 +149,21 @@ def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Ru
         status=status,
         resolution=prepared.resolution,
         counts=counts,
-        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, counts)),
+        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, counts), *_slow(slow_because)),
         **more,
     )
 
 
-def _slow(simulation: Simulation) -> Iterator[Problem]:
+def _slow(reason: str) -> Iterator[Problem]:
     """A warning if the loop ran in Python although a compiled loop would have been faster."""
-    if simulation.slow_because:
-        message = f"the loop ran in plain Python, several times slower than compiled: {simulation.slow_because}"
+    if reason:
+        message = f"the loop ran in plain Python, several times slower than compiled: {reason}"
         missing = not available()
         yield Problem(message, hint="pip install numba" if missing else "", code="slow-loop")
 
 
-def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
+def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> Iterator[Problem]:
     """Warnings for springs that became so much stiffer than expected that the substeps no longer resolve them well."""
-    warnings = []
     resolution = prepared.resolution
     if prepared.stepping.released and resolution.omega_h >= UNSTABLE:
         message = (
@@ -172,19 +171,16 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
             f"{UNSTABLE:g} on): the motion is not physical"
         )
         hint = "Lower the step, or use stepping leapfrog, which chooses substeps."
-        warnings.append(Problem(message, key="stepping", hint=hint, code="unresolved-spring"))
+        yield Problem(message, key="stepping", hint=hint, code="unresolved-spring")
     for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, counts.stiffest.tolist(), strict=True):
         if foreseen <= 0.0 or seen <= foreseen:
             continue
         omega_h = resolution.omega_h * math.sqrt(seen / foreseen)
         if omega_h > COARSE:
-            warnings.append(
-                Problem(
-                    f"the spring reached a stiffness of {seen:.4g} N m/rad, more than the expected {foreseen:.4g}: omega h may "
-                    f"have been {omega_h:.2g}, which is coarse",
-                    key=drive.name,
-                    hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",
-                    code="spring-stiffer-than-foreseen",
-                )
+            yield Problem(
+                f"the spring reached a stiffness of {seen:.4g} N m/rad, more than the expected {foreseen:.4g}: omega h may "
+                f"have been {omega_h:.2g}, which is coarse",
+                key=drive.name,
+                hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",
+                code="spring-stiffer-than-foreseen",
             )
-    return warnings

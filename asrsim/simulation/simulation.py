@@ -151,8 +151,7 @@ class Simulation:
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != NO_VALUE:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
-            speeds = np.abs(core.S[0, :, ENGINE_VELOCITY])
-            joint = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+            joint = np.nan_to_num(np.abs(core.S[0, :, ENGINE_VELOCITY]), nan=np.inf).argmax()
             what = "its motion is no longer finite or sane"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 

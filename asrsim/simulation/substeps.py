@@ -21,7 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
-from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -73,7 +73,7 @@ class Resolution:
 
 def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
-    sampled = np.ascontiguousarray(Inputs(scenario, drives).sample(np.linspace(0.0, scenario.duration, SAMPLES + 1)).T)
+    sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
@@ -120,7 +120,7 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
-    rest = [sigma] if actuator.adjuster else [0.0] * (2 - count)
+    rest = [sigma] * (drive.positions - count)
 
     def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
         """Largest magnitude of the values of a law for these positions; infinite if a value is not finite."""
@@ -160,8 +160,6 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
     best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
-    if not math.isfinite(best):
-        return math.inf
     if drive.hysteresis is not None:
         # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
         best += count * drive.hysteresis[0] / drive.hysteresis[1]

@@ -54,8 +54,9 @@ class Collector:
         self._positions, self._references = (_Rows(len(joints)) for _ in range(2))
         wanted, self._needs_bodies = needs
         derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
-        self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
-        """Names of the collected quantities."""
+        recorded = {name for joint in joints for name in joint.quantities}
+        self.quantities = recorded & {"link_position", *derived, *(quantity for quantity, _ in wanted)}
+        """Names of the recorded quantities that are collected."""
         self._whole_time = _Rows()
         self._whole = {key: _Rows() for key in wanted}
         self._bodies: list[Samples] = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
-from asrsim.metrics.expect import compares
+from asrsim.metrics.expect import compares, subject_of
 from asrsim.samples import TIP, TIP_GOAL, JointInfo, Samples
 from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
@@ -128,7 +128,6 @@ def test_a_claim_is_about_its_engine_only(engine, tmp_path):
         ({"options": {"bnd": 1}}, "not an option"),
         ({"joint": None, "body": "box", "quantity": "x", "measure": "displacement"}, "poses"),
         ({"joint": None, "body": "box", "quantity": "position", "measure": "maximum"}, "scalar series"),
-        ({"comparison": "~"}, "no comparison"),
         ({"comparison": "<", "value": -99.0, "tolerance": 1e9}, "valid with '==' only"),
         *(({"measure": "settling", "options": {"band": band}}, "number") for band in ("wide", [1, 2], float("inf"))),
         *(({"measure": "at", "options": {"when": when}}, "number") for when in ("soon", True)),
@@ -153,6 +152,16 @@ def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
     check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": mapping})], JOINTS, file=None)
     with pytest.raises(ScenarioError, match=r"3: is not COLUMN=JOINT\.QUANTITY"):
         check_claims([claim(measure="rmse", against=tmp_path / "lab.csv", options={"map": 3})], JOINTS, file=None)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"joint": "wrist"}, {"quantity": "link_torque"}, {"measure": "final"}, {"reference": "motor_1_position"},
+     {"against": Path("lab.csv")}, {"options": {"end": 1.0}}],
+)  # fmt: skip
+def test_claims_share_a_number_only_if_they_measure_the_same(changes):
+    same, other = claim(measure="rmse", comparison="<", value=9.0, tolerance=0.0), claim(**{"measure": "rmse"} | changes)
+    assert subject_of(claim(measure="rmse")) == subject_of(same) != subject_of(other)
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart():

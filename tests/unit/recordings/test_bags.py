@@ -173,17 +173,6 @@ def test_a_number_is_used_as_time_where_that_is_stated(tmp_path):
     np.testing.assert_allclose(read_recording(path, mapping=["/state/t=time [ms]"]).time, TIME, atol=1e-6)
 
 
-def test_a_topic_whose_clock_restarts_is_not_read(tmp_path):
-    messages = {
-        "/state": lambda i, t: {"q": Q[0, i]},
-        "/bad": lambda i, t: {"stamp": parts(START + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
-    }
-    path = mcap(tmp_path / "a.mcap", messages)
-    recording = read_recording(path)
-    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q[0])
-    assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
-
-
 def test_a_truncated_mcap_is_read_to_its_last_complete_chunk(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/q": lambda i, _: {"data": 0.5 * i}}, chunk=400)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])

@@ -66,13 +66,11 @@ def test_alignment_by_references_keeps_the_delay_of_the_response(tmp_path):
     assert result.find("elbow", "link_position").metrics["delay"] == pytest.approx(-0.05, abs=2e-3)
 
 
-@pytest.mark.parametrize(("correlation", "believed"), [(0.4, False), (0.53, False), (0.67, True), (0.9, True)])
+@pytest.mark.parametrize(("correlation", "believed"), [(0.53, False), (0.67, True)])
 def test_a_lag_of_little_correlation_is_not_believed(correlation, believed):
-    generator = np.random.default_rng(2)
     clean = motion(TIME)
-    noise = np.std(clean) * np.sqrt(1.0 / correlation**2 - 1.0) * generator.standard_normal(len(TIME))
+    noise = np.std(clean) * np.sqrt(1.0 / correlation**2 - 1.0) * np.random.default_rng(2).standard_normal(len(TIME))
     found = align(TIME, clean, TIME, motion(TIME - 0.1) + noise)
-    assert found.found is not None
     assert found.found.correlation == pytest.approx(correlation, abs=0.04)
     assert found.how.startswith("cross-correlation") == believed
     assert found.lag == pytest.approx(0.1 if believed else 0.0, abs=0.02)
@@ -142,16 +140,12 @@ def test_resampling_makes_no_overshoot_at_a_step():
 
 def test_clocks_without_overlap_are_aligned_by_motion_or_refused(tmp_path):
     t = 100 + np.arange(0, 5, 0.01)
-    fits, noise = motion(t - 100.3), np.random.default_rng(1).normal(size=len(t))
-    assert compare(simulation(), read(write(tmp_path, "time,elbow_pos", t, fits))).alignment.lag == pytest.approx(
-        100.3, abs=3e-3
-    )
-    recording = read(write(tmp_path, "time,elbow_pos", t, noise))
-    with pytest.raises(RecordingError, match=r"from 0 to 5 s.*from 100 to 104") as error:
-        compare(simulation(), recording)
-    assert "--lag start" in str(error.value)
-    with pytest.raises(RecordingError, match="no overlap"):
-        compare(simulation(), recording, lag="off")
+    found = compare(simulation(), read(write(tmp_path, "time,elbow_pos", t, motion(t - 100.3)))).alignment
+    assert found.lag == pytest.approx(100.3, abs=3e-3)
+    recording = read(write(tmp_path, "time,elbow_pos", t, np.random.default_rng(1).normal(size=len(t))))
+    for lag in ("auto", "off"):
+        with pytest.raises(RecordingError, match=r"no overlap.*from 0 to 5 s.*from 100 to 104.*--lag start"):
+            compare(simulation(), recording, lag=lag)
     assert compare(simulation(), recording, lag="start").alignment.lag == 100.0
 
 
@@ -207,15 +201,13 @@ def test_a_band_spans_the_gaps_of_a_run_only(tmp_path):
     np.testing.assert_allclose(whole.high - whole.low, 0.05, atol=1e-9)
     np.testing.assert_allclose(whole.mean - motion(whole.time), 0.01, atol=1e-9)
     assert band(runs, "elbow", "stiffness") is None
-    gappy = runs[2].find("elbow", "link_position")
-    count = len(gappy.time)
-    gap = np.isin(np.arange(count), [*range(count // 3, count // 2), *range(count - count // 10, count)])
-    runs[2] = replace(runs[2], series=(replace(gappy, recording=np.where(gap, np.nan, gappy.recording)),))
+    last = runs[2].find("elbow", "link_position")
+    inside, after = (last.time > 2) & (last.time < 3), last.time > 4
+    values = np.where(inside | after, np.nan, last.recording)
+    runs[2] = replace(runs[2], series=(replace(last, recording=values),))
     found = band(runs, "elbow", "link_position")
-    inside = slice(count // 3 + 1, count // 2 - 1)
     np.testing.assert_allclose((found.high - found.low)[inside], 0.01, atol=1e-9)
-    assert np.isfinite(found.mean[: -count // 10 - 1]).all()
-    assert np.isnan(found.mean[-1])
+    np.testing.assert_array_equal(np.isnan(found.mean), after)
 
 
 ELBOW = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "reference_1"))

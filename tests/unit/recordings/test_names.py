@@ -39,7 +39,7 @@ def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path, name):
     ["sampling_rate", "eff", "torque_enable", "ankle_moment", "pos_m", "pos_l", "theta1", "qd1", "q_d", "q1_sim", "force",
      "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "joint2", "rpm", "left_q1", "hip_pos", "tau_m1",
      "q\u0307_1", "q1'", "q*",
-     "Winkel [deg]", "q1 [counts]"],
+     "Winkel [deg]", "q1 [counts]", "q1 [furlong]"],
 )  # fmt: skip
 def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path, name):
     recording = read(tmp_path, ["q2", name])
@@ -129,10 +129,6 @@ def test_a_velocity_in_degrees_is_one_in_degrees_a_second(tmp_path):
     assert column.unit == "rad/s"
     assert column.values[0] == pytest.approx(0.0)
     assert column.conversion.startswith("deg/s -> rad/s")
-
-
-def test_a_unit_that_is_not_known_is_asked_about(tmp_path):
-    assert [column.source for column in read(tmp_path, ["q1 [furlong]"]).asked] == ["q1 [furlong]"]
 
 
 def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path):

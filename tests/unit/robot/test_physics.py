@@ -50,19 +50,23 @@ def mesh(name):
 
 def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(read, tmp_path_factory, tmp_path):
     outside, package = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("package")
-    for folder in (outside, package, tmp_path):
+    (tmp_path / "near").mkdir()
+    for folder in (outside, package, tmp_path, tmp_path / "near"):
         (folder / "m.stl").write_bytes(TRIANGLE)
     (tmp_path / "link.stl").symlink_to(outside / "m.stl")
     names = [
         "m.stl", str(tmp_path / "m.stl"), "file://" + str(tmp_path / "m.stl"), "package://pkg/m.stl",
-        str(outside / "m.stl"), f"../{outside.name}/m.stl", "link.stl", "package://pkg/../m.stl", "package://other/m.stl",
+        "package://near/m.stl", str(outside / "m.stl"), f"../{outside.name}/m.stl", "link.stl", "package://pkg/../m.stl", "package://other/m.stl",
         "http://host/m.stl", "none.stl", "m.txt",
     ]  # fmt: skip
     robot = read(pendulum(body="".join(f"<collision>{mesh(name)}</collision>" for name in names)))
     usable, warnings = usable_shapes(robot, package_paths={"pkg": package})
     found = [Path(shape.mesh) for shape in usable.links[1].collisions]
-    assert found == [(tmp_path / "m.stl").resolve()] * 3 + [(package / "m.stl").resolve()]
-    assert [problem.value for problem in warnings] == names[4:]
+    assert found == [
+        *[(tmp_path / "m.stl").resolve()] * 3,
+        *((one / "m.stl").resolve() for one in (package, tmp_path / "near")),
+    ]
+    assert [problem.value for problem in warnings] == names[5:]
     assert {problem.key for problem in warnings} == {"l"}
 
 

@@ -259,7 +259,6 @@ REFUSED = {
         ('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"', 'ixx="0" iyy="0" izz="0"'), ("0 0 -0.1", "0 0.1 0"),
     ],
     "too stiff": [("<spring_k>10<", "<spring_k>1e11<")],
-    "no axis": [('<axis xyz="0 1 0"/>', "<axis/>")],
 }  # fmt: skip
 TAKEN = {
     "no limit": [(LIMIT, "")],

@@ -35,8 +35,7 @@ def test_a_motor_starts_from_rest_at_second_order():
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
 
 
-def test_the_links_follow_their_signals_in_any_order_of_steps(monkeypatch):
-    monkeypatch.setattr(bench, "CHUNK", 8)
+def test_the_links_follow_their_signals_in_any_order_of_steps():
     sine = {"sinusoid": {"amplitude": 0.5, "frequency": 7.0, "phase": 0.3}}
     scenario = on_bench(duration=0.1, motion={"joint_1": sine})
     signal = Sinusoid(amplitude=0.5, frequency=7.0, phase=0.3)
