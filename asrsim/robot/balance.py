@@ -25,8 +25,9 @@ ROUNDS = 200
 def balanced(
     torques: Callable[[Array], Array], start: Array, low: Array, high: Array, movable: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move: nearly 0, NaN if
-    the torques are infinite.
+    """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
+
+    The remaining torques are nearly 0. They are NaN for a robot with infinite torques.
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
     there. torques: function from positions (m, k, n) to the torques on the joints (m, k, n), N m. low, high: stops (n,), rad
