@@ -110,7 +110,7 @@ def certify(
     warnings = []
     # Differences of the run from the run with half the step and from that with a quarter, and of these from each other.
     for joint, half, quarter, finest in zip(run.robot.moving_joints, *comparison.measures, strict=True):
-        order = _order(half[1], finest[1])
+        order = math.log2(half[1] / finest[1]) if min(half[1], finest[1]) > RESOLVED else math.nan
         low = order < stepping.order - ORDER_TOLERANCE
         used = max(order, 0.5) if low else stepping.order
         # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
@@ -133,12 +133,6 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
         return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
     resolution = run.resolution
     return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
-
-
-def _order(first: float, second: float) -> float:
-    """Measured order of convergence, computed from the differences between runs with the whole, half and quarter step; NaN if
-    these differences are rounding errors."""
-    return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
 def other_engine(engine: str) -> str | None:
