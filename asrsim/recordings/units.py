@@ -69,9 +69,9 @@ degC       1.0                   °C degC
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw
 """
-"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks. Upper and lower
-case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the user states
-the size of a count."""
+"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without the blanks beside signs.
+Upper and lower case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the
+user states the size of a count."""
 UNITS = {
     spelling: Unit(spelling, si, float(factor))
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
@@ -81,7 +81,7 @@ UNITS = {
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
-_NAME, _WORD, _ANOTHER = r"(?P<name>.*?[^_\s])(?:_in)?[_\s]+", r"[^_\s]+", r"[_\s]+[^_\s]+"
+_NAME, _WORD, _ANOTHER = r"(?P<name>.*?[^_\s])(?:[_\s]in)?[_\s]+", r"[^_\s]+", r"[_\s]+[^_\s]+"
 """Patterns of a name and the blank or underscore after it, of a word, and of one more word."""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
@@ -92,7 +92,7 @@ _HEADERS = tuple(
         r"(?P<name>[^/]*[^\s/])\s*/\s*(?P<unit>[^\s/]+)",  # t / ms
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
-        rf"{_NAME}(?P<unit>(?!min$)[^_\s]{{2,}})",  # q1_deg, but not q_min
+        rf"{_NAME}(?P<unit>(?!min$)[^_\s]{{2,}}|[°º])",  # q1_deg, but not q_min
         # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
         r"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*)[_\s](?P<unit>[mNAV])",
         r"(?P<name>(?:.*[_\s./])?(?:t|time)\d*)[_\s](?P<unit>s|h|min)",  # time_s, t_min
@@ -104,13 +104,15 @@ _HEADERS = tuple(
 
 def find_unit(text: str) -> Unit | None:
     """Unit with this spelling; None if it is unknown."""
-    plain = text.strip().strip("[](){}<>").replace(" ", "")
+    # Blanks beside a sign mean nothing. Other blanks separate words: `m deg` is not `mdeg`.
+    plain = re.sub(r"\s*([/*^·⋅])\s*", r"\1", text.strip().strip("[](){}<>").strip())
+    plain = re.sub(r"\s+", "_", plain)
     for sign, usual in (("º", "°"), ("μ", "µ"), ("²", "^2")):
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    # force times length with any sign between both units: newton-metre, N·m, lbf-ft
-    joined = re.sub("(?<=[A-Za-z])[-.*·⋅_](?=[A-Za-z])", "", plain)
+    # force times length with any sign between both units: newton-metre, N·m, lbf-ft; but m_Nm is not mNm
+    joined = re.sub("(?<=[A-Za-z])(?<!^m)[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))
         if unit is not None and (written == plain or unit.si.startswith("N m")):
