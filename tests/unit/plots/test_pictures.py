@@ -85,6 +85,16 @@ def test_an_axis_reaches_to_the_limits_near_its_curves(limit, is_near):
     assert low < 0.0 < 1.0 < high
 
 
+@pytest.mark.parametrize(("low", "high"), [(100.0, 100.0002), (-1e-5, 8e-5), (-0.35, 0.25), (1e6, 5e6)])
+def test_every_tick_has_its_own_label(low, high):
+    figure, axes = PanelGrid(columns=1, heights=[1.6]).figure([])
+    axes[0, 0].set_ylim(low, high)
+    figure.canvas.draw()
+    labels = [label.get_text().replace("\u2212", "-") for label in axes[0, 0].get_yticklabels()]
+    np.testing.assert_allclose([float(label) for label in labels], axes[0, 0].get_yticks(), rtol=1e-9, atol=1e-15)
+    assert len({*labels}) == len(labels)
+
+
 @pytest.mark.parametrize(("joints", "pages"), [(3, 1), (5, 2)])
 def test_many_joints_take_several_pages_and_an_overview(tmp_path, joints, pages):
     run = read_curves(made_up_log(tmp_path / "log.mcap", joints=joints, count=50))
