@@ -150,6 +150,14 @@ def test_odd_names_and_numbers_can_be_drawn(tmp_path):
     assert "objects.png" in names
 
 
+def test_an_object_with_the_name_of_a_joint_is_drawn_apart(tmp_path):
+    with LogWriter(tmp_path / "log.mcap", INFO) as log:
+        log.write(example_samples(50, bodies=("shoulder",)))
+    pages = run_pages([read_curves(tmp_path / "log.mcap")])
+    lines = [line.get_gid() for page in pages for axes in page.figure.axes for line in axes.get_lines() if line.get_gid()]
+    assert [lines.count(name) for name in ("shoulder.link_position.0", "shoulder (body).dx.0")] == [1, 1]
+
+
 def test_objects_and_tip_are_drawn_from_where_they_started(tmp_path):
     run = read_curves(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.05))
     assert {body.name for body in run.bodies} == {"box", "tip"}
