@@ -176,7 +176,7 @@ def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
 @pytest.mark.parametrize(
     ("mode", "unit", "quantity", "reason"),
     [
-        (0, "N m", "elastic_torque_1 [N m]", "has no spring"), (3, "rad", "motor_1_position [rad]", "stand at their references"),
+        (0, "N m", "elastic_torque_1 [N m]", "has no spring"), (3, "rad", "motor_1_position [rad]", "stand at their"),
         (6, "rad", "link_velocity [rad/s]", "compute velocities"), (3, "rad", "elastic_torque_1 [N m]", "never changes"),
     ],
 )  # fmt: skip
