@@ -82,6 +82,7 @@ _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) i
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _NAME, _WORD, _ANOTHER = r"(?P<name>.*?[^_\s])(?:_in)?[_\s]+", r"[^_\s]+", r"[_\s]+[^_\s]+"
+"""Patterns of a name and the blank or underscore after it, of a word, and of one more word."""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
