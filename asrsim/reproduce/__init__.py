@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import sys
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from importlib import import_module
@@ -221,9 +222,12 @@ def reproduce(
     began = clock.perf_counter()
     make_folder(folder / "runs")
     make_folder(folder / "pictures")
-    found = []
-    with Processes(min(workers, len(order))) as pool:
-        for number, one in chain.from_iterable(pool.results(partial(run_figure, folder=folder / "runs"), order)):
+    found, task, count = [], partial(run_figure, folder=folder / "runs"), min(workers, len(order))
+    with ExitStack() as stack:
+        results: Iterable[tuple[int, Any]] = enumerate(map(task, order))
+        if count > 1:
+            results = chain.from_iterable(stack.enter_context(Processes(count)).results(task, order))
+        for number, one in results:
             found.append(Reproduction(name=order[number], error=one.reason) if isinstance(one, Lost) else one)
             if on_figure is not None:
                 on_figure(found[-1])
