@@ -84,7 +84,7 @@ def model_of(
     """
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     robot, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
-    spec = assemble(mujoco, scenario, robot, (0.0, 0.0, 0.0), shapes=True)
+    spec = assemble(scenario, robot, (0.0, 0.0, 0.0), shapes=True)
     spec.modelname, spec.modelfiledir = robot.name, str(path.parent.absolute())
     spec.comment = " Made by asrsim export. Controls are the inputs of the motors: position, torque, voltage or current. "
     spec.compiler.degree = False
@@ -161,7 +161,7 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
     for geom in body.geoms:
         geom.group = COLLISION_GROUP
     for index, shape in enumerate(link.visuals):
-        geom = add_shape(load(), spec, body, f"visual/{link.name}/{index}", shape)
+        geom = add_shape(spec, body, f"visual/{link.name}/{index}", shape)
         geom.group, geom.contype, geom.conaffinity, geom.rgba = VISUAL_GROUP, 0, 0, shape.colour or geom.rgba
 
 

@@ -268,7 +268,7 @@ class Twin:
     def __enter__(self) -> Twin:
         return self
 
-    def __exit__(self, *error: object) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
