@@ -31,7 +31,7 @@ joint_step = call
 """Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
 `asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
 engine_step = call
-"""Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step; see `asrsim.engines.base`.
+"""Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step (`asrsim.engines.base`).
 pieces: number of pieces of the kick."""
 
 
