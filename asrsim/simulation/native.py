@@ -54,13 +54,13 @@ def _laws(s: int, p: int, k: int, q: float, whole: int) -> None:
 
 def _put_laws(s: Any, p: Any, k: Any, q: float, whole: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    given = q, *positions(s, k[THETAS]), parameters(p, k[LAW])
+    given, first = (q, *positions(s, k[THETAS]), parameters(p, k[LAW])), k[TORQUES]
     values = torques(*given)
     known = 0.0, 0.0
     if whole != 0:
         known = stiffness(*given), energy(*given)
     for i in range(len(values)):
-        s[k[TORQUES] + i] = values[i]
+        s[first + i] = values[i]
     if whole != 0:
         s[STIFFNESS], s[LAW_ENERGY] = known
 
