@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
+FLATTEST = 1e-9
+"""Smallest area of a mesh, relative to the square of its size. A mesh that is a line would crash PyBullet."""
 MAX_BYTES = 256 * 1024 * 1024
 """Largest size of a mesh file, bytes."""
 
@@ -91,7 +93,11 @@ def mesh_fault(path: Path) -> str | None:
         return f"cannot be read: {error.strerror or error}"
     except ValueError as error:
         return str(error)
-    return None if all(np.isfinite(part.vertices).all() for part in parts) else "has vertices that are not finite"
+    points = np.concatenate([part.vertices for part in parts])
+    if not np.isfinite(points).all():
+        return "has vertices that are not finite"
+    area = sum(float(part.area) for part in parts)
+    return None if area > FLATTEST * float(np.ptp(points, axis=0).max()) ** 2 else "has no area"
 
 
 def mesh_parts(path: Path) -> list[Trimesh]:
@@ -123,5 +129,7 @@ def convex_hull(path: Path, scale: Vector) -> Trimesh:
     from trimesh.convex import convex_hull as hull_of
 
     points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
-    hull: Trimesh = hull_of(points)
+    # With the mean, a single triangle has the four points that a hull needs.
+    with np.errstate(invalid="ignore"):
+        hull: Trimesh = hull_of(np.vstack([points, points.mean(axis=0)]))
     return hull

@@ -80,8 +80,7 @@ def execute(
         InputError, SimulationError: The run cannot be built.
         OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
     """
-    if cross_check:
-        accuracy.require_other_engine(scenario)
+    other = accuracy.other_engine(scenario.engine, required=cross_check)
     earlier = open_folder(folder, scenario, overwrite=overwrite) if folder is not None else ()
     error: DivergenceError | None = None
     certificate: dict[str, Any] = {}
@@ -114,8 +113,8 @@ def execute(
     summary = judged(scenario, run, collectors[0], samples=samples)
     files = {} if log is None else {"log": log}
     summary = replace(summary, certificate=certificate, files=files, replaced=earlier)
-    if run.status == "complete" and (cross_check or (certify and accuracy.other_engine(scenario.engine))):
-        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, robot, progress=certifying))
+    if run.status == "complete" and other is not None and (cross_check or certify):
+        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, other, robot, progress=certifying))
     return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
 
 
