@@ -72,17 +72,16 @@ class PoseTrajectory:
         """Positions (n, 3) and rotations (n, 3, 3) (or None) at `time` (n,)."""
         from scipy.spatial.transform import Rotation, Slerp
 
-        # A single pose holds from time 0 to the end.
-        times = self.times if len(self.times) > 1 else np.array([0.0, 1.0])
-        rows = np.arange(len(times)) % len(self.times)
-        inside = np.clip(time, times[0], times[-1])
-        segment = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(times) - 2)
-        begin, span = times[segment], np.diff(times)[segment]
-        warped = begin + span * INTERPOLATIONS[self.interpolation]((inside - begin) / span)
-        positions = np.column_stack([np.interp(warped, times, column) for column in self.positions[rows].T])
+        knots = np.arange(len(self.times) + 1)
+        place = np.interp(time, self.times, knots[:-1])
+        begin = np.floor(place)
+        place = begin + INTERPOLATIONS[self.interpolation](place - begin)
+        positions = np.column_stack([np.interp(place, knots[:-1], column) for column in self.positions.T])
         if self.rotations is None:
             return positions, None
-        return positions, Slerp(times, Rotation.from_matrix(self.rotations[rows]))(warped).as_matrix()
+        # The last rotation comes twice, since interpolation needs at least two.
+        rotations = Rotation.from_matrix(self.rotations[np.minimum(knots, len(self.times) - 1)])
+        return positions, Slerp(knots, rotations)(place).as_matrix()
 
 
 def rotation_between(start: Array, end: Array) -> Array:

@@ -155,14 +155,13 @@ def _weights(model: RobotModel) -> dict[str, float]:
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     """Instants (n,) to check, s: the start, the end, and a choice of the extremes of the references."""
     grid = np.linspace(0.0, scenario.duration, 101)
-    chosen = {0.0, float(scenario.duration)}
+    chosen = {0, len(grid) - 1}
     for block in blocks:
         for signal in scenario.references_of(block.joint).values():
             values = signal.values(grid)
-            chosen |= {float(grid[int(np.argmin(values))]), float(grid[int(np.argmax(values))])}
-    ordered = np.array(sorted(chosen))
-    kept = np.linspace(0, len(ordered) - 1, min(len(ordered), INSTANTS))
-    return np.asarray(ordered[kept.round().astype(int)])
+            chosen |= {int(np.argmin(values)), int(np.argmax(values))}
+    kept = np.linspace(0, len(chosen) - 1, min(len(chosen), INSTANTS)).round().astype(int)
+    return np.asarray(grid[np.array(sorted(chosen))[kept]])
 
 
 def _scale(joint: Joint) -> float:
