@@ -25,6 +25,7 @@ from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
+    from asrsim.scenario.data import World
 
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
 """Columns of an exchange, an array (p, n, 5) with a row for each piece of the kick and each joint. A step reads torque (N m,
@@ -39,13 +40,11 @@ NOTHING = (0.0, 0.0, 0.0)
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
     """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
-    fraction of a step, for engines that cannot divide a kick. With one piece, the means are views of the arguments."""
+    fraction of a step, for engines that cannot divide a kick."""
     total = float(lengths.sum())
-    whole = 1.0 if abs(total - 1.0) < ROUNDING else total
-    if len(lengths) == 1:
-        return exchange[0], wrenches, whole
     shares = lengths / total
-    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None] if wrenches.size else wrenches, whole
+    whole = 1.0 if abs(total - 1.0) < ROUNDING else total
+    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None], whole
 
 
 class Scene(NamedTuple):
@@ -57,17 +56,17 @@ class Scene(NamedTuple):
     """Contact forces on objects in N, world frame, summed over points; the key "object/other" names both bodies."""
 
 
-def contact_forces(
-    objects: Sequence[str], ground: bool, points: Iterable[tuple[str, str, Array]]
-) -> dict[str, tuple[float, float, float]]:
+def contact_forces(world: World, points: Iterable[tuple[str, str, Array]]) -> dict[str, tuple[float, float, float]]:
     """Contact forces in N, world frame, summed over all points at which two bodies touch; 0 without contact. "object/other":
     force on the object by the other body; "robot/ground": force of the ground on the robot.
 
     points: for each contact point, both bodies and the force (3,) on the first body.
     """
-    others = [*objects, *([GROUND] if ground else []), ROBOT]
-    total: dict[str, Any] = {f"{name}/{other}": NOTHING for name in objects for other in others if other != name}
-    if ground:
+    others = [*(item.name for item in world.solids), ROBOT]
+    total: dict[str, Any] = {
+        f"{item.name}/{other}": NOTHING for item in world.objects for other in others if other != item.name
+    }
+    if world.ground:
         total[f"{ROBOT}/{GROUND}"] = NOTHING
     for first, second, force in points:
         for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):

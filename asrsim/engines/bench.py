@@ -15,7 +15,6 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array, grid
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
-from asrsim.signals.base import Signal
 
 LONGEST = 50_000_000
 """Largest number of values (steps times joints) of a motion."""
@@ -45,11 +44,6 @@ def _sizes(motion: Any) -> tuple[int, int, int]:
     return motion.places.shape[1], 0, 6
 
 
-def link_motion(scenario: Scenario, joint: str) -> Signal:
-    """Motion of a joint's link on a bench: the link is locked unless the scenario prescribes a motion."""
-    return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
-
-
 class BenchEngine(Engine):
     """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect. After the scenario's
     duration the links stand still. A state is the number (1,) of the row of the motion."""
@@ -74,8 +68,10 @@ class BenchEngine(Engine):
                     f"the bench's motion has more than {LONGEST} values: shorten the run, or take larger steps"
                 )
             time = grid(0, rows, step)
-            columns = [link_motion(self._scenario, name).values(time) for name in self.joints]
-            self._motion = Motion(np.ascontiguousarray(np.column_stack(columns)), np.array([step]))
+            locked = {name: Constant(value=for_joint(self._scenario.initial_positions, name, 0.0)) for name in self.joints}
+            signals = [for_joint(self._scenario.motion, name, locked[name]) for name in self.joints]
+            columns = np.column_stack([signal.values(time) for signal in signals])
+            self._motion = Motion(np.ascontiguousarray(columns), np.array([step]))
             self._calculation = Calculation(move, self._motion, lambda kind: compiling.compile_packed(move, kind, _sizes))
         self._state[:] = 0.0
         return self._motion.places[0].tolist(), [0.0] * len(self.joints)

@@ -70,8 +70,10 @@ class MujocoEngine(RigidEngine):
         self.version = f"mujoco {library_version()}"
         self.robot, self._scenario = robot, scenario
         merged, self.origin = merge_for_engine(robot, fixed_base=scenario.fixed_base)
-        shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
-        self._m = self.raw_model = build(mujoco, scenario, shaped, self.origin)
+        shaped = merged.robot
+        if not scenario.world.empty:
+            shaped, self.warnings = usable_shapes(shaped, package_paths=scenario.package_paths)
+        self._m = self.raw_model = build(scenario, shaped, self.origin)
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.root, self._free = merged.robot.root.name, not scenario.fixed_base
@@ -162,7 +164,6 @@ class MujocoContacts(MujocoEngine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
-        self._objects = [item.name for item in scenario.world.objects]
         names = {self._m.geom(f"object/{item.name}").id: item.name for item in scenario.world.solids}
         self._owner = [names.get(index, ROBOT) for index in range(self._m.ngeom)]
         self._m.dof_invweight0[:] *= LIGHTER
@@ -232,18 +233,16 @@ class MujocoContacts(MujocoEngine):
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base link, if it floats; contact forces. The poses follow from the
-        configuration, since the poses that MuJoCo stores lag by one step."""
-        m, poses = self._m, dict(super().scene().bodies)
-        for name in self._objects:
-            body = m.body(f"object/{name}")
-            if body.dofnum[0]:
-                at = int(m.jnt_qposadr[body.jntadr[0]])
-                pose = self._state[at : at + 7]
-            else:
-                pose = np.concatenate([m.body_pos[body.id], m.body_quat[body.id]])
-            poses[name] = (*pose[:3].tolist(), *pose[4:7].tolist(), float(pose[3]))
-        return Scene(poses, contact_forces(self._objects, self._scenario.world.ground, self._points()))
+        """Poses of the world's objects, and of the base link, if it floats; contact forces."""
+        d, world, poses = self._d, self._scenario.world, dict(super().scene().bodies)
+        # The poses that MuJoCo stores lag by one step.
+        d.qpos[:] = self._state[: len(d.qpos)]
+        self._mujoco.mj_kinematics(self._m, d)
+        for item in world.objects:
+            body = d.body(f"object/{item.name}")
+            w, *vector = body.xquat.tolist()
+            poses[item.name] = (*body.xpos.tolist(), *vector, w)
+        return Scene(poses, contact_forces(world, self._points()))
 
     def _points(self) -> Iterator[tuple[str, str, Array]]:
         values = np.zeros(6)

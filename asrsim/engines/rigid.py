@@ -23,6 +23,7 @@ from asrsim import compiling
 from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
+from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.model import Robot, Vector
 from asrsim.robot.poses import rotation_of
@@ -332,6 +333,8 @@ class RigidEngine(Engine):
     """
 
     robot: Robot
+    warnings: tuple[Problem, ...] = ()
+    """Warnings about parts of the robot that the engine ignores."""
     root: str
     """Name of the base link."""
     origin: Vector

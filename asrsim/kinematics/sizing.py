@@ -21,6 +21,7 @@ from asrsim.actuators.rest import resting_motors
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
+from asrsim.robot.balance import balanced
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.mounting import drive_of, with_overrides
 from asrsim.samples import Array
@@ -39,14 +40,6 @@ SLIDING = 0.2
 as far."""
 OFF = 0.1
 """Distance from the reference, as a fraction of the joint's scale, above which a joint at a stop has fallen onto the stop."""
-STEPS = 400
-"""Largest number of relaxation steps until rest."""
-LARGEST_STEP = 0.05
-"""Largest relaxation step, rad."""
-TABLE = 401
-"""Number of link positions at which the torque of a drive is tabulated."""
-FARTHEST = 4.0
-"""Largest tabulated distance from the reference, rad or m."""
 INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 POSTURES = 64
@@ -58,9 +51,7 @@ ENOUGH = 0.15
 """Largest sag in any posture with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for
 neglected effects."""
 MOTOR_SHARE = 0.5
-"""Largest fraction of a motor's torque that holds and moves an arm with proposed parameters.
-(Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
-errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
+"""Largest fraction of a motor's torque that holds and moves an arm with proposed parameters."""
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
@@ -112,39 +103,45 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
     return np.stack(goals), goals[0] if actuator.motors < 2 else over_arrays(actuator.equilibrium_position)(*goals)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(all="ignore")
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Largest sag of each joint over time, found by overdamped relaxation from the position of its references. The sag is NaN
-    if the torques of opposing springs overflow."""
+    """Largest sag of each joint over time, from the position of its references to the position of rest."""
     model, time = robot_model(scenario, robot), _instants(scenario, blocks)
     wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
-    weights, columns, goals = _weights(model), [model.joints.index(block.joint) for block in blocks], []
-    for block, column in zip(blocks, columns, strict=True):
-        own, goal = goals_of(scenario, block, time)
-        goals.append(own)
-        wanted[:, column] = np.clip(goal, *robot.joint(block.joint).stops)
-    joints = [
-        _Joint(drive_of(block), own, wanted[:, column], robot, weights[block.joint])
-        for block, own, column in zip(blocks, goals, columns, strict=True)
-    ]
-    start = -model.gravity_torques(wanted)
-    positions = wanted.copy()
-    share, before = np.ones(len(time)), np.zeros((len(joints), len(time)))
-    for _ in range(STEPS):
-        loads = -model.gravity_torques(positions)
-        pairs = zip(joints, positions.T[columns], loads.T[columns], strict=True)
-        after = np.array([joint.settle(position, load, share) for joint, position, load in pairs])
-        moved = after - positions.T[columns]
-        positions[:, columns] = after.T
-        if np.max(np.abs(moved) / share) < 1e-5:
-            break
-        # The relaxation of coupled joints may oscillate: after a step that reverses the motion, the next is shorter.
-        share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
-        before = moved
-    return tuple(
-        joint.holding(time, wanted[:, column], positions[:, column], start[:, column])
-        for joint, column in zip(joints, columns, strict=True)
-    )
+    springs: dict[int, tuple[Drive, Array, float]] = {}
+    """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
+    for block in blocks:
+        column, joint = model.joints.index(block.joint), robot.joint(block.joint)
+        goals, goal = goals_of(scenario, block, time)
+        springs[column] = drive_of(block), goals, joint.most_effort
+        wanted[:, column] = np.clip(goal, *joint.stops)
+
+    def torques(positions: Array) -> Array:
+        """Torques on the links (instants, k, joints) in N m."""
+        found = -model.gravity_torques(positions)
+        for column, (drive, goals, effort) in springs.items():
+            place = positions[..., column]
+            _, own = resting_motors(drive, place.ravel(), np.repeat(goals, place.shape[1], axis=1))
+            found[..., column] += np.clip(own.sum(axis=0), -effort, effort).reshape(place.shape)
+        return found
+
+    movable = np.isin(np.arange(len(model.joints)), list(springs))
+    positions, _ = balanced(torques, wanted, model.lower, model.upper, movable)
+    sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
+    found = []
+    for column, (drive, goals, effort) in springs.items():
+        worst, joint = int(np.argmax(sags[:, column])), robot.joint(model.joints[column])
+        sag, scale, motors = float(sags[worst, column]), _scale(joint), drive.actuator.motors
+        resting, own = resting_motors(drive, positions[worst : worst + 1, column], goals[:, worst : worst + 1])
+        stopped = np.abs(positions[worst, column] - joint.stops).min() < 1e-6
+        found.append(Holding(
+            joint=joint.name, sag=sag, load=float(loads[worst, column]), time=float(time[worst]), scale=scale,
+            on_stop=bool(stopped and sag > OFF * scale),
+            limited=bool(np.any(np.abs(own[:motors, 0]) > (1.0 - 1e-6) * np.array(drive.max_torque or np.inf))),
+            overloaded=bool(abs(own.sum()) > effort),
+            droop=float(abs(np.mean((goals[:, worst] - resting[:, 0])[:motors]))),
+        ))  # fmt: skip
+    return tuple(found)
 
 
 def _weights(model: RobotModel) -> dict[str, float]:
@@ -156,55 +153,13 @@ def _weights(model: RobotModel) -> dict[str, float]:
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     """Instants (n,) to check, s: the start, the end, and a choice of the extremes of the references."""
     grid = np.linspace(0.0, scenario.duration, 101)
-    chosen = {0.0, float(scenario.duration)}
+    chosen = {0, len(grid) - 1}
     for block in blocks:
         for signal in scenario.references_of(block.joint).values():
             values = signal.values(grid)
-            chosen |= {float(grid[int(np.argmin(values))]), float(grid[int(np.argmax(values))])}
-    ordered = np.array(sorted(chosen))
-    kept = np.linspace(0, len(ordered) - 1, min(len(ordered), INSTANTS))
-    return np.asarray(ordered[kept.round().astype(int)])
-
-
-class _Joint:
-    """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
-
-    def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weight: float) -> None:
-        """weight: largest gravity torque in N m, a bound of its variation with the posture."""
-        self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
-        self._weight = max(weight, 1e-6)
-        low, high = self._joint.stops
-        self._places = np.linspace(np.maximum(low, wanted - FARTHEST), np.minimum(high, wanted + FARTHEST), TABLE)
-        spread = np.repeat(self._goals[:, None], TABLE, axis=1).reshape(len(self._goals), -1)
-        _, torques = resting_motors(drive, self._places.ravel(), spread)
-        effort = self._joint.most_effort
-        self._torques = np.clip(torques.sum(axis=0), -effort, effort).reshape(self._places.shape)
-        self._slopes = np.maximum(-np.gradient(self._torques, axis=0) / np.gradient(self._places, axis=0), 0.0)
-
-    def settle(self, position: Array, load: Array, share: Array) -> Array:
-        """Position (n,) after a relaxation step towards equilibrium with the load. share: fraction of a full step."""
-        table = zip(position, self._places.T, self._torques.T, self._slopes.T, strict=True)
-        rows = [(np.interp(q, places, torques), np.interp(q, places, slopes)) for q, places, torques, slopes in table]
-        torque, stiffness = np.array(rows).T
-        step = np.clip((torque + load) / (stiffness + self._weight), -LARGEST_STEP, LARGEST_STEP)
-        return np.asarray(np.clip(position + share * step, self._places[0], self._places[-1]))
-
-    def holding(self, time: Array, wanted: Array, position: Array, load: Array) -> Holding:
-        """Sag of the joint at the instant of the largest sag."""
-        off = np.abs(position - wanted)
-        worst = int(np.argmax(off))
-        low, high = self._joint.stops
-        stopped = min(abs(position[worst] - low), abs(position[worst] - high)) < 1e-6
-        resting, torques = (rows[:, worst] for rows in resting_motors(self._drive, position, self._goals))
-        most = np.array(self._drive.max_torque or np.inf)
-        motors = self._drive.actuator.motors
-        return Holding(
-            joint=self._joint.name, sag=float(off[worst]), load=float(load[worst]), time=float(time[worst]),
-            scale=_scale(self._joint), on_stop=bool(stopped and off[worst] > OFF * _scale(self._joint)),
-            limited=bool(np.any(np.abs(torques[:motors]) > (1.0 - 1e-6) * most)),
-            overloaded=bool(abs(torques.sum()) > self._joint.most_effort),
-            droop=float(abs(np.mean((self._goals[:, worst] - resting)[:motors]))),
-        )  # fmt: skip
+            chosen |= {int(np.argmin(values)), int(np.argmax(values))}
+    kept = np.linspace(0, len(chosen) - 1, min(len(chosen), INSTANTS)).round().astype(int)
+    return np.asarray(grid[np.array(sorted(chosen))[kept]])
 
 
 def _scale(joint: Joint) -> float:
@@ -229,12 +184,12 @@ class Sizing:
         return _weak(self.joints)
 
 
-def sizing(scenario: Scenario, robot: Robot) -> Sizing:
+def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
     robot: the robot with the scenario's modes and parameters. The function ignores floating bases, modes without springs,
     torque, voltage and current references, and references that already account for the weight (of a task, of learning, or of
-    a joint with a `desired` motion).
+    a joint with a `desired` motion). propose: whether to propose parameters if a joint sags too much.
     """
 
     def judged(robot: Robot) -> tuple[Holding, ...]:
@@ -250,11 +205,14 @@ def sizing(scenario: Scenario, robot: Robot) -> Sizing:
     joints = judged(robot)
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
-    if _weak(joints) and _weak(judged(endless)):
-        proposal = {name: values for name, values in strengthened(scenario, robot).items() if name in names}
-        if not _weak(judged(with_overrides(endless, parameters=proposal))):
-            return Sizing(joints=joints, proposal=proposal)
-    return Sizing(joints=joints)
+    weak = _weak(judged(endless)) if propose and _weak(joints) else ()
+    stronger = strengthened(scenario, robot) if weak else {}
+    proposal: dict[str, dict[str, float]] = {}
+    # Stronger joints load others, which may then sag.
+    while weak and any(one.joint in stronger for one in weak):
+        proposal |= {one.joint: stronger.pop(one.joint) for one in weak if one.joint in stronger}
+        weak = _weak(judged(with_overrides(endless, parameters=proposal)))
+    return Sizing(joints=joints, proposal={} if weak else proposal)
 
 
 def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
@@ -263,7 +221,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
     )
-    hint: str | None = "Choose stiffer actuators or a lighter arm"
+    hint: str | None = "Choose stiffer actuators or a lighter arm; `asrsim check` looks for parameters that hold the arm"
     if values:
         hint = f"with parameters: {{{values}}} springs and motors hold the arm"
     problems = []
@@ -298,12 +256,13 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
         stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
         spring = max(stiffness / max(present, 1e-9), 1.0)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
+        # The last term accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
         values = block.values()
         factors = dict.fromkeys(linear_parameters(drive.actuator, values), spring)
         factors |= {name: gain for name in values if name.endswith("_proportional")}
         factors |= dict.fromkeys(motor_limits(values), torque / min(drive.max_torque, default=math.inf))
-        # A larger factor than 1 avoids changes by the rounding of an earlier proposal.
+        # Factors just above 1 are left out: they come from the rounding of an earlier proposal.
         if given := {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.05}:
             found[block.joint] = given
     return found

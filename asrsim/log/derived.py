@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -63,6 +63,13 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
     "position_error": ("link_position", *_REFERENCES),
 }
 """Logged quantities from which each derived quantity is computed, if the log has them."""
+
+
+def recorded_sources(names: Iterable[str], joints: Sequence[JointInfo]) -> list[str]:
+    """Quantities recorded for at least one of the joints, from which the named quantities, logged or derived, are computed."""
+    recorded = {name for joint in joints for name in joint.quantities}
+    sources = dict.fromkeys(source for name in names for source in DERIVED_SOURCES.get(name, (name,)))
+    return [name for name in sources if name in recorded]
 
 
 def _values(samples: Samples, quantity: str, column: int) -> Array:

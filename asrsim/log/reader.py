@@ -74,14 +74,9 @@ class LogReader:
         return {**records.get(RUN_METADATA, {}), **records.get(RESULT_METADATA, {})}
 
     @property
-    def result(self) -> dict[str, str]:
-        """Metadata that the run wrote at its end; empty if the run wrote none."""
-        return dict(self._structure.metadata.get(RESULT_METADATA, {}))
-
-    @property
     def status(self) -> str:
         """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if the run wrote no status."""
-        return self.result.get("status", "truncated")
+        return self._structure.metadata.get(RESULT_METADATA, {}).get("status", "truncated")
 
     @property
     def duration(self) -> float:

@@ -58,11 +58,6 @@ class LogWriter:
         self._failed = False
         self._closed = False
 
-    @property
-    def chunk_samples(self) -> int:
-        """Number of samples in a full chunk, the most that a killed process loses."""
-        return self._rows.capacity
-
     def write(self, samples: Samples) -> None:
         """Add samples that follow the previous samples in time. Bodies and contacts may change between calls."""
         if self._failed or self._closed:

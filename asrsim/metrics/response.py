@@ -6,6 +6,7 @@ See `asrsim.metrics.frequency.frequency_response`. The measures are undefined if
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -32,25 +33,37 @@ def gain(
     return math.nan if found is None else float(np.interp(hertz, found.frequency, found.gain, left=math.nan, right=math.nan))
 
 
-def largest_gain(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
+def _of_response(pick: Callable[[FrequencyResponse], float | None]) -> Callable[..., float]:
+    """Measure of time, output and input that a function of their frequency response defines; None: undefined."""
+
+    def measured(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
+        found = _response(time, values, reference, low, high)
+        value = None if found is None else pick(found)
+        return math.nan if value is None else float(value)
+
+    measured.__name__, measured.__doc__ = pick.__name__, pick.__doc__
+    return measured
+
+
+@_of_response
+def largest_gain(found: FrequencyResponse) -> float | None:
     """Largest gain from reference to values in the band."""
-    found = _response(time, values, reference, low, high)
-    return math.nan if found is None else float(np.max(found.gain))
+    return float(np.max(found.gain))
 
 
-def resonance(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
+@_of_response
+def resonance(found: FrequencyResponse) -> float | None:
     """Frequency of the gain's peak inside the band; undefined without a peak."""
-    found = _response(time, values, reference, low, high)
-    return math.nan if found is None or found.resonance is None else found.resonance[0]
+    return None if found.resonance is None else found.resonance[0]
 
 
-def bandwidth(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
+@_of_response
+def bandwidth(found: FrequencyResponse) -> float | None:
     """Frequency at which the gain first falls 3 dB below its value at the low end of the band; undefined if it does not."""
-    found = _response(time, values, reference, low, high)
-    return math.nan if found is None or found.bandwidth is None else found.bandwidth
+    return found.bandwidth
 
 
-def coherence(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
+@_of_response
+def coherence(found: FrequencyResponse) -> float | None:
     """Smallest coherence of reference and values in the band: 1 if the reference explains the values fully, 0 if not at all."""
-    found = _response(time, values, reference, low, high)
-    return math.nan if found is None else float(np.min(found.coherence))
+    return float(np.min(found.coherence))

@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import LogError, Problem
 from asrsim.log import LogReader, open_log
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.plots.decimate import BINS, Curve, Envelope
 from asrsim.quantities import DERIVED, QUANTITIES, Quantity
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, RunInfo, Samples
@@ -222,12 +222,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], names: Sequence[str]
 
 def stored(names: Sequence[str], joints: Sequence[JointInfo]) -> list[str]:
     """Names of the quantities, stored for at least one of the joints, from which the given quantities are computed."""
-    recorded = {name for joint in joints for name in joint.quantities}
-    needed: dict[str, None] = {}
-    for name in names:
-        sources = DERIVED_SOURCES["position_error"] if name == REFERENCE else DERIVED_SOURCES.get(name, (name,))
-        needed |= dict.fromkeys(sources)
-    return [name for name in needed if name in recorded]
+    return recorded_sources(["position_error" if name == REFERENCE else name for name in names], joints)
 
 
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics.lag import TRUSTED, Lag, estimate_lag
 from asrsim.quantities import DERIVED, QUANTITIES, is_comparable
 from asrsim.recordings.data import Column, Recording
@@ -40,11 +40,10 @@ def align_recording(
         RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
     """
     columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
-    recorded = {info.name: info.quantities for info in infos}
+    known = {info.name: info for info in infos if info.quantities}
     best: tuple[str, Array, Array, Column] | None = None
     for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
-        sources = DERIVED_SOURCES.get(quantity, (quantity,))
-        stored = [name for name in recorded.get(joint) or sources if name in sources]
+        stored = recorded_sources([quantity], [known[joint]]) if joint in known else [quantity]
         samples = read(stored, (joint,)) if stored else None
         values = None if samples is None else simulated(samples, joint, quantity, infos)
         if samples is None or values is None:

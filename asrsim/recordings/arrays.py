@@ -43,7 +43,7 @@ def read_numpy(path: Path, reading: Reading) -> Content:
     for name in arrays:
         try:
             found[name] = arrays[name]
-        except ValueError as error:  # for example Python objects, as unpickling would run code from the file
+        except ValueError as error:  # NumPy refuses Python objects, because unpickling would run code from the file
             findings.append(Problem(f"is not read: {error}", key=name, code="objects"))
     return of_tree(found, findings, reading)
 

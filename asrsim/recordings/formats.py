@@ -37,7 +37,7 @@ class Reader:
     magic: tuple[bytes, ...] = ()
     """First bytes that identify the format, whatever the file's ending."""
     confined: bool = True
-    """True: the file is read in a child process with limits on time and memory. True for all formats except text."""
+    """True: the file is read in a child process with limits on time and memory. True for all formats except text and JSON."""
 
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}

@@ -83,6 +83,7 @@ _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
+"""Patterns of the gap between a name and its unit, of a word, of a name with its gap, and of one more word."""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
     for pattern in (

@@ -72,7 +72,7 @@ class RenderScene:
         try:
             parts = self._read(file)
         except (OSError, ValueError) as error:
-            self.notes.append(f"a mesh of '{body}' is not drawn: {error}")
+            self.notes.append(f"a mesh of '{body}' is not drawn: {file.name} {error}")
             return
         for mesh, own in parts:
             self._add(body, mesh, own if colour is None else colour, origin @ np.diag([*scale, 1.0]))

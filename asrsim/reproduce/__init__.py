@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import sys
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from importlib import import_module
@@ -21,7 +22,8 @@ from asrsim.metrics.expect import compares
 from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.plain import finite_or_none
 from asrsim.runs.examples import examples_folder
-from asrsim.workers import Lost, executor
+from asrsim.workers import Lost
+from asrsim.workers.local import Processes
 
 Origin = Literal["paper", "theory", "simulation", "beyond"]
 
@@ -220,9 +222,12 @@ def reproduce(
     began = clock.perf_counter()
     make_folder(folder / "runs")
     make_folder(folder / "pictures")
-    found = []
-    with executor(min(workers, len(order))) as pool:
-        for number, one in chain.from_iterable(pool.results(partial(run_figure, folder=folder / "runs"), order)):
+    found, task, count = [], partial(run_figure, folder=folder / "runs"), min(workers, len(order))
+    with ExitStack() as stack:
+        results: Iterable[tuple[int, Any]] = enumerate(map(task, order))
+        if count > 1:
+            results = chain.from_iterable(stack.enter_context(Processes(count)).results(task, order))
+        for number, one in results:
             found.append(Reproduction(name=order[number], error=one.reason) if isinstance(one, Lost) else one)
             if on_figure is not None:
                 on_figure(found[-1])

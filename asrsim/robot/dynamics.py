@@ -113,9 +113,12 @@ class RobotModel:
         """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
         speeds = np.asarray(velocities, dtype=float)[..., None]
         kinetic = 0.5 * np.swapaxes(speeds, -1, -2) @ self.mass_matrix(positions) @ speeds
+        return np.asarray(kinetic[..., 0, 0] + self.potential(positions))
+
+    def potential(self, positions: ArrayLike) -> Array:
+        """Gravitational energy (...,) of the links in J, on a fixed base."""
         bodies = zip(self._bodies(positions), self._inertias, strict=True)
-        potential = -sum((body @ inertia)[..., :3, 3] @ self._gravity for body, inertia in bodies)
-        return np.asarray(kinetic[..., 0, 0] + potential)
+        return np.asarray(-sum((body @ inertia)[..., :3, 3] @ self._gravity for body, inertia in bodies))
 
     def _all(self, values: ArrayLike) -> Array:
         """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""

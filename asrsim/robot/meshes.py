@@ -1,8 +1,7 @@
-"""Mesh files: finds, checks and reads them. Engines accept invalid files silently, and some invalid files crash them."""
+"""Mesh files: finds, checks and reads them."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,13 +17,10 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
+FLATTEST = 1e-9
+"""Smallest area of a mesh, relative to the square of its size. A mesh that is a line would crash PyBullet."""
 MAX_BYTES = 256 * 1024 * 1024
 """Largest size of a mesh file, bytes."""
-MAX_LINE = 4000
-"""Longest word in an OBJ file, bytes: PyBullet's reader copies words into buffers of fixed size."""
-_STL_HEAD = 84
-"""Bytes before the triangles of a binary STL: 80 of text, 4 of the number of triangles."""
-_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def usable_shapes(
@@ -86,26 +82,33 @@ def mesh_fault(path: Path) -> str | None:
     try:
         if path.stat().st_size > MAX_BYTES:
             return f"is larger than {MAX_BYTES // 2**20} MB"
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            start = stream.read(100)
+        if not start.strip():
+            return "is empty"
+        if start.startswith(b"version https://git-lfs"):
+            return "is a Git LFS pointer, not the mesh itself (git lfs pull fetches it)"
+        parts = mesh_parts(path)
     except OSError as error:
         return f"cannot be read: {error.strerror or error}"
-    if not data.strip():
-        return "is empty"
-    if data.startswith(b"version https://git-lfs"):
-        return "is a Git LFS pointer, not the mesh itself (git lfs pull fetches it)"
-    check = {".stl": _stl_fault, ".obj": _obj_fault, ".dae": _dae_fault}.get(path.suffix.lower())
-    return f"is none of {', '.join(MESH_FORMATS)}" if check is None else check(data)
+    except ValueError as error:
+        return str(error)
+    points = np.concatenate([part.vertices for part in parts])
+    if not np.isfinite(points).all():
+        return "has vertices that are not finite"
+    area = sum(float(part.area) for part in parts)
+    return None if area > FLATTEST * float(np.ptp(points, axis=0).max()) ** 2 else "has no area"
 
 
 def mesh_parts(path: Path) -> list[Trimesh]:
     """Parts of the mesh in a file, in its unit (COLLADA: m). As in ROS, a COLLADA file's `<up_axis>` is ignored.
 
-    Raises ValueError and OSError if the file cannot be read.
+    Raises OSError, and ValueError with a phrase, if the file cannot be read.
     """
     import trimesh
 
     if path.suffix.lower() not in MESH_FORMATS:
-        raise ValueError(f"{path.name} is no .stl, .obj or .dae file")
+        raise ValueError(f"is none of {', '.join(MESH_FORMATS)}")
     try:
         scene: Any = trimesh.load_scene(path, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
@@ -115,9 +118,9 @@ def mesh_parts(path: Path) -> list[Trimesh]:
     except OSError:
         raise
     except Exception as error:  # trimesh raises errors of many types for broken files
-        raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
+        raise ValueError(f"cannot be read: {type(error).__name__} {error}") from None
     if not parts:
-        raise ValueError(f"{path.name} has no triangle")
+        raise ValueError("has no triangle")
     return parts
 
 
@@ -126,71 +129,7 @@ def convex_hull(path: Path, scale: Vector) -> Trimesh:
     from trimesh.convex import convex_hull as hull_of
 
     points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
-    hull: Trimesh = hull_of(points)
+    # With the mean, a single triangle has the four points that a hull needs.
+    with np.errstate(invalid="ignore"):
+        hull: Trimesh = hull_of(np.vstack([points, points.mean(axis=0)]))
     return hull
-
-
-def _stl_fault(data: bytes) -> str | None:
-    count = int.from_bytes(data[80:_STL_HEAD], "little")
-    if len(data) < _STL_HEAD or len(data) != _STL_HEAD + count * _STL_TRIANGLE.itemsize:
-        if data.lstrip().startswith(b"solid") and b"vertex" in data:
-            return "is a text STL file, of which PyBullet reads only binary ones"
-        return "is no STL file: its size does not match its number of triangles"
-    if count == 0:
-        return "has no triangle"
-    points = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEAD)["points"]
-    return None if np.isfinite(points).all() else "has vertices that are not finite"
-
-
-def _obj_fault(data: bytes) -> str | None:
-    if max(map(len, data.splitlines())) > MAX_LINE:
-        return f"has a line longer than {MAX_LINE} characters"
-    count = len(re.findall(rb"^\s*v\s", data, re.MULTILINE))
-    faces = re.findall(rb"^\s*f\s+(.*)$", data, re.MULTILINE)
-    if not count or not faces:
-        return "has no face"
-    if re.search(rb"^\s*v\s.*(?:nan|inf)", data, re.MULTILINE | re.IGNORECASE):
-        return "has vertices that are not finite"
-    try:
-        corners = [int(corner.split(b"/")[0]) for face in faces for corner in face.split()]
-    except ValueError:
-        return "has a face that is not made of numbers"
-    if corners and (max(corners) > count or min(corners) < -count or 0 in corners):
-        return f"has a face with a vertex that is not there (there are {count})"
-    return None
-
-
-def _dae_fault(data: bytes) -> str | None:
-    from asrsim.errors import RobotError
-    from asrsim.robot.xmlfile import parse_xml
-
-    try:
-        root = parse_xml(data, Path("mesh.dae"), large=True)
-    except RobotError as error:
-        return f"is no COLLADA file: {error.problems[0].message}"
-    if not str(root.tag).endswith("COLLADA"):
-        return "is no COLLADA file"
-    primitives = [part for tag in ("triangles", "polylist", "polygons") for part in root.iter(f"{{*}}{tag}")]
-    if not primitives:
-        return "has no triangle"
-    return next((fault for fault in map(_primitive_fault, primitives) if fault), None)
-
-
-def _primitive_fault(element: Any) -> str | None:
-    """Fault of triangles with indices outside of their arrays, which engines do not check; None if all are valid."""
-    mesh = element.getparent()
-    names = {part.get("id") for part in mesh.iter() if isinstance(part.tag, str)}
-    inputs = list(element.iter("{*}input"))
-    if any(entry.get("source", "").removeprefix("#") not in names for entry in inputs):
-        return "has triangles of vertices that are not there"
-    longest = max((len((array.text or "").split()) for array in mesh.iter("{*}float_array")), default=0)
-    try:
-        indices = [int(index) for part in element.iter("{*}p") for index in (part.text or "").split()]
-        needed = int(element.get("count") or 0) * 3 * (1 + max((int(entry.get("offset") or 0) for entry in inputs), default=0))
-    except ValueError:
-        return "has triangles that are not made of numbers"
-    if indices and not 0 <= min(indices) <= max(indices) < longest:
-        return "has triangles of vertices that are not there"
-    if str(element.tag).endswith("triangles") and needed > len(indices):
-        return "has fewer triangles than it says"
-    return None

@@ -40,7 +40,7 @@ from asrsim.scenario.starter import (
     write_new,
     yaml_text,
 )
-from asrsim.signals.playback import since
+from asrsim.signals.playback import shifted
 
 WIDE = 1e4
 """Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
@@ -158,7 +158,7 @@ def command_tables(plan: RecordingPlan, name: str) -> dict[str, list[PlayedRecor
 def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str:
     """CSV of commands in SI units, on the simulation's clock. Missing samples are interpolated."""
     time = members[0].column.time
-    values = np.column_stack([since(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
+    values = np.column_stack([shifted(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
     for i in range(1, values.shape[1]):
         good = np.isfinite(values[:, i])
         values[:, i] = np.interp(time, time[good], values[good, i])

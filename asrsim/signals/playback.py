@@ -23,7 +23,7 @@ STAMP_LIMIT = 1e6
 _RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
 
-def since(times: Array, zero: float, start: float = 0.0) -> Array:
+def shifted(times: Array, zero: float, start: float = 0.0) -> Array:
     """Times (n,) in s, shifted from `zero` to `start` and rounded to the resolution of the clock: 100.2 - 100 becomes 0.2."""
     digits = min(9, int(np.floor(-np.log10(np.spacing(max(float(np.max(np.abs(times))), abs(start), 1e-3))))))
     return np.asarray(np.round(times - zero, digits) + start, dtype=np.float64)
@@ -62,9 +62,9 @@ class Playback(Signal):
         times, values = read_column(path, self.column)
         first = float(times[0])
         if self.start is not None:
-            times = since(times, first, self.start)
+            times = shifted(times, first, self.start)
         elif abs(first) > STAMP_LIMIT:
-            times = since(times, first)
+            times = shifted(times, first)
         object.__setattr__(self, "_series", (times, self.scale * values + self.offset))
 
     @property

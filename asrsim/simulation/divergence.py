@@ -63,9 +63,9 @@ class EnergyGuard:
             return None
         positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
-        created = float(model.energy(positions, velocities) - self._start - given.sum() - residual.sum())
-        # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
         kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
+        created = float(kinetic + model.potential(positions) - self._start - given.sum() - residual.sum())
+        # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
         self._fastest = max(self._fastest, kinetic)
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return self._joints[int(turnover.argmax())].name, f"the links hold {created:.3g} J that nothing gave them"

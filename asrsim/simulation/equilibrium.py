@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
+from asrsim.robot.balance import BALANCED, balanced
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
@@ -18,24 +18,11 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 
-BALANCED = 1e-10
-"""Largest residual torque of a joint at equilibrium, N m (N)."""
-NUDGE = 1e-6
-"""Step of the finite differences that give the stiffness, rad (m)."""
-LONGEST = 0.2
-"""Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
-FLAT = 1e-3
-"""Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
-SHOVE = 1e-2
-"""Displacement by which the search leaves an unstable equilibrium, rad (m)."""
-ROUNDS = 200
-"""Largest number of steps of Newton's method."""
-
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
-    Newton's method minimises the potential energy over the link positions. Each motor stands where its controller torque equals
+    Each motor stands where its controller torque equals
     the spring torque. A joint that is pressed onto its stop rests there. A joint without actuator rests where gravity and its
     passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
     positions. Raises ScenarioError that names a joint without an equilibrium.
@@ -60,36 +47,15 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         return link_torque(drives[j], position, goals[j]) if sprung[j] else 0.0
 
     def balance(positions: Array) -> Array:
-        """Residual torques (..., joints) in N m."""
+        """Torques on the links (..., joints) in N m."""
         rows = positions.reshape(-1, len(drives)).tolist()
         pulls = [[pull(j, position) for j, position in enumerate(row)] for row in rows]
         return np.asarray(external - weight(positions) + np.reshape(pulls, positions.shape))
 
-    def unbalanced(left: Array) -> NDArray[np.int64]:
-        """Joints that are not in equilibrium. A joint that is pressed onto its stop is in equilibrium."""
-        pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
-        return np.flatnonzero(sprung & ~pressed)
-
-    left = balance(q)
-    for _ in range(ROUNDS):
-        free = unbalanced(left)
-        if not len(free):
-            break
-        slopes = (balance(q + NUDGE * np.eye(len(q))[free]) - left)[:, free] / NUDGE
-        stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
-        if np.abs(left[free]).max() < BALANCED:
-            if stiffness[0] > -FLAT:
-                break
-            step = SHOVE * ways[:, 0]
-        else:
-            # With negative stiffness, as for an upright link, the step follows the direction of the torque.
-            step = ways @ ((ways.T @ left[free]) / np.maximum(np.abs(stiffness), FLAT))
-        step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
-        q[free] = np.clip(q[free] + step, low[free], high[free])
-        left = balance(q)
-    free = unbalanced(left)
-    if not np.abs(left[free]).max(initial=0.0) < 1e3 * BALANCED:
-        worst = drives[int(free[np.abs(left[free]).argmax()])].name
+    found, left = balanced(balance, q[None], low, high, sprung)
+    q = found[0]
+    if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
+        worst = drives[int(np.abs(left[0]).argmax())].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     loads = (weight(q) - external).tolist()

@@ -120,7 +120,7 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
-    rest = [sigma] if actuator.adjuster else [0.0] * (2 - count)
+    rest = [sigma] * (drive.positions - count)
 
     def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
         """Largest magnitude of the values of a law for these positions; infinite if a value is not finite."""
@@ -160,8 +160,6 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
     best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
-    if not math.isfinite(best):
-        return math.inf
     if drive.hysteresis is not None:
         # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
         best += count * drive.hysteresis[0] / drive.hysteresis[1]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem, ScenarioError
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.expect import body_columns, judged, subject_of
 from asrsim.samples import Array, JointInfo, Samples
@@ -138,14 +138,12 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
             from asrsim.recordings.align import ALIGN_ON
 
             # A recording may be aligned by any quantity that varies in run and recording, of any recorded joint.
-            aligning = {source for name in ALIGN_ON for source in (name, *DERIVED_SOURCES.get(name, ()))}
-            wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in joint.quantities if name in aligning)
+            wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in recorded_sources(ALIGN_ON, [joint]))
     return tuple(wanted), any(claim.body is not None for claim in claims)
 
 
 def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    wanted = {claim.quantity, claim.reference, *(source for name in _derived(claim) for source in DERIVED_SOURCES[name])}
-    return tuple(name for name in joint.quantities if name in wanted), (joint.name,)
+    return tuple(recorded_sources([claim.quantity, claim.reference or "", *_derived(claim)], [joint])), (joint.name,)
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:

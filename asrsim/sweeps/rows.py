@@ -123,8 +123,9 @@ class _Kind:
         scenario, joints = prepared.scenario, prepared.info.joints
         check_claims(scenario.expect, joints, file=scenario.path)
         self._needs = needs_of(scenario.expect, joints)
-        names = Collector(joints, samples=scenario.steps + 1, needs=self._needs).quantities
-        self.worlds = Worlds(prepared, size, names=tuple(names), expected_substeps=expected_substeps)
+        wanted = Collector(joints, samples=scenario.steps + 1, needs=self._needs).quantities
+        recorded = dict.fromkeys(name for joint in joints for name in joint.quantities if name in wanted)
+        self.worlds = Worlds(prepared, size, names=tuple(recorded), expected_substeps=expected_substeps)
 
     def run(self, points: Sequence[Mapping[str, Any]]) -> dict[int, dict[str, Any]]:
         """Cells of at most `size` runs, by the index of the run; invalid and diverged runs are missing."""

@@ -1,4 +1,4 @@
-"""Workers: apply a task to many items, in this process, in processes of this machine or on a cluster, with one interface."""
+"""Workers: apply a task to many items, in processes of this machine or on a cluster, with one interface."""
 
 from __future__ import annotations
 
@@ -42,29 +42,10 @@ class Lost:
         self.reason = reason
 
 
-class Executor:
-    """Executes tasks in this process. An executor is a context manager that ends all workers on exit."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the workers; unfinished work is dropped."""
-
-    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Results in order of arrival, each item once; ends early if `stop` returns True.
-
-        Raises the errors of the task, and SimulationError if there are no workers.
-        """
-        for number, item in enumerate(items):
-            if stop is not None and stop():
-                break
-            yield [(number, task(item))]
-        _close(task)
-
-
-class Pool(Executor, ABC):
-    """Workers managed by a library. A worker receives a piece with several items and returns its results together."""
+class Pool(ABC):
+    """Workers managed by a library; a context manager that ends all workers on exit. A worker receives a piece with several
+    items and returns its results together.
+    """
 
     died: tuple[type[Exception], ...] = ()
     """Exceptions that are raised if the worker of a piece crashed."""
@@ -76,6 +57,13 @@ class Pool(Executor, ABC):
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
         self._plugins = tuple(path.absolute() for path in plugins)
+
+    def __enter__(self) -> Self:
+        return self
+
+    @abstractmethod
+    def __exit__(self, *_: object) -> None:
+        """End the workers; unfinished work is dropped."""
 
     @abstractmethod
     def slots(self, sent: bytes) -> int:
@@ -89,13 +77,15 @@ class Pool(Executor, ABC):
     def abandon(self, futures: Sequence[Any]) -> None:
         """Cancel the pieces of work that these futures stand for."""
 
-    def renew(self) -> None:
+    def renew(self) -> None:  # noqa: B027 - not all workers lose tasks
         """Send the task again, because workers may have lost it."""
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Implements `Executor.results`. The size of a piece follows from the duration of the previous piece. To find the item
-        that crashes its worker, a piece whose worker crashed is repeated, and halved after a further crash. After `stop`, the
-        pieces in progress have `GRACE` seconds to end.
+        """Results in order of arrival, each item once; ends early if `stop` returns True, when the pieces in progress have
+        `GRACE` seconds to end. The task can be pickled. Raises its errors, and SimulationError if there are no workers.
+
+        The size of a piece follows from the duration of the previous piece. To find the item that crashes its worker, a piece
+        whose worker crashed is repeated, and halved after a further crash.
         """
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
@@ -142,15 +132,6 @@ class Pool(Executor, ABC):
                         yield list(zip(mine, found, strict=True))
         finally:
             self.abandon(list(pieces))
-
-
-def executor(processes: int) -> Executor:
-    """Executor with this number of processes on this machine; 1: this process. The number does not change the results."""
-    if processes <= 1:
-        return Executor()
-    from asrsim.workers.local import Processes
-
-    return Processes(processes)
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:

@@ -71,6 +71,7 @@ def test_run_draws_pictures_by_default(tiny, asrsim_command):
     pictures = list(log_of(tiny).parent.glob("*.png"))
     assert pictures
     summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["files"].keys() == {"log", "summary", "plots"}
     assert sorted(summary["files"]["plots"]) == sorted(f"out/step/default/{path.name}" for path in pictures)
 
 

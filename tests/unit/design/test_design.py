@@ -7,6 +7,7 @@ import asrsim
 from asrsim.design import design
 from asrsim.design.write import write_design
 from asrsim.recordings import read_recording
+from support.identify_files import save
 from support.paths import EXAMPLES
 
 SEA = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
@@ -31,11 +32,24 @@ def found(tmp_path_factory):
     return design(SEA, path, variant="soft", free=FREE, seconds=2.0, rounds=1)
 
 
-def test_information_about_a_spring_is_the_sum_of_squared_torques(limits):
-    path = limits("limits: {joint_1: {link_position: 0.5}}\nnoise: {elastic_torque_1: 0.05}\n")
+@pytest.mark.parametrize(("noise", "every"), [(0.05, 1), (0.2, 4)])
+def test_information_about_a_spring_is_the_sum_of_squared_torques(limits, noise, every):
+    text = f"limits: {{joint_1: {{link_position: 0.5}}}}\nnoise: {{elastic_torque_1: {noise}}}\nrate: {1000 / every}\n"
+    path = limits(text)
     found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], seconds=1.0, rounds=0)
-    torque = 200.0 * found.found.motion[0]
-    assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / 0.05**2, rel=1e-4)
+    torque = 200.0 * found.found.motion[0, ::every]
+    assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / noise**2, rel=1e-4)
+
+
+def test_information_of_a_recording_adds_to_that_of_every_motion(limits, tmp_path):
+    joint = asrsim.run(SEA, variant="soft", overrides=["duration=0.5"])["joint_1"].link_position
+    recording = save(tmp_path / "a.csv", "time [s],joint_1.link_position [rad]", 1e-3 * np.arange(len(joint)), joint)
+    plain, more = (
+        design(SEA, limits(), variant="soft", free=FREE[:1], seconds=1.0, rounds=0, after=files) for files in ([], [recording])
+    )  # fmt: skip
+    gained = [more.intervals[name][0] ** -2 - plain.intervals[name][0] ** -2 for name in ("one step", "chirp")]
+    assert gained[0] == pytest.approx(gained[1], rel=1e-5)
+    assert gained[0] > 0.0
 
 
 def test_intervals_are_smaller_than_with_a_step_or_a_chirp(found):
@@ -70,8 +84,9 @@ def test_promised_interval_agrees_with_finite_differences_of_runs(limits, tmp_pa
     assert one.intervals["design"][0] == pytest.approx(half, rel=0.25)
 
 
-def test_time_for_an_interval_is_never_shorter_than_an_experiment(found):
-    assert found.needed.min() == 0.5
+def test_intervals_shrink_with_the_root_of_the_time(found):
+    """Until the half-width is 5 %, but never shorter than an experiment."""
+    assert found.needed == pytest.approx(np.maximum(0.5, 2.0 * (found.intervals["design"] / 0.05) ** 2))
 
 
 def test_motion_begins_and_ends_at_the_reference_of_the_start(found):

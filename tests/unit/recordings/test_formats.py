@@ -156,6 +156,12 @@ def test_the_time_of_a_matrix_is_stated(tmp_path):
     np.testing.assert_allclose(read_recording(path, rate=500.0).time, 0.002 * np.arange(50))
 
 
+def test_columns_of_an_array_are_numbered_after_its_file(tmp_path):
+    np.save(tmp_path / "lab.npy", np.column_stack([TIME, Q1]))
+    recording = read_recording(tmp_path / "lab.npy", mapping=["lab_1=time", "lab_2=elbow.link_position"])
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
+
+
 def test_vectors_of_another_length_are_skipped_with_a_note(tmp_path):
     savemat(tmp_path / "lab.mat", {"a": {"t": TIME, "q1": Q1, "gains": np.arange(2.0)}, "b": {"t": TIME[::2], "q2": Q2[::2]}})
     recording = read_recording(tmp_path / "lab.mat")

@@ -1,4 +1,4 @@
-"""Workers in this process and in other processes: results, repeated crashes, errors, and the end of the processes."""
+"""Worker processes: results, repeated crashes, errors, and the end of the processes."""
 
 import math
 import os
@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from asrsim.workers import Lost, executor
+from asrsim.workers import Lost
+from asrsim.workers.local import Processes
 
 ITEMS = ["1", "__import__('os')._exit(9)", "3"]
 
@@ -19,9 +20,9 @@ def in_order(workers, task, items):
     return [result for _, result in sorted(pair for some in workers.results(task, items) for pair in some)]
 
 
-@pytest.fixture(scope="module", params=[1, 2])
-def workers(request):
-    with executor(request.param) as made:
+@pytest.fixture(scope="module")
+def workers():
+    with Processes(2) as made:
         yield made
 
 
@@ -45,7 +46,7 @@ def test_running_items_are_not_lost_when_the_work_stops(tmp_path):
     """Each item writes a file when it is finished."""
     items = [str(tmp_path / f"{n}") for n in range(40)]
     found = []
-    with executor(2) as workers:
+    with Processes(2) as workers:
         for some in workers.results(slow, items, stop=lambda: found != []):
             found.extend(number for number, _ in some)
     assert 1 < len(found) < 40
@@ -59,10 +60,10 @@ def slow(path):
 
 PROGRAM = """
 import signal
-from asrsim.workers import executor
+from asrsim.workers.local import Processes
 signal.signal(signal.SIGINT, lambda *_: None)
 print(flush=True)
-with executor(2) as workers:
+with Processes(2) as workers:
     print(sum(len(some) for some in workers.results(abs, [-1] * 4)))
 """
 
@@ -79,7 +80,7 @@ def test_ctrl_c_reaches_no_worker_even_as_it_starts():
 
 
 def test_an_item_that_kills_its_workers_is_lost_alone():
-    with executor(2) as workers:
+    with Processes(2) as workers:
         found = dict(one for some in workers.results(eval, ITEMS) for one in some)
         assert (found[0], found[2]) == (1, 3)
         assert isinstance(found[1], Lost)

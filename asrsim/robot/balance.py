@@ -1,0 +1,61 @@
+"""Positions at which the torques on the joints of a robot balance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+BALANCED = 1e-10
+"""Largest residual torque of a joint at equilibrium, N m (N)."""
+NUDGE = 1e-6
+"""Step of the finite differences that give the stiffness, rad (m)."""
+LONGEST = 0.2
+"""Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
+FLAT = 1e-3
+"""Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
+SHOVE = 1e-2
+"""Displacement by which the search leaves an unstable equilibrium, rad (m)."""
+ROUNDS = 200
+"""Largest number of steps of Newton's method."""
+
+
+def balanced(
+    torques: Callable[[Array], Array], start: Array, low: Array, high: Array, movable: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
+
+    The remaining torques are nearly 0. They are NaN for a robot with infinite torques.
+
+    Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
+    there. torques: function from positions (m, k, n) to the torques on the joints (m, k, n), N m. low, high: stops (n,), rad
+    (m). movable: mask (n,) of the joints that may move.
+    """
+    q, count = start.copy(), start.shape[1]
+    residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
+    for _ in range(ROUNDS):
+        # The first row has the positions themselves; each further row has one of the joints displaced.
+        values = torques(q[:, None] + NUDGE * np.eye(count + 1, count, k=-1))
+        left, slopes = values[:, 0], (values[:, 1:] - values[:, :1]) / NUDGE
+        pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
+        # A robot with infinite torques does not move.
+        finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]
+        free = movable & ~pressed & finite
+        residual = np.where(free, left, 0.0)
+        symmetric = np.where(free[..., None] & free[:, None], -0.5 * (slopes + slopes.swapaxes(1, 2)), np.eye(count))
+        stiffness, ways = np.linalg.eigh(symmetric)
+        still = np.abs(residual).max(axis=1, keepdims=True, initial=0.0) < BALANCED
+        unstable = stiffness[:, :1] < -FLAT
+        if (still & ~unstable).all():
+            break
+        # With negative stiffness, as for an upright link, the step follows the direction of the torque.
+        along = np.einsum("mji,mj->mi", ways, residual) / np.maximum(np.abs(stiffness), FLAT)
+        step = np.where(still, SHOVE * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
+        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+        # At corners of a law, steps would go to and fro: after a step that reverses the motion, the next is shorter.
+        turned = np.sum(step * before, axis=1, keepdims=True) < 0.0
+        share, before = np.where(turned, 0.5 * share, np.minimum(2.0 * share, 1.0)), step
+        q = np.where(free, np.clip(q + share * step, low, high), q)
+    return q, np.where(finite, residual, np.nan)
