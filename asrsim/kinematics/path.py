@@ -24,13 +24,9 @@ def minimum_jerk(fraction: Array) -> Array:
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 
-def linear(fraction: Array) -> Array:
-    """Profile of constant speed; the velocity jumps at the waypoints."""
-    return fraction
-
-
-INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": linear}
-"""Profiles by name: fraction of the segment's length that is covered after a fraction of its time."""
+INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": np.positive}
+"""Profiles by name: fraction of the segment's length that is covered after a fraction of its time. With the linear profile, the
+velocity jumps at the poses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,13 +80,6 @@ class PoseTrajectory:
         return positions, Slerp(knots, rotations)(place).as_matrix()
 
 
-def rotation_between(start: Array, end: Array) -> Array:
-    """Rotation vector (3,) in rad of an angle up to pi, world frame, that turns `start` into `end` (both (3, 3))."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(end @ start.T).as_rotvec(), dtype=float)
-
-
 @dataclass(frozen=True, kw_only=True)
 class JointPath:
     """Joint positions over time, with the errors that remain at the point."""
@@ -124,6 +113,8 @@ def follow(
     and in rad for orientation rows.
     A joint that would pass its stop is placed at the stop; the other joints take over as much of the motion as they can.
     """
+    from scipy.spatial.transform import Rotation
+
     wanted, turned = trajectory.at(time)
     # A joint with equal bounds does not move.
     stops = np.where(moving, [model.lower, model.upper], start)
@@ -134,7 +125,7 @@ def follow(
         away = wanted[index] - position
         if turned is None or rotation is None:
             return np.asarray(away)
-        return np.concatenate([away, rotation_between(rotation, turned[index])])
+        return np.concatenate([away, Rotation.from_matrix(turned[index] @ rotation.T).as_rotvec()])
 
     q = np.array(start, dtype=float)
     positions, errors = np.empty((len(time), len(q))), np.zeros((len(time), 2))
