@@ -67,7 +67,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         task, numbers = self.task, np.flatnonzero(mask).tolist()
         for i in numbers:
-            self.episodes[i] = task.draw(self._chances[i]) if task.draws else Episode({}, {}, {})
+            self.episodes[i] = task.draw(self._chances[i])
             self._goals[i] = list(self.episodes[i].goal.values())
         starts = [Start(parameters=task.changes(self.episodes[i]), positions=self.episodes[i].start) for i in numbers]
         self.worlds.reset(starts, worlds=mask)

@@ -130,8 +130,11 @@ class Optimum:
             limits = np.minimum(low[new], -1e-9), high[new]
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
-        if not extension.begins:
-            start = np.append(self.x, np.clip(moves, low[new], high[new]))
+        if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
+            # The start is the optimum of the linearised problem, or the proposed start if this is farther: a joint that
+            # friction holds moves only without friction.
+            best = np.maximum(moves, 1.0) * np.asarray(begin) if extension.begins else moves
+            start = np.append(self.x, np.clip(best, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
         share = 1.0 - after / before if is_significant(before, after, len(alone)) else 0.0
         return Promise(share, extension, wider, start)

@@ -156,11 +156,6 @@ class DesiredMotion:
     accelerations: Array
     """Accelerations (n, joints)."""
 
-    @property
-    def step(self) -> float:
-        """Time step in s."""
-        return float(self.time[1] - self.time[0])
-
 
 def model_time(duration: float, step: float) -> Array:
     """Time grid (n,) of the inverse models for a motion of `duration` s that is simulated in steps of `step` s."""

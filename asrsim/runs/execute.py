@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter
-from asrsim.outfile import write_text
+from asrsim.outfile import write_json
 from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
@@ -140,13 +140,8 @@ def write_summary(executed: Executed) -> Executed:
         return executed
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
-    save_summary(summary, path)
+    write_json(path, summary.as_dict())
     return replace(executed, summary=summary)
-
-
-def save_summary(summary: RunSummary, path: Path) -> None:
-    """Write a summary to a file. Raises OutputError."""
-    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:

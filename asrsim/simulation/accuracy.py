@@ -56,7 +56,8 @@ class Comparison:
     def __iter__(self) -> Iterator[float]:
         """Simulate and compare all runs block by block, and yield the simulated times in s. Raises DivergenceError."""
         scenario = self._runs[0].scenario
-        for blocks in zip(*map(_motion, self._runs), strict=True):
+        substeps = sum(run.last_substep(None) for run in self._runs)
+        for blocks in zip(*(_motion(run, substeps) for run in self._runs), strict=True):
             difference = np.abs([one - other for one, other in combinations(blocks, 2)])
             self._largest = np.maximum(self._largest, difference.max(axis=1))
             self._squares += (difference**2).sum(axis=1)
@@ -71,10 +72,13 @@ class Comparison:
         return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
 
 
-def _motion(prepared: Prepared) -> Iterator[Array]:
-    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError."""
+def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
+    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError.
+
+    substeps: number of substeps of all runs that are compared, from which the loop is chosen.
+    """
     length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
-    with Simulation(prepared, record=True, names=COMPARED) as simulation:
+    with Simulation(prepared, record=True, names=COMPARED, expected_substeps=substeps) as simulation:
         for end in range(length, simulation.last + length, length):
             simulation.advance_to(min(end, simulation.last) + 1)
             values = simulation.samples.values

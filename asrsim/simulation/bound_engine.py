@@ -49,7 +49,7 @@ class BoundEngine:
     def give_back(self, record: Any) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
-    def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
+    def _step(self, record: Any, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
         if self._watch is not None:
             self._watch()
         # Most kicks pass the same arrays. `asrsim.engines.rigid.Calculation` keeps the addresses of these arrays, which halves
@@ -111,7 +111,7 @@ class CalledEngine(BoundEngine):
         try:
             if self._raised is None:
                 forces = _numbers_at(wrenches, (pieces, self._wrenches, 6)) if self._wrenches else NO_WRENCHES
-                self._step(None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
+                self._step(None, None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:
             self._raised = error

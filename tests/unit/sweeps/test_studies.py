@@ -322,7 +322,7 @@ def test_damaged_rows_are_refused_or_read_as_written(tmp_path):
 
 
 def test_rows_that_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("asrsim.sweeps.folder.MEMORY", 2**29)
+    monkeypatch.setattr("asrsim.sweeps.store.MEMORY", 2**29)
     rows = small_study(tmp_path)
     schema, count = pq.read_schema(rows), 1000
     with pq.ParquetWriter(rows, schema, compression="zstd") as writer:
