@@ -219,11 +219,13 @@ def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     recording = record(true, tmp_path / "data/a.csv", late=6, every=every)
     play = "{playback: {file: data/a.csv, column: joint_1.reference_1}}"
     scenario = write(tmp_path, "lab", GUESS, f"{{equilibrium_position: {play}}}")
+    scenario.write_text(f"{scenario.read_text()}parameters: {{joint_1: {{motor_1_max_torque: 9.0}}}}\n")
     free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
     (tmp_path / "fits/one").mkdir(parents=True)
     files, said = write_robot(identify(scenario, [recording], free=free), tmp_path / "fits/one")
     assert not said
     run = asrsim.run(files[1])
+    assert run.run.scenario.parameters["joint_1"]["motor_1_max_torque"] == 9.0
     recorded = np.genfromtxt(recording, delimiter=",", names=True)
     found = np.interp(recorded["time_s"], run.samples.time, run.samples.joint("joint_1")["link_position"])
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
