@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import load
-from asrsim.errors import ScenarioError, SimulationError
+from asrsim.errors import ScenarioError, SimulationError, listed
 from asrsim.export.springs import Spline, spline_of
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
@@ -37,8 +37,8 @@ STOP_SOLREF, STOP_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
 """Solver parameters of stiff joint stops."""
 VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
 """Groups of the model's elements; viewers of MuJoCo show the groups 0 to 2."""
-MANY = 6
-"""A remark on at least this number of joints gives their number instead of their names."""
+MOST_NAMES = 5
+"""Largest number of joints that a remark names."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
     "_integral": "its controllers have no integral action",
@@ -127,9 +127,7 @@ def model_of(
             _actuator(spec, drive.joint, *gains, limit=stepped.joint.most_effort)
         for text in _lacks(prepared, stepped, splines.get(stepped.name, ()), positions, speeds):
             lacks.setdefault(text, []).append(stepped.name)
-    for text, joints in lacks.items():
-        names = list(dict.fromkeys(joints))
-        remarks.append(f"{', '.join(names) if len(names) < MANY else f'{len(names)} joints'}: {text}")
+    remarks += [f"{listed(dict.fromkeys(joints), MOST_NAMES)}: {text}" for text, joints in lacks.items()]
     effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")

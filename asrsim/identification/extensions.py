@@ -16,6 +16,8 @@ from asrsim.identification.problem import Problem, huber, jacobian, mean_square,
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
+SIMPLER = 1.1
+"""Factor by which an extension must reduce the error more than another extension for each parameter that it has more."""
 SIGNIFICANT = 20.0
 """Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
@@ -173,7 +175,7 @@ def extended(
                     trials.append(Extended((*found.chosen, one.extension), one.problem, there, huber(left)))
         if not trials:
             break
-        found = min(trials, key=lambda trial: trial.cost)
+        found = min(trials, key=lambda trial: trial.cost * SIMPLER ** len(trial.x))
     return found
 
 
