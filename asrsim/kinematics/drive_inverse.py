@@ -8,12 +8,13 @@ theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
 The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each
-time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is the steady-state
-error under the springs. The equilibrium is rho (theta + lag - c) / rho rho.
+time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is that of motors
+without springs, plus the steady-state error under the springs. The equilibrium is rho (theta + lag - c) / rho rho.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -99,12 +100,13 @@ class Rest(NamedTuple):
 
 @np.errstate(all="ignore")
 def rest_under_torque(
-    drive: Drive, position: Array, torque: Array, preset: Array, *, droop: bool, reserve: float = 0.0
+    drive: Drive, position: Array, torque: Array, preset: Array, *, droop: bool, reserve: float = 0.0,
+    lag: Callable[[Array], Array] = np.positive,
 ) -> Rest:  # fmt: skip
     """Springs and motors that put `torque` (n,) on a link at `position` (n,); a torque that the springs cannot give is clipped.
 
     droop: whether to include the steady-state error of the motors. reserve: fraction of the springs' largest torque that is not
-    used.
+    used. lag: function from the commanded distance (n,) between the motors to the distance of motors without springs.
     """
     rho, offsets = reference_map(drive, preset)
     across = np.array([rho[1], -rho[0]]) if drive.actuator.motors > 1 else np.array([0.0, -rho[0]])
@@ -126,7 +128,7 @@ def rest_under_torque(
         return increasing_roots(lambda d: across @ across * (d - start) + (across * gains) @ torques(s, d), start)
 
     centre = position / max(rho.max(), 1e-9)
-    start = d = across @ offsets / (across @ across)
+    start = d = lag(across @ offsets / (across @ across))
     least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
     given = np.clip(torque, least + reserve * np.abs(least), most - reserve * np.abs(most))
     s = along(d)
@@ -207,8 +209,18 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
             holdable=np.full(n, np.inf),
         )
     rho, offsets = reference_map(drive, preset)
+
+    def lag(d: Array) -> Array:
+        from scipy.signal import lsim
+
+        if len(drive.proportional) < 2:
+            return d
+        weights, size = rho[::-1] ** 2 / drive.proportional, rho @ rho
+        inertia, drag = weights @ drive.motor_inertia, weights @ np.add(drive.motor_damping, drive.derivative)
+        return np.asarray(d[0] + lsim(([size], [inertia, drag, size]), d - d[0], time - time[0])[1])
+
     # At its largest torque, a spring would need any deflection.
-    rest = rest_under_torque(drive, position, torque, preset, droop=True, reserve=RESERVE)
+    rest = rest_under_torque(drive, position, torque, preset, droop=True, reserve=RESERVE, lag=lag)
     motors = rest.motors
     references, work = motors.copy(), np.zeros((len(drive.proportional), n))
     for motor in range(len(drive.proportional)):
