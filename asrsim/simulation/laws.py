@@ -25,9 +25,9 @@ def call(address: Any, *arguments: Any) -> None:
 
 
 spring_law = call
-"""Arguments: address, s, thetas, torques, p, law, q, whole. Stores the torques of a joint's springs in N m in s[torques:], for a
-link at q rad, motors at s[thetas:] and parameters p[law:]. whole: 1 to also store the stiffness in N m/rad and the energy in J
-in s[STIFFNESS:]."""
+"""Arguments: address, s, thetas, torques, p, law, q, whole. Stores the torques of a joint's springs in N m in s[torques:]. The
+link is at q rad, the motors are at s[thetas:], and the parameters are p[law:]. whole: 1 to also store the stiffness in N m/rad
+and the energy in J in s[STIFFNESS:]."""
 joint_step = call
 """Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
 `asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
