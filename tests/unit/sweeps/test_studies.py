@@ -409,7 +409,7 @@ def test_sobol_indices_leave_out_base_samples_with_empty_results(tmp_path):
 def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
     results = {
         "tip.last": [1.0, 2.0, 3.0], "b.peak": [5.0, 6.0, 7.0], "a.small": [1.0, 1.1, 1.2], "a.large": [0.1, 0.2, 1.0],
-        "a.overshoot": [0.0, 1e-16, 3e-16],
+        "a.overshoot": [0.0, 1e-16, 3e-16], "claim_0.measured": [1.0, 5.0, 9.0],
     }  # fmt: skip
     whole = manifest_of(3, "a.mass", *results, over={"a.mass": [0, 1, 2]})
     store = open_store(tmp_path, whole, resume=False, overwrite=False)
