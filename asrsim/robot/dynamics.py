@@ -115,14 +115,22 @@ class RobotModel:
 
     def energy(self, positions: ArrayLike, velocities: ArrayLike) -> Array:
         """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
-        speeds = np.asarray(velocities, dtype=float)[..., None]
-        kinetic = 0.5 * np.swapaxes(speeds, -1, -2) @ self.mass_matrix(positions) @ speeds
-        return np.asarray(kinetic[..., 0, 0] + self.potential(positions))
+        kinetic, potential = self.energies(positions, velocities)
+        return np.asarray(kinetic + potential)
 
-    def potential(self, positions: ArrayLike) -> Array:
-        """Gravitational energy (...,) of the links in J, on a fixed base."""
-        bodies = zip(self._bodies(positions), self._inertias, strict=True)
-        return np.asarray(-sum((body @ inertia)[..., :3, 3] @ self._gravity for body, inertia in bodies))
+    def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
+        """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
+        rates = np.moveaxis(self._all(velocities)[..., None, None] * self._twists, -3, 0)
+        # The pose of each body, and the derivative of the pose with respect to time.
+        poses, motions = [self._base], [np.zeros((4, 4))]
+        for parent, step, rate in zip(self._parents, self._steps(self._all(positions)), rates, strict=True):
+            poses.append(poses[parent] @ step)
+            motions.append(motions[parent] @ step + poses[-1] @ rate)
+        kinetic = potential = np.zeros(())
+        for pose, motion, inertia in zip(poses, motions, self._inertias, strict=True):
+            kinetic = kinetic + 0.5 * np.sum(motion @ inertia * motion, axis=(-2, -1))
+            potential = potential - (pose @ inertia)[..., :3, 3] @ self._gravity
+        return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:
         """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""
