@@ -17,8 +17,9 @@ from asrsim.identification.noise import (
     size_of,
 )
 from asrsim.identification.problem import huber
-from asrsim.identification.search import has_outliers
+from asrsim.identification.search import has_outliers, refined
 from asrsim.identification.track import first_samples
+from support.identify_files import modelled
 
 
 def test_noise_and_steps_are_found_in_a_smooth_record():
@@ -53,6 +54,13 @@ def test_residuals_that_are_large_alone_are_outliers():
         values = white.copy()
         values[places] = 50.0
         assert has_outliers(values) == are_outliers, places
+
+
+def test_lone_outliers_do_not_move_an_estimate():
+    """Least squares would be off by .025, the mean of the outliers over the slope."""
+    values = np.random.default_rng(0).normal(size=4000)
+    values[::200] = 50.0
+    assert refined(modelled(lambda x: values + 10.0 * x[0], 1, 4000), np.zeros(1), 20) == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_swing_stands_out_of_white_and_of_correlated_noise():

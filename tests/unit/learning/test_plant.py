@@ -1,6 +1,5 @@
 """Learning on the simulated robot: problem from the scenario, playback of the result, varied plants."""
 
-import json
 import re
 from itertools import pairwise
 
@@ -99,16 +98,6 @@ def test_the_claim_of_a_playback_fails_on_another_robot(tmp_path):
     assert error <= claim.value <= 1.01 * error
     heavier = varied_robot(chosen.robot, {chosen.robot.joint("joint_1").child: {"mass": 0.56}})
     assert not holds(scenario, heavier)
-
-
-def test_a_session_writes_what_it_promises(tmp_path):
-    run_session(plant(ilc={"max_iterations": 2, "tolerance": 1e-6}), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
-    }  # fmt: skip
-    data = json.loads((tmp_path / "ilc.json").read_text())
-    assert data["outcome"] == "exhausted"
-    assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
 
 
 def test_learning_needs_a_block_ilc_and_a_position_mode():

@@ -72,14 +72,6 @@ def test_draws_follow_their_seed():
     assert not np.array_equal(tables[0], tables[2])
 
 
-def test_large_values_beside_a_logarithmic_key_do_not_overflow():
-    fit = {"keys": ["a.x", "a.y"], "mean": [np.log(2.0), 5000.0], "covariance": [[0.0, 0.0], [0.0, 1.0]]}
-    with np.errstate(over="raise"):
-        study = study_of({}, samples=20, fit={**fit, "logarithmic": [True, False]})
-    assert study.table[:, 0] == pytest.approx(2.0)
-    assert study.table[:, 1] == pytest.approx(5000.0, abs=10.0)
-
-
 def test_a_logarithmic_fit_draws_positive_values_and_warns_of_gaps():
     told = [{"key": "a.x", "verdict": "weak"}, {"key": "a.z", "verdict": "only as ratio"}]
     fit = {"keys": ["a.x", "a.y"], "mean": [np.log(2.0), 3.0], "covariance": [[0.25, 0.1], [0.1, 0.09]], "estimates": told}
