@@ -151,20 +151,21 @@ class Callback:
 
 @cache
 def numbers_reader(count: int) -> Any:
-    """Function for compiled code, read(address), that returns the `count` numbers at the address as a tuple."""
+    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at` on. row: a
+    pointer."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
 
     kinds: Any = types
 
-    def read(typing: Any, address: Any) -> Any:
+    def read(typing: Any, row: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            first = builder.inttoptr(arguments[0], ir.DoubleType().as_pointer())
+            first = builder.gep(arguments[0], [arguments[1]])
             places = (ir.Constant(ir.IntType(64), i) for i in range(count))
             return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(first, [at])) for at in places])
 
-        return kinds.UniTuple(kinds.float64, count)(kinds.intp), generate
+        return kinds.UniTuple(kinds.float64, count)(row, kinds.int64), generate
 
     read.__name__ = f"read_{count}_numbers"
     return intrinsic(read)

@@ -124,9 +124,9 @@ class Points:
         springs = self.apply(self.actuator.elastic_torques, shift)
         return np.vstack([springs.sum(axis=0), -springs])[: self.moving]
 
-    def stiffness(self, shift: Array | float = 0.0) -> Array:
+    def stiffness(self) -> Array:
         """Stiffness (n,), N m/rad."""
-        return self.apply(self.actuator.stiffness, shift)
+        return self.apply(self.actuator.stiffness)
 
     def slopes(self, values: Callable[[Array], Array]) -> Array:
         """Derivatives (steps, moving, ..., n) by the positions: fourth-order differences with each of the steps `DIFFERENCES`.

@@ -20,12 +20,13 @@ FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 
 
-def resting_motors(drive: Drive, position: Array, references: Array) -> tuple[Array, Array]:
+def resting_motors(drive: Drive, position: Array, references: Array, *, limited: bool = True) -> tuple[Array, Array]:
     """Rest positions (positions, n) of motors and adjuster in rad with the link at `position` (n,) in rad, and the torques
     (springs, n) of the springs there in N m.
 
     references: references (positions, n) after the reference map, rad. A controller without integral action has the
     steady-state error tau_el / P. Ideal motors stand at their references. Friction is neglected.
+    limited: whether the motors' largest torques and position stops apply.
     """
     resting, law = np.array(references, dtype=float), over_arrays(drive.actuator.elastic_torques)
 
@@ -38,7 +39,7 @@ def resting_motors(drive: Drive, position: Array, references: Array) -> tuple[Ar
     def missing(motor: int, holding: Array | None, theta: Array) -> Array:
         """Torque (n,) of the springs minus the torque of the motor. holding: torque of a controller with integral action."""
         torque = drive.proportional[motor] * (references[motor] - theta) if holding is None else holding
-        most = drive.max_torque[motor]
+        most = drive.max_torque[motor] if limited else np.inf
         return np.asarray(load(motor, theta) - np.clip(torque, -most, most))
 
     torques = law(position, *resting, drive.elastic)
@@ -48,7 +49,7 @@ def resting_motors(drive: Drive, position: Array, references: Array) -> tuple[Ar
             # At the reference, integral action balances the springs, up to the motor's largest torque.
             holding = load(motor, references[motor]) if drive.integral[motor] > 0.0 else None
             found = increasing_roots(partial(missing, motor, holding), references[motor])
-            resting[motor] = np.clip(found, *drive.motor_ranges[motor])
+            resting[motor] = np.clip(found, *drive.motor_ranges[motor]) if limited else found
             loads.append(load(motor, resting[motor]))
         torques = law(position, *resting, drive.elastic)
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.

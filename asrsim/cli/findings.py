@@ -111,7 +111,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
     from asrsim.scenario.signal_checks import undersampled
 
     alone = report.kind == "robot"
-    errors, notes = check_against_robot(scenario, robot)
+    errors, notes = check_against_robot(scenario, robot, propose=True)
     if robot is None or errors or scenario.unread:
         warnings = [*(robot.warnings if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))

@@ -48,7 +48,7 @@ def twin(
 
     def text() -> None:
         torque, stiffness, length = (
-            " or ".join(dict.fromkeys(found.units(field))) for field in ("external_torque", "stiffness", "residual")
+            " or ".join(dict.fromkeys(found.units[field])) for field in ("external_torque", "stiffness", "residual")
         )
         heads = {
             f"external torque\nrms, {torque}": "external_torque_rms", f"largest\n{torque}": "largest", "at\ns": "largest_at",

@@ -40,13 +40,11 @@ NOTHING = (0.0, 0.0, 0.0)
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
     """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
-    fraction of a step, for engines that cannot divide a kick. With one piece, the means are views of the arguments."""
+    fraction of a step, for engines that cannot divide a kick."""
     total = float(lengths.sum())
-    whole = 1.0 if abs(total - 1.0) < ROUNDING else total
-    if len(lengths) == 1:
-        return exchange[0], wrenches, whole
     shares = lengths / total
-    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None] if wrenches.size else wrenches, whole
+    whole = 1.0 if abs(total - 1.0) < ROUNDING else total
+    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None], whole
 
 
 class Scene(NamedTuple):

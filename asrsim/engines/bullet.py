@@ -55,10 +55,9 @@ from asrsim.versions import version
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
-NO_CLAMP = 1e9
-"""Limit in rad/s at which Bullet clips joint velocities (Bullet's default is 100); so large that the limit never acts."""
 NO_LIMIT = 1e9
-"""Stop in rad or m in the place of a missing stop."""
+"""Missing stop in rad or m, and limit in rad/s at which Bullet clips velocities of joints (Bullet's default is 100); so large
+that the limit never acts."""
 BEYOND = 1e-9
 """Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
 ARREST = 1e9
@@ -166,15 +165,8 @@ class BulletContacts(BulletEngine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
-        self._p = Client()
-        try:
-            self._load()
-        except BaseException:
-            self.close()
-            raise
-
-    def _load(self) -> None:
-        p, scenario, world = self._p, self._scenario, self._scenario.world
+        self._p = p = Client()
+        world = scenario.world
         robot, self.warnings = usable_shapes(self._merged, package_paths=scenario.package_paths)
         joints, rotation = robot.outward_joints, rotation_matrix(scenario.base_rpy)
         self._body = make_body(
@@ -185,7 +177,7 @@ class BulletContacts(BulletEngine):
         self._axes = rotation_matrix(principal_axes(robot.root)[1])
         """Principal axes (3, 3) of the base's inertia in the frame of the base."""
         for index in range(-1, len(joints)):
-            p.changeDynamics(self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0)
+            p.changeDynamics(self._body, index, **UNDAMPED, jointDamping=0, maxJointVelocity=NO_LIMIT, lateralFriction=1.0)
         for index, joint in enumerate(joints):
             if np.isfinite(joint.stops).any():
                 lower, upper = np.clip(joint.stops, -NO_LIMIT, NO_LIMIT).tolist()
@@ -202,8 +194,6 @@ class BulletContacts(BulletEngine):
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
         """Pose of the robot and of each object at the start, by Bullet's body number."""
-        self._stops = [(j, *joint.stops) for j, joint in enumerate(robot.moving_joints) if np.isfinite(joint.stops).any()]
-        """Index, lower and upper stop of each joint with stops."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
         self._calculation = Calculation(find_torques, self._room)
@@ -303,19 +293,14 @@ class BulletContacts(BulletEngine):
         ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
         its stop at most.
         """
-        room, step, before = self._room, float(self._room.scheme[STEP]), self._room.velocity[self._dynamics.free :]
-        rows = list(zip(room.qpos[self._start :].tolist(), ends.tolist(), before.tolist(), strict=True))
-        targets, bounds = np.zeros(len(friction)), friction.copy()
-        for j, lower, upper in self._stops:
-            position, *speeds = rows[j]
-            for speed in speeds:
-                reach = ((upper if speed > 0.0 else lower) - position) / step
-                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
-                    # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
-                    targets[j] = reach + (BEYOND if speed > 0.0 else -BEYOND) / step
-                    bounds[j] = ARREST
-                    break
-        return targets, bounds
+        room, step = self._room, float(self._room.scheme[STEP])
+        speeds = np.array([ends, room.velocity[self._dynamics.free :]])
+        reaches = (np.where(speeds > 0.0, room.upper, room.lower) - room.qpos[self._start :]) / step
+        hits = (np.sign(reaches) * np.sign(speeds) > 0.0) & (np.abs(speeds) + BEYOND > np.abs(reaches))
+        reach, stops = np.where(hits[0], *reaches), hits.any(axis=0)
+        # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
+        targets = np.where(stops, reach + np.sign(reach) * BEYOND / step, 0.0)
+        return targets, np.where(stops, ARREST, friction)
 
     @property
     def state(self) -> Any:
@@ -347,7 +332,7 @@ class BulletContacts(BulletEngine):
         return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
-        """Disconnect the physics clients."""
+        """Disconnect both physics clients."""
         self._p.close()
         super().close()
 

@@ -1,6 +1,6 @@
 """PyBullet's physics clients, robots and shapes in them, and the mass matrix and bias of a robot by PyBullet's routines.
 
-Robots and shapes are made from the robot's data. PyBullet may crash on a mesh and prints to the terminal.
+Robots and shapes are made from the robot's data, since PyBullet's readers of files may crash. PyBullet prints to the terminal.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def _disconnect(p: Any, number: int) -> None:
 def make_body(
     p: Client, robot: Robot, *, lift: float = 0.0, mass: float = 0.0, shapes: Mapping[str, int] | None = None, **pose: Any
 ) -> int:
-    """Bullet's number of a body that consists of the links of a robot without fixed joints. The number of a link in the body is
-    the place of its joint among `robot.outward_joints`, -1 for the base.
+    """Bullet's number of a new body that has the links of a robot without fixed joints. Bullet's number of a link is the index
+    of its joint in `robot.outward_joints`; the base has the number -1.
 
     lift: increase of the principal moments of inertia, kg m^2. mass: mass of the base in kg; 0 for a fixed base. shapes:
     Bullet's number of the shape of each link that has one. pose: arguments `basePosition` and `baseOrientation`.
@@ -95,7 +95,7 @@ def make_body(
 
 
 def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
-    """Bullet's number of a shape that consists of these shapes. Bullet reads convex hulls in the place of the files of meshes.
+    """Bullet's number of a new shape that consists of these shapes. Each mesh becomes its convex hull.
 
     what: the body, for the error. Raises SimulationError.
     """
@@ -141,10 +141,10 @@ class BulletDynamics:
         self._robot = robot if scenario.fixed_base else with_base_joints(robot)
         ours = [joint.name for joint in self._robot.moving_joints]
         self._to_bullet = [ours.index(joint.name) for joint in self._robot.outward_joints]
-        """Index of each of Bullet's joints among ours: Bullet needs parents before children, a file may have another order."""
+        """Index of each of Bullet's joints among ours. Bullet needs parents before children; files may have another order."""
         order = np.argsort(self._to_bullet)
         self._same = self._to_bullet == sorted(self._to_bullet)
-        # If Bullet's order is ours: `...` is faster than indices.
+        # `...` is faster than indices that change nothing.
         self._from_bullet: Any = ... if self._same else order
         self._block: Any = ... if self._same else np.ix_(order, order)
         self._still = [0.0] * len(ours)
@@ -178,7 +178,7 @@ class BulletDynamics:
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
     def ordered(self, values: Array) -> list[float]:
-        """Values (v,) in Bullet's order; of values (n,) of the joints alone, the base's are 0."""
+        """Values (v,) in Bullet's order. For values (n,) of the joints alone, the values of the base are 0."""
         plain = [0.0] * (len(self._to_bullet) - len(values)) + values.tolist()
         return plain if self._same else [plain[j] for j in self._to_bullet]
 

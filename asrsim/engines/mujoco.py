@@ -73,7 +73,7 @@ class MujocoEngine(RigidEngine):
         shaped = merged.robot
         if not scenario.world.empty:
             shaped, self.warnings = usable_shapes(shaped, package_paths=scenario.package_paths)
-        self._m = self.raw_model = build(mujoco, scenario, shaped, self.origin)
+        self._m = self.raw_model = build(scenario, shaped, self.origin)
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.root, self._free = merged.robot.root.name, not scenario.fixed_base

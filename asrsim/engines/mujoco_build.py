@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.base import GROUND
+from asrsim.engines.mujoco_library import load
 from asrsim.errors import RobotError
 from asrsim.robot.meshes import convex_hull
 from asrsim.robot.model import Robot, Shape, Vector
@@ -22,16 +23,16 @@ HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: the hardest that MuJoCo accepts."""
 
 
-def build(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector) -> Any:
+def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
     """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
 
     Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
     """
-    contacts = not scenario.world.empty
+    mujoco, contacts = load(), not scenario.world.empty
     flags = mujoco.mjtDisableBit
     off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
     try:
-        spec = assemble(mujoco, scenario, robot, origin, shapes=contacts)
+        spec = assemble(scenario, robot, origin, shapes=contacts)
         spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -48,20 +49,21 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector) -> Any:
         raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
 
 
-def assemble(mujoco: Any, scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
+def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
     """Editable model (MjSpec) of a robot without fixed joints in its world; joints without limits, bodies of 1 kg.
 
     origin: origin of the base's frame in the frame of the root link, m. shapes: whether the links have their collision
     shapes.
     """
+    mujoco = load()
     spec = mujoco.MjSpec()
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = IMPEDANCE_RATIO
     spec.option.gravity = list(scenario.gravity)
     spec.option.timestep = scenario.step
-    _bodies(mujoco, spec, scenario, robot, origin, shapes)
+    _bodies(spec, scenario, robot, origin, shapes)
     if not scenario.world.empty:
-        _furnish(mujoco, spec, scenario.world)
+        _furnish(spec, scenario.world)
         _pair(spec, scenario)
     return spec
 
@@ -71,9 +73,9 @@ def link_body(name: str) -> str:
     return f"link/{name}"
 
 
-def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes: bool) -> None:
+def _bodies(spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
-    kinds = mujoco.mjtJoint
+    kinds = load().mjtJoint
     start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ origin
     root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion_wxyz(scenario.base_rpy))
     if not scenario.fixed_base:
@@ -83,7 +85,7 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Ve
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            geom = add_shape(mujoco, spec, body, f"link/{name}/{index}", shape)
+            geom = add_shape(spec, body, f"link/{name}/{index}", shape)
             geom.contype, geom.conaffinity = ROBOT_BIT, WORLD_BIT
         for joint in robot.carried.get(name, ()):
             child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion_wxyz(joint.rpy))
@@ -92,7 +94,7 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, origin: Ve
             waiting.append((child, joint.child))
 
 
-def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> Any:
+def add_shape(spec: Any, body: Any, name: str, shape: Shape) -> Any:
     """Add a shape to a body as a geom, and return the geom."""
     form: dict[str, Any] = {"pos": list(shape.origin), "quat": quaternion_wxyz(shape.rpy)}
     if shape.kind == "mesh":
@@ -102,16 +104,16 @@ def add_shape(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> Any
         # MuJoCo's sizes are radii and half lengths.
         halves = [0.5 * length for length in shape.size]
         form["size"] = halves if shape.kind == "box" else [shape.size[0], *halves[1:], 0.0, 0.0][:3]
-    return body.add_geom(name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), **form)
+    return body.add_geom(name=name, type=getattr(load().mjtGeom, f"mjGEOM_{shape.kind.upper()}"), **form)
 
 
-def _furnish(mujoco: Any, spec: Any, world: World) -> None:
+def _furnish(spec: Any, world: World) -> None:
     for item in world.solids:
         name = f"object/{item.name}"
         body = spec.worldbody.add_body(name=name, pos=list(item.position), quat=quaternion_wxyz(item.rpy))
         if item.mass:
             body.add_freejoint(name=name)
-        geom = add_shape(mujoco, spec, body, name, item.solid)
+        geom = add_shape(spec, body, name, item.solid)
         geom.mass, geom.contype, geom.conaffinity = item.mass, WORLD_BIT, ROBOT_BIT | WORLD_BIT
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True

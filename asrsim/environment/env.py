@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from asrsim.environment.task import Single
-from asrsim.environment.vector import SoftRobotVectorEnv, again
+from asrsim.environment.vector import SoftRobotVectorEnv
 from asrsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
             raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
-        self._made_with = scenario, options, {"render_mode": render_mode, "size": size}
+        self._make = partial(type(self), scenario, options, render_mode=render_mode, size=size)
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
         self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1)
@@ -41,7 +42,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle support: the copy is a new environment made with the same arguments."""
-        return again, (type(self), *self._made_with)
+        return self._make, ()
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 
@@ -31,7 +32,7 @@ class Readings:
     """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have them."""
 
     def __init__(self, source: Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
-        self._source, self._tip, self._names = source, tip, tuple(names)
+        self._source, self._tip = source, tip
         drives = source.prepared.drives
         recorded = [recorded_quantities(drive) for drive in drives]
         problems = []
@@ -43,33 +44,25 @@ class Readings:
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
                 problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
-        model = source.model
-        if tip is not None and model is None:
-            problems.append(
-                Problem("the engine prescribes the motion, so no model gives the position of a tip", code="no-model")
-            )
-        elif tip is not None and model is not None and tip[0] not in model.links:
-            problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=model.links, code="unknown-link"))
+        self._model = robot_model(source.prepared.scenario, source.prepared.robot)
+        if tip is not None and tip[0] not in self._model.links:
+            problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=self._model.links, code="unknown-link"))
         if not names:
             problems.append(Problem("the option observe names no quantity", choices=KNOWN, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
-    def bounds(self) -> tuple[list[float], list[float]]:
+    def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the observed values; infinite where a value is unbounded."""
-        low: list[float] = []
-        high: list[float] = []
-        stops = [drive.joint.stops for drive in self._source.prepared.drives]
+        parts = []
         for name, joints in self._joints.items():
+            part = np.full((2, 3 if name == TIP else len(joints)), np.inf)
             if name == "link_position":
-                low += [stops[j][0] - BEYOND for j in joints]
-                high += [stops[j][1] + BEYOND for j in joints]
-            else:
-                count = 3 if name == TIP else len(joints)
-                low += [-np.inf] * count
-                high += [np.inf] * count
-        return low, high
+                part = np.array([-self._model.lower, self._model.upper])[:, joints] + BEYOND
+            parts.append(part)
+        low, high = np.concatenate(parts, axis=1)
+        return -low, high
 
     def read(self) -> dict[str, Array]:
         """Present values (N, n) of each quantity in SI units."""
@@ -78,17 +71,11 @@ class Readings:
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
 
     def _one(self, name: str, joints: list[int], state: Any, step: dict[str, Array]) -> Array:
-        if name == TIP:
-            return self._tip_position(state.link_position)
+        if name == TIP and self._tip is not None:
+            link, (x, y, z) = self._tip
+            return self._model.pose(state.link_position, link, (x, y, z))[0]
         if name in _STEP:
             return step[name][..., joints]
         values = np.asarray(getattr(state, name))[..., joints]
         # Ideal motors have no state: their values come from the last step.
         return np.where(np.isnan(values), step[name][..., joints], values) if name in _MOTORS else values
-
-    def _tip_position(self, positions: Array) -> Array:
-        model, tip = self._source.model, self._tip
-        if model is None or tip is None:
-            raise RuntimeError("the tip was checked before")
-        x, y, z = tip[1]
-        return model.pose(positions, tip[0], (x, y, z))[0]

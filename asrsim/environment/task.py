@@ -93,9 +93,8 @@ class ControlTask:
 
     def draw(self, chance: np.random.Generator) -> Episode:
         """Random values for the next episode."""
-        goal = self._goal.draw(chance)
-        parameters = self._random.draw(chance) if self._random.keys else {}
-        return Episode(parameters, goal, self._start.draw(chance) if self._start.keys else {})
+        goal, parameters = self._goal.draw(chance), self._random.draw(chance)
+        return Episode(parameters, goal, self._start.draw(chance))
 
     @property
     def goals(self) -> int:
@@ -109,7 +108,7 @@ class ControlTask:
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
         """Parameters of the robot that the episode changes, by joint and parameter."""
-        return self._plan.changes(dict(episode.parameters)) if episode.parameters else {}
+        return self._plan.changes(episode.parameters)
 
     def references(self, episode: Episode) -> list[tuple[str, str, float]]:
         """Joint, reference and value of each constant reference that was drawn at random for the episode."""

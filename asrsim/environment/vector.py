@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int) -> None:
-        self._made_with = scenario, options, {"num_envs": num_envs, "threads": threads}
+        self._make = partial(type(self), scenario, options, num_envs=num_envs, threads=threads)
         self.task = task = ControlTask(scenario, options)
         self.num_envs = num_envs
         self.worlds = Worlds(
@@ -45,7 +46,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle support: the copy is a new set of environments made with the same arguments."""
-        return again, (type(self), *self._made_with)
+        return self._make, ()
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -67,7 +68,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         task, numbers = self.task, np.flatnonzero(mask).tolist()
         for i in numbers:
-            self.episodes[i] = task.draw(self._chances[i]) if task.draws else Episode({}, {}, {})
+            self.episodes[i] = task.draw(self._chances[i])
             self._goals[i] = list(self.episodes[i].goal.values())
         starts = [Start(parameters=task.changes(self.episodes[i]), positions=self.episodes[i].start) for i in numbers]
         self.worlds.reset(starts, worlds=mask)
@@ -119,8 +120,3 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def close_extras(self, **kwargs: Any) -> None:
         """Release the engines."""
         self.worlds.close()
-
-
-def again(kind: Any, scenario: Any, options: Mapping[str, Any], keywords: Mapping[str, Any]) -> Any:
-    """A new environment of the class `kind`, made with the given arguments; used to unpickle environments."""
-    return kind(scenario, options, **keywords)

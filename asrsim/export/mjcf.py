@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import load
-from asrsim.errors import ScenarioError, SimulationError
+from asrsim.errors import ScenarioError, SimulationError, listed
 from asrsim.export.springs import Spline, spline_of
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
@@ -37,8 +37,8 @@ STOP_SOLREF, STOP_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
 """Solver parameters of stiff joint stops."""
 VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
 """Groups of the model's elements; viewers of MuJoCo show the groups 0 to 2."""
-MANY = 6
-"""A remark on at least this number of joints gives their number instead of their names."""
+MOST_NAMES = 5
+"""Largest number of joints that a remark names."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
     "_integral": "its controllers have no integral action",
@@ -84,7 +84,7 @@ def model_of(
     """
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     robot, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
-    spec = assemble(mujoco, scenario, robot, (0.0, 0.0, 0.0), shapes=True)
+    spec = assemble(scenario, robot, (0.0, 0.0, 0.0), shapes=True)
     spec.modelname, spec.modelfiledir = robot.name, str(path.parent.absolute())
     spec.comment = " Made by asrsim export. Controls are the inputs of the motors: position, torque, voltage or current. "
     spec.compiler.degree = False
@@ -107,8 +107,7 @@ def model_of(
         )
         joint, drive = spec.joint(stepped.name), stepped.drive
         joint.stiffness[0], joint.springref = stepped.joint.spring_stiffness, stepped.joint.spring_reference
-        _set_stops(joint, *stepped.joint.stops)
-        _set_losses(joint, stepped.constant_damping, stepped.joint.friction)
+        _set_limits(joint, stepped.joint.stops, stepped.constant_damping, stepped.joint.friction)
         if drive is not None and drive.mode.spring:
             if not drive.mode.motor:
                 raise ScenarioError(
@@ -123,14 +122,12 @@ def model_of(
             _motors(spec, drive, splines[drive.joint])
         elif drive is not None:
             # Modes 0 and 1: torque or PID controller on the link itself.
-            gains = [drive.values[f"controller_1_{name}"] for name in ("proportional", "derivative")]
-            gain, damping = gains if drive.mode.controller else (None, 0.0)
-            _actuator(spec, drive.joint, gain, damping, stepped.joint.most_effort)
+            gain, damping = (drive.values[f"controller_1_{name}"] for name in ("proportional", "derivative"))
+            gains = (gain, gain, damping) if drive.mode.controller else (1.0, 0.0, 0.0)
+            _actuator(spec, drive.joint, *gains, limit=stepped.joint.most_effort)
         for text in _lacks(prepared, stepped, splines.get(stepped.name, ()), positions, speeds):
             lacks.setdefault(text, []).append(stepped.name)
-    for text, joints in lacks.items():
-        names = list(dict.fromkeys(joints))
-        remarks.append(f"{', '.join(names) if len(names) < MANY else f'{len(names)} joints'}: {text}")
+    remarks += [f"{listed(dict.fromkeys(joints), MOST_NAMES)}: {text}" for text, joints in lacks.items()]
     effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
@@ -162,22 +159,18 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
     for geom in body.geoms:
         geom.group = COLLISION_GROUP
     for index, shape in enumerate(link.visuals):
-        geom = add_shape(load(), spec, body, f"visual/{link.name}/{index}", shape)
+        geom = add_shape(spec, body, f"visual/{link.name}/{index}", shape)
         geom.group, geom.contype, geom.conaffinity, geom.rgba = VISUAL_GROUP, 0, 0, shape.colour or geom.rgba
 
 
-def _set_stops(joint: Any, low: float, high: float) -> None:
-    """Add stops to a joint, if it has any."""
-    if math.isfinite(low) or math.isfinite(high):
-        joint.range = np.clip([low, high], -1e6, 1e6)
-        joint.solref_limit, joint.solimp_limit = STOP_SOLREF, STOP_SOLIMP
-
-
-def _set_losses(joint: Any, damping: float, friction: float) -> None:
-    """Add damping and friction to a joint."""
+def _set_limits(joint: Any, stops: tuple[float, float], damping: float, friction: float) -> None:
+    """Add stops, damping and friction to a joint."""
     joint.damping[0], joint.frictionloss = damping, friction
     if friction:
         joint.solref_friction, joint.solimp_friction = FRICTION_SOLREF, FRICTION_SOLIMP
+    if any(map(math.isfinite, stops)):
+        joint.range = np.clip(stops, -1e6, 1e6)
+        joint.solref_limit, joint.solimp_limit = STOP_SOLREF, STOP_SOLIMP
 
 
 # -- motors, springs, controllers ------------------------------------------------------------------------------------
@@ -214,30 +207,24 @@ def _motors(spec: Any, drive: Drive, splines: Sequence[Spline]) -> None:
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
         body = spec.worldbody.add_body(name=name, mass=TINY, inertia=[TINY] * 3, ipos=[0.0] * 3, explicitinertial=True)
         joint = body.add_joint(name=name, armature=drive.motor_inertia[i])
-        _set_stops(joint, *drive.motor_ranges[i])
-        _set_losses(joint, drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
+        _set_limits(joint, drive.motor_ranges[i], drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
         for number, (low, high, *stiffness) in enumerate(spline.pieces.tolist(), start=1):
             spring = spec.add_tendon(name=f"{drive.joint}/spring_{i + 1}/{number}", stiffness=stiffness)
             spring.springlength = [low, high]
             spring.wrap_joint(name, 1.0)
             spring.wrap_joint(drive.joint, -1.0)
+        gains = electric.gain, 0.0, electric.lag
         if drive.mode.controller:
-            _actuator(spec, name, drive.proportional[i], drive.derivative[i] + electric.lag, drive.max_torque[i])
-        else:
-            _actuator(spec, name, None, electric.lag, drive.max_torque[i], gain=electric.gain)
+            gains = drive.proportional[i], drive.proportional[i], drive.derivative[i] + electric.lag
+        _actuator(spec, name, *gains, limit=drive.max_torque[i])
 
 
-def _actuator(
-    spec: Any, joint: str, proportional: float | None, damping: float, limit: float, *, gain: float = 1.0
-) -> None:  # fmt: skip
-    """Add an actuator with a position controller; if `proportional` is None, an actuator that multiplies its
-    control by a gain.
-    """
+def _actuator(spec: Any, joint: str, gain: float, stiffness: float, damping: float, *, limit: float) -> None:
+    """Add an actuator with the torque gain * control - stiffness * position - damping * velocity."""
     mujoco = load()
-    gain, back = (gain, 0.0) if proportional is None else (proportional, proportional)
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.gainprm[0], actuator.biasprm[:3] = gain, [0.0, -back, -damping]
+    actuator.gainprm[0], actuator.biasprm[:3] = gain, [0.0, -stiffness, -damping]
     if math.isfinite(limit):
         actuator.forcerange = [-limit, limit]
 

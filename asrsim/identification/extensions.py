@@ -16,6 +16,8 @@ from asrsim.identification.problem import Problem, huber, jacobian, mean_square,
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
+SIMPLER = 1.1
+"""Factor by which an extension must reduce the error more than another extension for each parameter that it has more."""
 SIGNIFICANT = 20.0
 """Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
@@ -130,8 +132,11 @@ class Optimum:
             limits = np.minimum(low[new], -1e-9), high[new]
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
-        if not extension.begins:
-            start = np.append(self.x, np.clip(moves, low[new], high[new]))
+        if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
+            # The start is the optimum of the linearised problem, or the proposed start if this is farther: a joint that
+            # friction holds moves only without friction.
+            best = np.maximum(moves, 1.0) * np.asarray(begin) if extension.begins else moves
+            start = np.append(self.x, np.clip(best, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
         share = 1.0 - after / before if is_significant(before, after, len(alone)) else 0.0
         return Promise(share, extension, wider, start)
@@ -170,7 +175,7 @@ def extended(
                     trials.append(Extended((*found.chosen, one.extension), one.problem, there, huber(left)))
         if not trials:
             break
-        found = min(trials, key=lambda trial: trial.cost)
+        found = min(trials, key=lambda trial: trial.cost * SIMPLER ** len(trial.x))
     return found
 
 

@@ -8,19 +8,18 @@ theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
 The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each
-time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is the steady-state
-error under the springs. The equilibrium is rho (theta + lag - c) / rho rho.
+time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is that of motors
+without springs, plus the steady-state error under the springs. The equilibrium is rho (theta + lag - c).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.rest import increasing_roots
+from asrsim.actuators.rest import increasing_roots, resting_motors
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import ScenarioError
 from asrsim.samples import Array
@@ -32,8 +31,8 @@ EXACT = 1e-9
 SLOW = 0.02
 """Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
 RESERVE = 1e-3
-"""Fraction of a spring's largest torque that is kept in reserve in motion."""
-ROUNDS = 50
+"""Fraction of a spring's largest torque that is kept in reserve."""
+ROUNDS = 6
 """Largest number of iterations between the distance of the motors and the torques of the springs."""
 MODEL_STEP = 4e-3
 """Smallest time step between the samples of a motion for the inverse models, s."""
@@ -57,13 +56,21 @@ def equilibria_for_loads(
     the motors under their load. time: times (n,) for error messages, s. Raises ScenarioError if the springs or the motors
     cannot hold a load.
     """
-    rest = rest_under_torque(drive, positions, loads, presets, droop=droop)
-    springs = rest.springs
+    law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
+
+    def torques(equilibria: Array) -> Array:
+        motors = references(equilibria, presets)
+        if droop:
+            return resting_motors(drive, positions, motors, limited=False)[1]
+        return law(positions, *motors, drive.elastic)
+
+    found = increasing_roots(lambda equilibria: torques(equilibria).sum(axis=0) - loads, positions, farthest=SEARCH)
+    springs = torques(found)
     missing = np.abs(springs.sum(axis=0) - loads) > EXACT * np.maximum(1.0, np.abs(loads))
     limits = np.array([*drive.max_torque, *[np.inf] * len(springs)][: len(springs)])
     overloaded = np.abs(springs) > limits[:, None]
     if not (missing.any() or overloaded.any()):
-        return rest.equilibria
+        return found
     row = int(np.argmax(missing | overloaded.any(axis=0)))
     when = "" if time is None else f" at {time[row]:.4g} s"
     where = f"at position {positions[row]:.4g} rad"
@@ -83,63 +90,6 @@ def equilibria_for_loads(
     raise ScenarioError(f"gravity cannot be compensated{when}: {message}", key=f"task.{drive.joint}", hint=hint, code=code)
 
 
-class Rest(NamedTuple):
-    """Springs and motors at rest that put a torque on the link."""
-
-    equilibria: Array
-    """Equilibrium positions (n,) that are commanded, rad."""
-    motors: Array
-    """Positions (2, n) of motors and adjuster."""
-    springs: Array
-    """Torques (2, n) of the springs, N m."""
-    least: Array
-    """Lowest torque (n,) that the springs can put on the link, N m."""
-    most: Array
-
-
-@np.errstate(all="ignore")
-def rest_under_torque(
-    drive: Drive, position: Array, torque: Array, preset: Array, *, droop: bool, reserve: float = 0.0
-) -> Rest:  # fmt: skip
-    """Springs and motors that put `torque` (n,) on a link at `position` (n,); a torque that the springs cannot give is clipped.
-
-    droop: whether to include the steady-state error of the motors. reserve: fraction of the springs' largest torque that is not
-    used.
-    """
-    rho, offsets = reference_map(drive, preset)
-    across = np.array([rho[1], -rho[0]]) if drive.actuator.motors > 1 else np.array([0.0, -rho[0]])
-    law, gains = over_arrays(drive.actuator.elastic_torques), np.zeros(2)
-    for motor, (proportional, integral) in enumerate(zip(drive.proportional, drive.integral, strict=True)):
-        # Controllers with integral action have no steady-state error.
-        gains[motor] = 1.0 / proportional if droop and integral <= 0.0 else 0.0
-
-    def motors(s: Array, d: Array) -> Array:
-        return np.outer(rho, s) + np.outer(across, d)
-
-    def torques(s: Array, d: Array) -> Array:
-        return law(position, *motors(s, d), drive.elastic)
-
-    def along(d: Array) -> Array:
-        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)
-
-    def apart(s: Array) -> Array:
-        return increasing_roots(lambda d: across @ across * (d - start) + (across * gains) @ torques(s, d), start)
-
-    centre = position / max(rho.max(), 1e-9)
-    start = d = across @ offsets / (across @ across)
-    least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
-    given = np.clip(torque, least + reserve * np.abs(least), most - reserve * np.abs(most))
-    s = along(d)
-    for _ in range(ROUNDS if len(drive.proportional) > 1 else 0):
-        before, d = d, apart(s)
-        s = along(d)
-        if np.abs(d - before).max() < 1e-13:
-            break
-    springs = torques(s, d)
-    equilibria = rho @ (motors(s, d) + gains[:, None] * springs - offsets) / (rho @ rho)
-    return Rest(equilibria, motors(s, d), springs, least, most)
-
-
 # -- in motion -------------------------------------------------------------------------------------------------------
 
 
@@ -155,11 +105,6 @@ class DesiredMotion:
     """Velocities (n, joints)."""
     accelerations: Array
     """Accelerations (n, joints)."""
-
-    @property
-    def step(self) -> float:
-        """Time step in s."""
-        return float(self.time[1] - self.time[0])
 
 
 def model_time(duration: float, step: float) -> Array:
@@ -212,22 +157,55 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
             holdable=np.full(n, np.inf),
         )
     rho, offsets = reference_map(drive, preset)
-    # At its largest torque, a spring would need any deflection.
-    rest = rest_under_torque(drive, position, torque, preset, droop=True, reserve=RESERVE)
-    motors = rest.motors
+    across = np.array([rho[1], -rho[0]]) if drive.actuator.motors > 1 else np.array([0.0, -rho[0]])
+    law = over_arrays(drive.actuator.elastic_torques)
+
+    def torques(s: Array, d: Array) -> Array:
+        return np.asarray(law(position, rho[0] * s + across[0] * d, rho[1] * s + across[1] * d, drive.elastic))
+
+    centre = position / max(rho.max(), 1e-9)
+    d = across @ offsets / (across @ across)
+    with np.errstate(all="ignore"):
+        least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
+    # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
+    given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
+
+    def along(d: Array) -> Array:
+        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)
+
+    s = along(d)
+    if len(drive.proportional) > 1:
+        from scipy.signal import lsim
+
+        # Controllers with integral action have no steady-state error.
+        droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / drive.proportional)
+        weights = across**2 / drive.proportional
+        inertia, drag = weights @ drive.motor_inertia, weights @ np.add(drive.motor_damping, drive.derivative)
+        commanded = d[0] + lsim(([across @ across], [inertia, drag, across @ across]), d - d[0], time - time[0])[1]
+
+        def apart(s: Array) -> Array:
+            return increasing_roots(lambda d: across @ across * (d - commanded) + droop @ torques(s, d), commanded)
+
+        for _ in range(ROUNDS):
+            before, d = d, apart(s)
+            s = along(d)
+            if np.abs(d - before).max() < 1e-7:
+                break
+    motors = np.stack([rho[0] * s + across[0] * d, rho[1] * s + across[1] * d])
     references, work = motors.copy(), np.zeros((len(drive.proportional), n))
+    elastic = torques(s, d)
     for motor in range(len(drive.proportional)):
         smooth = smooth_motion(time, motors[motor][:, None])
         rate = smooth.velocities[:, 0]
         work[motor] = drive.motor_inertia[motor] * smooth.accelerations[:, 0] + drive.motor_damping[motor] * rate
-        work[motor] += drive.motor_friction[motor] * np.tanh(rate / SLOW) + rest.springs[motor]
+        work[motor] += drive.motor_friction[motor] * np.tanh(rate / SLOW) + elastic[motor]
         output = work[motor] + drive.derivative[motor] * rate
         references[motor] += controller_error(output, drive.proportional[motor], drive.integral[motor], step)
     return DriveMotion(
         inputs=rho @ (references - offsets) / (rho @ rho),
         motors=motors.T.copy(),
         motor_torques=work.T.copy(),
-        holdable=np.where(torque >= 0.0, rest.most, rest.least),
+        holdable=np.where(torque >= 0.0, most, least),
     )
 
 

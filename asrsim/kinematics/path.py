@@ -24,13 +24,9 @@ def minimum_jerk(fraction: Array) -> Array:
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 
-def linear(fraction: Array) -> Array:
-    """Profile of constant speed; the velocity jumps at the waypoints."""
-    return fraction
-
-
-INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": linear}
-"""Profiles by name: fraction of the segment's length that is covered after a fraction of its time."""
+INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": np.positive}
+"""Profiles by name: fraction of the segment's length that is covered after a fraction of its time. With the linear profile, the
+velocity jumps at the poses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,24 +68,16 @@ class PoseTrajectory:
         """Positions (n, 3) and rotations (n, 3, 3) (or None) at `time` (n,)."""
         from scipy.spatial.transform import Rotation, Slerp
 
-        # A single pose holds from time 0 to the end.
-        times = self.times if len(self.times) > 1 else np.array([0.0, 1.0])
-        rows = np.arange(len(times)) % len(self.times)
-        inside = np.clip(time, times[0], times[-1])
-        segment = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(times) - 2)
-        begin, span = times[segment], np.diff(times)[segment]
-        warped = begin + span * INTERPOLATIONS[self.interpolation]((inside - begin) / span)
-        positions = np.column_stack([np.interp(warped, times, column) for column in self.positions[rows].T])
+        knots = np.arange(len(self.times) + 1)
+        place = np.interp(time, self.times, knots[:-1])
+        begin = np.floor(place)
+        place = begin + INTERPOLATIONS[self.interpolation](place - begin)
+        positions = np.column_stack([np.interp(place, knots[:-1], column) for column in self.positions.T])
         if self.rotations is None:
             return positions, None
-        return positions, Slerp(times, Rotation.from_matrix(self.rotations[rows]))(warped).as_matrix()
-
-
-def rotation_between(start: Array, end: Array) -> Array:
-    """Rotation vector (3,) in rad of an angle up to pi, world frame, that turns `start` into `end` (both (3, 3))."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(end @ start.T).as_rotvec(), dtype=float)
+        # The last rotation comes twice, since interpolation needs at least two.
+        rotations = Rotation.from_matrix(self.rotations[np.minimum(knots, len(self.times) - 1)])
+        return positions, Slerp(knots, rotations)(place).as_matrix()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +113,8 @@ def follow(
     and in rad for orientation rows.
     A joint that would pass its stop is placed at the stop; the other joints take over as much of the motion as they can.
     """
+    from scipy.spatial.transform import Rotation
+
     wanted, turned = trajectory.at(time)
     # A joint with equal bounds does not move.
     stops = np.where(moving, [model.lower, model.upper], start)
@@ -135,7 +125,7 @@ def follow(
         away = wanted[index] - position
         if turned is None or rotation is None:
             return np.asarray(away)
-        return np.concatenate([away, rotation_between(rotation, turned[index])])
+        return np.concatenate([away, Rotation.from_matrix(turned[index] @ rotation.T).as_rotvec()])
 
     q = np.array(start, dtype=float)
     positions, errors = np.empty((len(time), len(q))), np.zeros((len(time), 2))

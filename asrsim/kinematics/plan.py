@@ -97,16 +97,15 @@ def _check_path(
             hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give it a later time",
             code="start-off-path",
         )
+    turn = max(ORIENTATION_TOLERANCE, task.tolerance)
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
-    missed = settled & (
-        (path.position_error > task.tolerance) | (path.orientation_error > max(ORIENTATION_TOLERANCE, task.tolerance))
-    )
+    missed = settled & ((path.position_error > task.tolerance) | (path.orientation_error > turn))
     if not missed.any():
         return
     time = path.time[[np.argmax(missed)]]
     raise ScenarioError(
         f"the robot cannot follow the path beyond {time[0]:.3g} s, {_text(trajectory.at(time)[0][0])} m: "
-        f"it deviates by more than {task.tolerance:g} m or {max(ORIENTATION_TOLERANCE, task.tolerance):g} rad",
+        f"it deviates by more than {task.tolerance:g} m or {turn:g} rad",
         key="task.poses",
         hint="The path may be out of reach, or a joint stop or a stretched posture prevents it: begin in another posture, add "
         "a pose on the way, go slower, raise the gain or allow more tolerance",

@@ -51,9 +51,7 @@ ENOUGH = 0.15
 """Largest sag in any posture with proposed parameters, rad or fraction of the scale. This value is below `SAG` as a margin for
 neglected effects."""
 MOTOR_SHARE = 0.5
-"""Largest fraction of a motor's torque that holds and moves an arm with proposed parameters.
-(Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
-errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
+"""Largest fraction of a motor's torque that holds and moves an arm with proposed parameters."""
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
@@ -155,14 +153,13 @@ def _weights(model: RobotModel) -> dict[str, float]:
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     """Instants (n,) to check, s: the start, the end, and a choice of the extremes of the references."""
     grid = np.linspace(0.0, scenario.duration, 101)
-    chosen = {0.0, float(scenario.duration)}
+    chosen = {0, len(grid) - 1}
     for block in blocks:
         for signal in scenario.references_of(block.joint).values():
             values = signal.values(grid)
-            chosen |= {float(grid[int(np.argmin(values))]), float(grid[int(np.argmax(values))])}
-    ordered = np.array(sorted(chosen))
-    kept = np.linspace(0, len(ordered) - 1, min(len(ordered), INSTANTS))
-    return np.asarray(ordered[kept.round().astype(int)])
+            chosen |= {int(np.argmin(values)), int(np.argmax(values))}
+    kept = np.linspace(0, len(chosen) - 1, min(len(chosen), INSTANTS)).round().astype(int)
+    return np.asarray(grid[np.array(sorted(chosen))[kept]])
 
 
 def _scale(joint: Joint) -> float:
@@ -187,12 +184,12 @@ class Sizing:
         return _weak(self.joints)
 
 
-def sizing(scenario: Scenario, robot: Robot) -> Sizing:
+def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
     robot: the robot with the scenario's modes and parameters. The function ignores floating bases, modes without springs,
     torque, voltage and current references, and references that already account for the weight (of a task, of learning, or of
-    a joint with a `desired` motion).
+    a joint with a `desired` motion). propose: whether to propose parameters if a joint sags too much.
     """
 
     def judged(robot: Robot) -> tuple[Holding, ...]:
@@ -208,11 +205,14 @@ def sizing(scenario: Scenario, robot: Robot) -> Sizing:
     joints = judged(robot)
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
-    if _weak(joints) and _weak(judged(endless)):
-        proposal = {name: values for name, values in strengthened(scenario, robot).items() if name in names}
-        if not _weak(judged(with_overrides(endless, parameters=proposal))):
-            return Sizing(joints=joints, proposal=proposal)
-    return Sizing(joints=joints)
+    weak = _weak(judged(endless)) if propose and _weak(joints) else ()
+    stronger = strengthened(scenario, robot) if weak else {}
+    proposal: dict[str, dict[str, float]] = {}
+    # Stronger joints load others, which may then sag.
+    while weak and any(one.joint in stronger for one in weak):
+        proposal |= {one.joint: stronger.pop(one.joint) for one in weak if one.joint in stronger}
+        weak = _weak(judged(with_overrides(endless, parameters=proposal)))
+    return Sizing(joints=joints, proposal={} if weak else proposal)
 
 
 def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
@@ -221,7 +221,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
     )
-    hint: str | None = "Choose stiffer actuators or a lighter arm"
+    hint: str | None = "Choose stiffer actuators or a lighter arm; `asrsim check` looks for parameters that hold the arm"
     if values:
         hint = f"with parameters: {{{values}}} springs and motors hold the arm"
     problems = []
@@ -256,12 +256,13 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
         stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
         spring = max(stiffness / max(present, 1e-9), 1.0)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
+        # The last term accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
         values = block.values()
         factors = dict.fromkeys(linear_parameters(drive.actuator, values), spring)
         factors |= {name: gain for name in values if name.endswith("_proportional")}
         factors |= dict.fromkeys(motor_limits(values), torque / min(drive.max_torque, default=math.inf))
-        # A larger factor than 1 avoids changes by the rounding of an earlier proposal.
+        # Factors just above 1 are left out: they come from the rounding of an earlier proposal.
         if given := {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.05}:
             found[block.joint] = given
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from asrsim.learning.law import FixedGain, zero_phase
-from asrsim.learning.trial import LearningProblem, learn
+from asrsim.learning.trial import FixedGain, LearningProblem, learn, zero_phase
 
 __all__ = ["FixedGain", "LearningProblem", "learn", "zero_phase"]

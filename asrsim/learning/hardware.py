@@ -16,13 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import NormOptimal, rehearsed, standing
 from asrsim.learning.plant import Plant
-from asrsim.learning.playback import write_inputs, write_playback
-from asrsim.learning.prepared import PreparedLearning, prepare_learning
+from asrsim.learning.prepared import PreparedLearning, learning_model, prepare_learning
 from asrsim.learning.recorded import recorded
-from asrsim.learning.session import INPUTS, trial_data
+from asrsim.learning.session import INPUTS, trial_data, write_inputs, write_playback
 from asrsim.learning.state import State, load_state, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
 from asrsim.learning.twin import LearningTwin, fit_twin
@@ -90,11 +88,10 @@ def next_input(
 
     with owned(folder):
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
-        model = learning_model(plant)
-        prepared = prepare_learning(plant, model)
+        prepared = prepare_learning(plant)
         problem, settings = prepared.problem, prepared.settings
-        state, digest = load_state(folder / STATE, problem, settings), _digest(path)
-        # The last recording may be given again; its twin was then fitted to a wrong reading.
+        state, digest = load_state(folder / STATE, problem), _digest(path)
+        # If the last recording is given again, the last twin was fitted to a wrong reading of it.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
@@ -118,7 +115,7 @@ def next_input(
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
         changes = {} if twin is None else twin.changes
         state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
-        save_state(folder / STATE, problem, settings, state)
+        save_state(folder / STATE, problem, state)
         data: dict[str, object] = {"trials": [trial_data(t, plant.joints) for t in trials], "best": best_of(trials).number}
         if twin is not None:
             data["identified"] = {"changes": changes, "residual": twin.residual, "residual_before": twin.before}

@@ -12,7 +12,7 @@ The equations are integrated by the midpoint rule.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,10 +49,7 @@ class Linearised:
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
         """Linearised joints with all masses and stiffnesses multiplied by factors."""
-        return Linearised(
-            time=self.time, drives=self.drives, mass=mass * self.mass, rates=self.rates, slopes=mass * self.slopes,
-            springs=stiffness * self.springs,
-        )  # fmt: skip
+        return replace(self, mass=mass * self.mass, slopes=mass * self.slopes, springs=stiffness * self.springs)
 
     def held(self, tail: float) -> Linearised:
         """Linearised joints with the motion extended by `tail` s, in which the joints rest at the end of the motion."""
@@ -62,9 +59,10 @@ class Linearised:
         def longer(values: Array) -> Array:
             return np.concatenate([values, np.repeat(values[-1:], more, axis=0)])
 
-        return Linearised(
-            time=np.concatenate([self.time, self.time[-1] + step * np.arange(1, more + 1)]), drives=self.drives,
-            mass=longer(self.mass), rates=longer(self.rates), slopes=longer(self.slopes), springs=longer(self.springs),
+        time = np.concatenate([self.time, self.time[-1] + step * np.arange(1, more + 1)])
+        return replace(
+            self, time=time, mass=longer(self.mass), rates=longer(self.rates), slopes=longer(self.slopes),
+            springs=longer(self.springs),
         )  # fmt: skip
 
     @cached_property

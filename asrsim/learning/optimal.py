@@ -185,12 +185,11 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:
-    """Means (rows, joints) of `values` (n, joints) around the equidistant times `rows`, so that noise averages out."""
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    half = 0.5 * float(rows[1] - rows[0])
+    """Means (rows, joints) of `values` (n, joints) around the equidistant times `rows`, so that noise averages out; the last
+    values are repeated after the end.
+    """
+    from scipy.ndimage import uniform_filter1d
+
     step = float(time[1] - time[0])
-    wide = max(round(2.0 * half / step), 1)
-    # After the end, the last mean is repeated.
-    first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - wide)
-    last = np.clip(np.round((rows + half) / step).astype(int), first + 1, len(time))
-    return np.asarray((total[last] - total[first]) / (last - first)[:, None])
+    means = uniform_filter1d(values, max(round(float(rows[1] - rows[0]) / step), 1), axis=0, mode="nearest")
+    return np.asarray(means[np.minimum(np.round(rows / step).astype(int), len(time) - 1)])

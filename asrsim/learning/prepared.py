@@ -1,19 +1,20 @@
-"""Learning problem of a scenario, its law, and the demands of the motion on the joints."""
+"""Model of a plant for learning, its learning problem and law, and the demands of the motion on the joints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from asrsim.kinematics.inverse import Demand
-from asrsim.learning.law import FixedGain
-from asrsim.learning.model import ArmModel
-from asrsim.learning.optimal import NormOptimal
+from asrsim.actuators.drive import Drive
+from asrsim.actuators.rest import resting_motors
+from asrsim.kinematics.inverse import Demand, InverseDynamics, SoftArm
+from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
+from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
-from asrsim.learning.state import identity_of
-from asrsim.learning.trial import Law, LearningProblem, LearningResult
+from asrsim.learning.trial import FixedGain, Law, LearningProblem, LearningResult
 from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
 
@@ -21,6 +22,66 @@ FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
 """Keys without effect under `law: auto`."""
 MOST_DEMANDS = 5
 """Largest number of listed demands beyond their limits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmModel:
+    """A plant and the model of its arm with soft joints.
+
+    Driven joints that do not learn follow their own references. These joints are soft too, and come after the learned joints in
+    the linearised arm.
+    """
+
+    plant: Plant
+    arm: SoftArm
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """Drives of the learned joints, then drives of the other soft joints."""
+        arm, learned = self.arm.drives, self.plant.joints
+        followers = [drive for joint, drive in arm.items() if joint not in learned and all(drive.proportional)]
+        return (*(arm[joint] for joint in learned), *followers)
+
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """Delay of each learned joint's commands, s."""
+        return tuple(self.arm.delay(joint) + self.plant.delay for joint in self.plant.joints)
+
+    @cached_property
+    def inverse(self) -> InverseDynamics:
+        """Inverse dynamics of the desired motion."""
+        return self.arm.inverse(self.plant.time, self.plant.joints, self.plant.reference)
+
+    @property
+    def guess(self) -> Array:
+        """Inputs (n, joints) that move the model along the desired motion."""
+        return self.inverse.inputs_at(self.plant.time, self.delays)
+
+    @cached_property
+    def linear(self) -> Linearised:
+        """Arm linearised along the desired motion."""
+        motion = self.inverse.motion
+        columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
+        positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
+        springs = np.zeros((len(positions), len(self.drives), 2))
+        for j, (drive, position) in enumerate(zip(self.drives, positions.T, strict=True)):
+            if j >= len(motors):
+                goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
+                motors.append(resting_motors(drive, position, goals)[0][:2].T)
+            if drive.mode.spring:
+                springs[:, j] = spring_slopes(drive, position, motors[j])
+        damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
+        return linearise_along(self.arm.model, self.drives, motion, springs, damping)
+
+    @property
+    def lifted(self) -> Lifted:
+        """Lifted models of the arm along the desired motion."""
+        return Lifted(self.plant.time, self.linear, self.delays, from_rest=self.plant.scenario.initial_equilibrium)
+
+
+def learning_model(plant: Plant) -> ArmModel:
+    """Model of a plant."""
+    return ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +130,9 @@ class PreparedLearning:
         return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
-def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
-    """Learning problem of a plant. model: model of the plant from `learning_model`."""
-    learning = plant.learning
+def prepare_learning(plant: Plant) -> PreparedLearning:
+    """Learning problem of a plant."""
+    model, learning = learning_model(plant), plant.learning
     settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
     guesses: dict[str, Callable[[], Array]] = {
         "zero": lambda: np.zeros_like(plant.reference),
@@ -80,7 +141,7 @@ def prepare_learning(plant: Plant, model: ArmModel) -> PreparedLearning:
     }
     problem = LearningProblem(
         joints=plant.joints, units=tuple(map(plant.unit, plant.joints)), time=plant.time, reference=plant.reference,
-        first_guess=guesses[settings.first_guess or "zero"](), identity=identity_of(plant),
+        first_guess=guesses[settings.first_guess or "zero"](),
     )  # fmt: skip
     law: Law = FixedGain(problem, settings)
     if settings.law == "auto":

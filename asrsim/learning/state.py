@@ -3,65 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
-from asrsim.robot.meshes import usable_shapes
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
-    from asrsim.learning.plant import Plant
     from asrsim.learning.trial import LearningProblem, Trial
-    from asrsim.scenario.blocks import Learning
 
 FORMAT = "asrsim learning state 5"
-DECIDING = ("law", "gain", "joint_gains", "gain_decay", "filter", "first_guess")
-"""Keys of `ilc:` that determine the next trial. Other keys, such as the tolerance, may change between trials."""
-NOT_OF_THE_PLANT = ("ilc", "expect", "log_rate")
-"""Keys of a scenario that may change between trials."""
 
 
-def identity_of(plant: Plant) -> str:
-    """Hash of everything that the plant depends on: robot, scenario, contents of the files that they use, and laws of the
-    actuators.
-    """
-    kept = {key: value for key, value in plant.scenario.resolved.items() if key not in NOT_OF_THE_PLANT}
-    digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode())
-    digest.update(plant.robot.text.encode())
-    laws = [inspect.getsourcefile(ACTUATORS.get(drive.actuator.name)) for drive in plant.drives if drive.actuator]
-    for path in (*sorted(_files(plant)), *(Path(law) for law in dict.fromkeys(laws) if law)):
-        digest.update(hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b"missing")
-    return digest.hexdigest()
-
-
-def _files(plant: Plant) -> Iterator[Path]:
-    """Files of the scenario (such as playbacks and meshes of objects), and collision meshes of the robot."""
-    scenario = plant.scenario
-    robot, _ = usable_shapes(plant.robot, package_paths=scenario.package_paths)
-    meshes = [Path(shape.mesh) for link in robot.links for shape in link.collisions if shape.mesh]
-    for path in (*scenario.attachments.values(), *meshes):
-        # A ROS 2 bag is a folder.
-        yield from path.rglob("*") if path.is_dir() else [path]
-
-
-def fingerprint(problem: LearningProblem, settings: Learning) -> str:
-    """Hash of everything that determines the trials, except the conditions that stop learning."""
-    deciding = [getattr(settings, name) for name in DECIDING]
-    text = json.dumps([deciding, problem.joints, problem.identity], sort_keys=True, default=asdict)
-    digest = hashlib.sha256(text.encode())
-    for array in (problem.time, problem.reference, problem.first_guess):
+def fingerprint(problem: LearningProblem) -> str:
+    """Hash of the motion. Trials of the real robot stay valid if the model of the robot or the law changes."""
+    digest = hashlib.sha256(json.dumps(problem.joints).encode())
+    for array in (problem.time, problem.reference):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
@@ -79,10 +45,10 @@ class State:
     """Changes of parameters of the last twin."""
 
 
-def save_state(path: Path, problem: LearningProblem, settings: Learning, state: State) -> None:
+def save_state(path: Path, problem: LearningProblem, state: State) -> None:
     """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete."""
     head = {
-        "format": FORMAT, "fingerprint": fingerprint(problem, settings), "recordings": state.recordings,
+        "format": FORMAT, "fingerprint": fingerprint(problem), "recordings": state.recordings,
         "start": dict(state.start), "changes": dict(state.changes),
     }  # fmt: skip
     make_folder(path.parent)
@@ -95,15 +61,15 @@ def save_state(path: Path, problem: LearningProblem, settings: Learning, state: 
         os.fsync(file.fileno())
 
 
-def load_state(path: Path, problem: LearningProblem, settings: Learning) -> State:
+def load_state(path: Path, problem: LearningProblem) -> State:
     """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable or belongs to
-    another problem.
+    another motion.
     """
     if not path.exists():
         return State()
     head, inputs, outputs = _stored(path)
-    if head["fingerprint"] != fingerprint(problem, settings) or inputs.shape[1:] != problem.reference.shape:
-        message = "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed"
+    if head["fingerprint"] != fingerprint(problem) or inputs.shape[1:] != problem.reference.shape:
+        message = "belongs to another motion: its joints, times or desired positions are others"
         raise InputError(message, file=path, hint="Delete it to start again", code="state-of-another-run")
     trials = (problem.trial(number, *row) for number, row in enumerate(zip(inputs, outputs, strict=True)))
     return State(

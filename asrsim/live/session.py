@@ -18,8 +18,9 @@ from asrsim.live.publisher import Publisher
 from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import command_topic, encoded
+from asrsim.outfile import write_json
 from asrsim.runs.described import LIVE, as_run
-from asrsim.runs.execute import judged, result_metadata, save_summary
+from asrsim.runs.execute import judged, result_metadata
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, Samples
@@ -211,7 +212,7 @@ class Session:
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())
-        save_summary(summary, files["summary"])
+        write_json(files["summary"], summary.as_dict())
         return summary
 
     def figures(self) -> dict[str, Any]:

@@ -69,9 +69,9 @@ degC       1.0                   °C degC
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw
 """
-"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without the blanks beside signs.
-Upper and lower case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the
-user states the size of a count."""
+"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks. Upper and lower
+case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the user states
+the size of a count."""
 UNITS = {
     spelling: Unit(spelling, si, float(factor))
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
@@ -81,21 +81,23 @@ UNITS = {
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
-_NAME, _WORD, _ANOTHER = r"(?P<name>.*?[^_\s])(?:[_\s]in)?[_\s]+", r"[^_\s]+", r"[_\s]+[^_\s]+"
-"""Patterns of a name and the blank or underscore after it, of a word, and of one more word."""
+_GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
+_NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
+"""Patterns of the gap between a name and its unit, of a word, of a name with its gap, and of one more word."""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
         # q1 [deg], but not q[1]
         r"(?P<name>.*[^_\s])[_\s]*[\[(<{](?P<unit>(?!\s*\d+\s*[\])>}])[^\[\](){}<>]+)[\])>}](?P<rest>.*)",
+        r"[\[(<{](?P<unit>[^\[\](){}<>]+)[\])>}]\s*(?P<name>\S.*)",  # [deg] q1
         r"(?P<name>[^/]*[^\s/])[\s/]+(?P<unit>[^\s/]+/[^\s/]+)",  # dq rad/s
         r"(?P<name>[^/]*[^\s/])\s*/\s*(?P<unit>[^\s/]+)",  # t / ms
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
-        rf"{_NAME}(?P<unit>(?!min$)[^_\s]{{2,}}|[°º])",  # q1_deg, but not q_min
+        rf"{_NAME}(?P<unit>(?!min$)[^_\s()\[\]]{{2,}}|[°º])",  # q1_deg, but not q_min or q [1]
         # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
-        r"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*)[_\s](?P<unit>[mNAV])",
-        r"(?P<name>(?:.*[_\s./])?(?:t|time)\d*)[_\s](?P<unit>s|h|min)",  # time_s, t_min
+        rf"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*){_GAP}(?P<unit>[mNAV])",
+        rf"(?P<name>(?:.*[_\s./])?(?:t|time)\d*){_GAP}(?P<unit>s|h|min)",  # time_s, t in min
         r"(?P<name>.+)_(?P<unit>m?deg|mrad|rad|rpm)(?P<rest>_?\d+|\[\d+\])",  # q_deg_1, q_deg[0]
     )
 )
@@ -104,14 +106,12 @@ _HEADERS = tuple(
 
 def find_unit(text: str) -> Unit | None:
     """Unit with this spelling; None if it is unknown."""
-    # Blanks beside a sign mean nothing. Other blanks separate words: `m deg` is not `mdeg`.
-    plain = re.sub(r"\s*([/*^·⋅])\s*", r"\1", text.strip().strip("[](){}<>").strip())
-    plain = re.sub(r"\s+", "_", plain)
+    plain = text.strip().strip("[](){}<>").replace(" ", "")
     for sign, usual in (("º", "°"), ("μ", "µ"), ("²", "^2")):
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    # force times length with any sign between both units: newton-metre, N·m, lbf-ft; but m_Nm is not mNm
+    # force times length with any sign between both units: newton-metre, N·m, lbf-ft; the m of tau_m_Nm means motor
     joined = re.sub("(?<=[A-Za-z])(?<!^m)[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))
@@ -135,7 +135,8 @@ def split_header(header: str) -> tuple[str, Unit | None]:
     text = header.strip(' "')
     for pattern in _HEADERS:
         found = pattern.fullmatch(text)
-        unit = find_unit(found["unit"]) if found else None
+        # Words with a blank between them are no single symbol: `theta m deg` is not in mdeg.
+        unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
         if found and unit is not None:
             return found["name"] + (found.groupdict().get("rest") or ""), unit
     return text, None

@@ -1,10 +1,14 @@
 """Kinematics and dynamics of a robot without its world, in NumPy, at one posture or at many postures at once.
 
-Poses are homogeneous matrices (4, 4). The twist of a body is also a matrix (4, 4): the cross-product matrix of the angular
-velocity, and the velocity of the origin, along the axes of the body. With the pseudo-inertia J of a body, which is the integral
-of x x^T over its mass with x = (position, 1), the load (V' + V V) J of a body with twist V is the integral of the acceleration
-times x^T. The sum of the products of a load and the twist of a joint at unit velocity is a torque of this joint (Legnani et al.
-1996, Mechanism and Machine Theory 31(5)).
+The equations are those of Legnani et al. (1996), Mechanism and Machine Theory 31(5), with matrices (4, 4):
+
+    pose T      homogeneous matrix: rotation, and position of the origin
+    twist V     velocity of a body along its own axes: T' = T V
+    inertia J   pseudo-inertia of a body: the integral of x x^T over its mass, where x = (position, 1)
+    load        (V' + V V) J: the integral of acceleration times x^T
+
+The torque that a body demands of a joint is the sum of the products of the elements of its load and of the twist that the joint
+causes at unit velocity.
 """
 
 from __future__ import annotations
@@ -111,14 +115,22 @@ class RobotModel:
 
     def energy(self, positions: ArrayLike, velocities: ArrayLike) -> Array:
         """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
-        speeds = np.asarray(velocities, dtype=float)[..., None]
-        kinetic = 0.5 * np.swapaxes(speeds, -1, -2) @ self.mass_matrix(positions) @ speeds
-        return np.asarray(kinetic[..., 0, 0] + self.potential(positions))
+        kinetic, potential = self.energies(positions, velocities)
+        return np.asarray(kinetic + potential)
 
-    def potential(self, positions: ArrayLike) -> Array:
-        """Gravitational energy (...,) of the links in J, on a fixed base."""
-        bodies = zip(self._bodies(positions), self._inertias, strict=True)
-        return np.asarray(-sum((body @ inertia)[..., :3, 3] @ self._gravity for body, inertia in bodies))
+    def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
+        """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
+        rates = np.moveaxis(self._all(velocities)[..., None, None] * self._twists, -3, 0)
+        # The pose of each body, and the derivative of the pose with respect to time.
+        poses, motions = [self._base], [np.zeros((4, 4))]
+        for parent, step, rate in zip(self._parents, self._steps(self._all(positions)), rates, strict=True):
+            poses.append(poses[parent] @ step)
+            motions.append(motions[parent] @ step + poses[-1] @ rate)
+        kinetic = potential = np.zeros(())
+        for pose, motion, inertia in zip(poses, motions, self._inertias, strict=True):
+            kinetic = kinetic + 0.5 * np.sum(motion @ inertia * motion, axis=(-2, -1))
+            potential = potential - (pose @ inertia)[..., :3, 3] @ self._gravity
+        return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:
         """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""
@@ -162,7 +174,8 @@ class RobotModel:
 def with_base_joints(robot: Robot) -> Robot:
     """Robot on a fixed base, with six joints in the place of the floating base of `robot`: the root link moves along the axes
     of its frame, then turns about them."""
-    names = [f"base {k}" for k in range(BASE)]
+    # XML does not allow the character 0, so no link of a file has these names.
+    names = [f"\0base {k}" for k in range(BASE)]
     joints = (
         Joint(name=names[k], kind="revolute" if k > 2 else "prismatic", parent=names[k], child=child, axis=AXES[k % 3])
         for k, child in enumerate((*names[1:], robot.root.name))

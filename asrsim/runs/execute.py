@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter
-from asrsim.outfile import write_text
+from asrsim.outfile import write_json
 from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
@@ -80,8 +80,7 @@ def execute(
         InputError, SimulationError: The run cannot be built.
         OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
     """
-    if cross_check:
-        accuracy.require_other_engine(scenario)
+    other = accuracy.other_engine(scenario.engine, required=cross_check)
     earlier = open_folder(folder, scenario, overwrite=overwrite) if folder is not None else ()
     error: DivergenceError | None = None
     certificate: dict[str, Any] = {}
@@ -114,8 +113,8 @@ def execute(
     summary = judged(scenario, run, collectors[0], samples=samples)
     files = {} if log is None else {"log": log}
     summary = replace(summary, certificate=certificate, files=files, replaced=earlier)
-    if run.status == "complete" and (cross_check or (certify and accuracy.other_engine(scenario.engine))):
-        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, robot, progress=certifying))
+    if run.status == "complete" and other is not None and (cross_check or certify):
+        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, other, robot, progress=certifying))
     return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
 
 
@@ -141,13 +140,8 @@ def write_summary(executed: Executed) -> Executed:
         return executed
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
-    save_summary(summary, path)
+    write_json(path, summary.as_dict())
     return replace(executed, summary=summary)
-
-
-def save_summary(summary: RunSummary, path: Path) -> None:
-    """Write a summary to a file. Raises OutputError."""
-    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:

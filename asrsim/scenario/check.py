@@ -60,12 +60,15 @@ def robot_of(scenario: Scenario) -> Robot:
     return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
 
 
-def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[Problem], list[Problem]]:
+def check_against_robot(
+    scenario: Scenario, robot: Robot | None, *, propose: bool = False
+) -> tuple[list[Problem], list[Problem]]:
     """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
 
     Checks that depend on an invalid value are skipped.
 
-    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
+    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read. propose: Propose
+    parameters that hold an arm which would fall, which takes some time.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
@@ -85,7 +88,7 @@ def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[P
     from asrsim.kinematics.sizing import problems_of_weight, sizing
 
     warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
-    return [], [*warnings, *problems_of_weight(sizing(scenario, changed), changed, scenario.path)]
+    return [], [*warnings, *problems_of_weight(sizing(scenario, changed, propose=propose), changed, scenario.path)]
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:

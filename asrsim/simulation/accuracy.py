@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -55,7 +56,8 @@ class Comparison:
     def __iter__(self) -> Iterator[float]:
         """Simulate and compare all runs block by block, and yield the simulated times in s. Raises DivergenceError."""
         scenario = self._runs[0].scenario
-        for blocks in zip(*map(_motion, self._runs), strict=True):
+        substeps = sum(run.last_substep(None) for run in self._runs)
+        for blocks in zip(*(_motion(run, substeps) for run in self._runs), strict=True):
             difference = np.abs([one - other for one, other in combinations(blocks, 2)])
             self._largest = np.maximum(self._largest, difference.max(axis=1))
             self._squares += (difference**2).sum(axis=1)
@@ -70,10 +72,13 @@ class Comparison:
         return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
 
 
-def _motion(prepared: Prepared) -> Iterator[Array]:
-    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError."""
+def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
+    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError.
+
+    substeps: number of substeps of all runs that are compared, from which the loop is chosen.
+    """
     length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
-    with Simulation(prepared, record=True, names=COMPARED) as simulation:
+    with Simulation(prepared, record=True, names=COMPARED, expected_substeps=substeps) as simulation:
         for end in range(length, simulation.last + length, length):
             simulation.advance_to(min(end, simulation.last) + 1)
             values = simulation.samples.values
@@ -135,39 +140,38 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
     return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
 
 
-def other_engine(engine: str) -> str | None:
-    """Name of the first installed engine with dynamics other than `engine`; None if there is none, or `engine` has no
-    dynamics."""
-    if ENGINES.get(engine).prescribed:
-        return None
+def other_engine(engine: str, *, required: bool = False) -> str | None:
+    """Name of the first installed engine with dynamics other than `engine`; None if there is none, or `engine` has no dynamics.
+    required: raise SimulationError instead."""
     entries = ((name, ENGINES.get(name)) for name in ENGINES.names() if name != engine)
-    return next((name for name, entry in entries if entry.available and not entry.prescribed), None)
-
-
-def require_other_engine(scenario: Scenario) -> str:
-    """Name of the engine for a cross-check of the scenario. Raises SimulationError if there is none."""
-    other = other_engine(scenario.engine)
-    if other is None:
+    others = [name for name, entry in entries if entry.available and not entry.prescribed]
+    if others and not ENGINES.get(engine).prescribed:
+        return others[0]
+    if required:
         raise SimulationError(
-            f"there is no other engine to compare '{scenario.engine}' with: a cross-check needs two installed engines with "
+            f"there is no other engine to compare '{engine}' with: a cross-check needs two installed engines with "
             "dynamics, such as bullet (package pybullet) and mujoco (package mujoco-core)"
         )
-    return other
+    return None
 
 
 @blame_laws()
 def cross_check(
-    scenario: Scenario, run: Run, robot: Robot | None = None, *, progress: Callable[[str, float], None] | None = None
+    scenario: Scenario,
+    run: Run,
+    other: str,
+    robot: Robot | None = None,
+    *,
+    progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, Any]:
-    """Repeat a run in another engine and compare the motions.
+    """Repeat a run in the engine `other` and compare the motions.
 
     robot: the robot as read from its file. progress: function that receives the name of the engine and its simulated time.
     Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
     of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
-    empty if the engines agree or may differ; `note`: explanation of the differences. Raises SimulationError if there is no
-    other engine.
+    empty if the engines agree or may differ; `note`: explanation of the differences.
     """
-    other, version = require_other_engine(scenario), ""
+    version = other
     names = [joint.name for joint in run.robot.moving_joints]
     contacts, finding, note = not scenario.world.empty, "", ""
     same = _finer(scenario, run, 1)
@@ -176,10 +180,10 @@ def cross_check(
     try:
         repeated = prepare(replace(same, engine=other), robot)
         version = repeated.info.metadata["engine_version"]
-        found, fault = _differences(own, repeated, other, progress)
-        if fault:
-            message = f"the run diverges with {other}: {fault}"
-            finding, note = ("", message) if contacts else (message, "")
+        found = _differences(own, repeated, other, progress)
+    except DivergenceError as error:
+        message = f"the run diverges with {other}: {error}"
+        finding, note = ("", message) if contacts else (message, "")
     except AsrsimError as error:
         note = f"{other} cannot run this: {error}"
     difference = np.nan_to_num(found[:, 0])
@@ -189,8 +193,9 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference[worst] > LIMIT and not finding:
-        effect, fault = _differences(own, _nudged(own), "sensitivity", progress)
-        sensitivity = math.inf if fault else float(effect[:, 0].max())
+        sensitivity = math.inf
+        with suppress(DivergenceError):
+            sensitivity = float(_differences(own, _nudged(own), "sensitivity", progress)[:, 0].max())
         if difference[worst] <= SENSITIVE * sensitivity:
             note = (
                 f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
@@ -204,23 +209,18 @@ def cross_check(
     values = {name: map(finite_or_none, row) for name, row in zip(names, found.tolist(), strict=True)}
     joints = {name: dict(zip(MEASURES, row, strict=True)) for name, row in values.items()}
     return {
-        "engine": scenario.engine, "other": other, "versions": [run.info.metadata["engine_version"], version or other],
+        "engine": scenario.engine, "other": other, "versions": [run.info.metadata["engine_version"], version],
         "contacts": contacts, "joints": joints, "finding": finding, "note": note, "agrees": not finding,
     }  # fmt: skip
 
 
-def _differences(
-    one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None
-) -> tuple[Array, str]:
-    """Differences (joints, `MEASURES`) between two runs, and the message of a divergence; then the differences are NaN."""
+def _differences(one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None) -> Array:
+    """Differences (joints, `MEASURES`) between two runs. Raises DivergenceError."""
     comparison = Comparison([one, other])
-    try:
-        for time in comparison:
-            if progress is not None:
-                progress(title, time)
-    except DivergenceError as error:
-        return np.full((len(one.drives), len(MEASURES)), np.nan), str(error)
-    return comparison.measures[0], ""
+    for time in comparison:
+        if progress is not None:
+            progress(title, time)
+    return np.asarray(comparison.measures[0])
 
 
 def _nudged(prepared: Prepared) -> Prepared:

@@ -49,7 +49,7 @@ class BoundEngine:
     def give_back(self, record: Any) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
-    def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
+    def _step(self, record: Any, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
         if self._watch is not None:
             self._watch()
         # Most kicks pass the same arrays. `asrsim.engines.rigid.Calculation` keeps the addresses of these arrays, which halves
@@ -110,8 +110,10 @@ class CalledEngine(BoundEngine):
         # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
-                forces = _numbers_at(wrenches, (pieces, self._wrenches, 6)) if self._wrenches else NO_WRENCHES
-                self._step(None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
+                forces = NO_WRENCHES if pieces == 1 else np.zeros((pieces, 0, 6))
+                if self._wrenches:
+                    forces = _numbers_at(wrenches, (pieces, self._wrenches, 6))
+                self._step(None, None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:
             self._raised = error

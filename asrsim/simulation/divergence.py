@@ -63,10 +63,10 @@ class EnergyGuard:
             return None
         positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
-        kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
-        created = float(kinetic + model.potential(positions) - self._start - given.sum() - residual.sum())
+        kinetic, potential = model.energies(positions, velocities)
+        created = float(kinetic + potential - self._start - given.sum() - residual.sum())
         # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
-        self._fastest = max(self._fastest, kinetic)
+        self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return self._joints[int(turnover.argmax())].name, f"the links hold {created:.3g} J that nothing gave them"
         return None

@@ -156,7 +156,7 @@ class Inputs:
 
 def signals_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> list[list[Signal]]:
     """External torque and references of each joint."""
-    slots = range(max((drive.positions for drive in drives), default=2))
+    slots = range(max(drive.positions for drive in drives))
     return [
         [for_joint(scenario.external_torques, drive.name, REST), *(_reference(scenario, drive, j, slot) for slot in slots)]
         for j, drive in enumerate(drives)

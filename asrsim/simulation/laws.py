@@ -19,22 +19,21 @@ UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Errors that `math` raises if a law has no finite value."""
 
 
-def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, torques: int, whole: int) -> None:
-    """Store the torques of the springs in N m in s[torques:], for a link at q rad, motors at s[thetas:], parameters p[law:].
-
-    whole: 1 to also store the stiffness in N m/rad and the energy in J in s[STIFFNESS:].
-    """
-    address(q, s, thetas, p, law, torques, whole)
+def call(address: Any, *arguments: Any) -> None:
+    """Call the function at an address."""
+    address(*arguments)
 
 
-def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
-    """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
-    address(s, p, k, u, h, note)
-
-
-def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, lengths: Any, pieces: int) -> None:
-    """Advance the engine by one step; see `asrsim.engines.base`. pieces: number of pieces of the kick."""
-    address(x, exchange, wrenches, lengths, pieces)
+spring_law = call
+"""Arguments: address, s, thetas, torques, p, law, q, whole. Stores the torques of a joint's springs in N m in s[torques:]. The
+link is at q rad, the motors are at s[thetas:], and the parameters are p[law:]. whole: 1 to also store the stiffness in N m/rad
+and the energy in J in s[STIFFNESS:]."""
+joint_step = call
+"""Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
+`asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
+engine_step = call
+"""Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step (`asrsim.engines.base`).
+pieces: number of pieces of the kick."""
 
 
 def row(table: Any, j: int) -> Any:
@@ -61,7 +60,7 @@ def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)
 
-    def laws(q: float, s: Any, thetas: int, p: Any, law: int, result: int, whole: int) -> None:
+    def laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
         positions, parameters = s[thetas : thetas + motors], tuple(p[law : law + count])
         try:
             found = torques(q, *positions, parameters)

@@ -37,7 +37,7 @@ def bound_law(actuator: Any, motors: int) -> compiling.Callback:
         "row": compiling.row_at(),
     }  # fmt: skip
     try:
-        return compiling.compile_law(_laws, names, "daiaiii")
+        return compiling.compile_law(_laws, names, "aiiaidi")
     except Exception as error:
         reason = str(error).strip().splitlines()[0]
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
@@ -45,24 +45,24 @@ def bound_law(actuator: Any, motors: int) -> compiling.Callback:
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
 # the world stops and the error names the joint.
-def _laws(q: float, s: int, thetas: int, p: int, law: int, torques: int, whole: int) -> None:
-    state = row(s)
+def _laws(s: int, thetas: int, result: int, p: int, law: int, q: float, whole: int) -> None:
     try:
-        _put_laws(q, s + 8 * thetas, p + 8 * law, state, torques, whole)
+        _put_laws(row(s), thetas, result, row(p), law, q, whole)
     except Exception:
-        state[torques] = np.nan
+        row(s)[result] = np.nan
 
 
-def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: int) -> None:
+def _put_laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    values = torques(q, *positions(thetas), parameters(law))
+    given = q, *positions(s, thetas), parameters(p, law)
+    values = torques(*given)
     known = 0.0, 0.0
     if whole != 0:
-        known = stiffness(q, *positions(thetas), parameters(law)), energy(q, *positions(thetas), parameters(law))
+        known = stiffness(*given), energy(*given)
     for i in range(len(values)):
-        state[result + i] = values[i]
+        s[result + i] = values[i]
     if whole != 0:
-        state[STIFFNESS], state[LAW_ENERGY] = known
+        s[STIFFNESS], s[LAW_ENERGY] = known
 
 
 def bound_step(function: Any) -> compiling.Callback:
@@ -91,7 +91,6 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    word = ir.IntType(64)
 
     def passed(*given: Any) -> Any:
         """Numba signature and code generator of a call of the C function whose address is the first argument. Arrays are passed
@@ -103,8 +102,7 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
-            # The loops over motors and columns are short: unrolled or vectorised versions of them would cost 5 to 10 % of the
-            # time.
+            # The loops over motors and columns are short: unrolled versions of them would cost 5 % of the time.
             builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)
@@ -112,16 +110,11 @@ def _pointers() -> dict[str, Any]:
 
         return signature, generate
 
-    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, torques: Any, whole: Any) -> Any:
-        return passed(address, q, s, thetas, p, law, torques, whole)
+    def call_law(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any) -> Any:
+        return passed(address, a, b, c, d, e, f, g)
 
-    def call_engine(
-        typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, lengths: Any, pieces: Any
-    ) -> Any:
-        return passed(address, record, x, exchange, wrenches, lengths, pieces)
-
-    def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
-        return passed(address, s, p, k, u, h, note)
+    def call_step(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+        return passed(address, a, b, c, d, e, f)
 
     def find_row(typing: Any, table: Any, j: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -131,15 +124,7 @@ def _pointers() -> dict[str, Any]:
 
         return kinds.CPointer(table.dtype)(table, kinds.int64), generate
 
-    def read_numbers(typing: Any, p: Any, at: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            first = builder.gep(arguments[0], [arguments[1]])
-            values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(MOTOR_NUMBERS)]
-            return context.make_tuple(builder, signature.return_type, values)
-
-        return kinds.UniTuple(kinds.float64, MOTOR_NUMBERS)(p, kinds.int64), generate
-
     return {
-        "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
-        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers), "row": intrinsic(find_row),
+        "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_step), "joint_step": intrinsic(call_step),
+        "numbers": compiling.numbers_reader(MOTOR_NUMBERS), "row": intrinsic(find_row),
     }  # fmt: skip

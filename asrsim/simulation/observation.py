@@ -61,8 +61,8 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
     """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of a substep in s."""
     motors = np.full((4, *state.shape[:-1]), np.nan)
     dynamic = [drive.dynamic_motors for drive in drives]
-    lag = drives[0].stepping.first_drift * substep if drives else 0.0
-    for i in range(min(max(dynamic, default=0), 2)):
+    lag = drives[0].stepping.first_drift * substep
+    for i in range(min(max(dynamic), 2)):
         m = FIRST_MOTOR + i * PER_MOTOR
         # A slice is several times faster than a list of all joints.
         joints: Any = slice(None) if min(dynamic) > i else [j for j, count in enumerate(dynamic) if count > i]

@@ -89,7 +89,7 @@ class RowColumns:
         """Mask (joints, columns) of the quantities that the joints do not record."""
         recorded = [recorded_quantities(drive) for drive in drives]
         mask = [[name not in own for name in self.place] for own in recorded]
-        return np.array(mask, dtype=bool).reshape(len(drives), len(self.place))
+        return np.array(mask, dtype=bool)
 
     def check(self, names: Sequence[str]) -> None:
         """Raise InputError for names that are not recorded."""

@@ -91,9 +91,9 @@ class RowShape:
 def shape_of(drives: Sequence[SteppedJoint]) -> RowShape:
     """Sizes of the rows that these joints need."""
     return RowShape(
-        motors=max((drive.positions for drive in drives), default=2),
+        motors=max(drive.positions for drive in drives),
         ring=max((2 * (drive.sensor.delay + 2) + 3 for drive in drives if drive.sensor), default=0),
-        parameters=max((len(drive.elastic) for drive in drives), default=0),
+        parameters=max(len(drive.elastic) for drive in drives),
     )
 
 
@@ -177,7 +177,6 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
 
 def tables(prepared: Prepared, shape: RowShape) -> tuple[NDArray[np.int64], Array]:
     """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
-    kinds = np.array([kind_of(drive, shape) for drive in prepared.drives], dtype=np.int64).reshape(-1, KINDS)
+    kinds = np.array([kind_of(drive, shape) for drive in prepared.drives], dtype=np.int64)
     options: Any = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
-    constants = [constants_of(drive, shape, **options) for drive in prepared.drives]
-    return kinds, np.array(constants).reshape(-1, shape.constants)
+    return kinds, np.array([constants_of(drive, shape, **options) for drive in prepared.drives])

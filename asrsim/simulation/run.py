@@ -158,8 +158,7 @@ def _slow(reason: str) -> Iterator[Problem]:
     """A warning if the loop ran in Python although a compiled loop would have been faster."""
     if reason:
         message = f"the loop ran in plain Python, several times slower than compiled: {reason}"
-        missing = not available()
-        yield Problem(message, hint="pip install numba" if missing else "", code="slow-loop")
+        yield Problem(message, hint="" if available() else "pip install numba", code="slow-loop")
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> Iterator[Problem]:

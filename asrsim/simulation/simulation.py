@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from operator import index
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.divergence import runaway
-from asrsim.simulation.inputs import LONGEST, chunk_at
+from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
-from asrsim.simulation.worlds import Worlds, whole_steps
+from asrsim.simulation.worlds import Worlds, count_of, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -115,16 +112,14 @@ class Simulation:
     def advance(self, steps: int = 1) -> None:
         """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to the
         divergence."""
-        if index(steps) < 0:
-            raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
-        self.advance_to(self.substep + index(steps) * self.substeps)
+        self.advance_to(self.substep + count_of(steps) * self.substeps)
 
     def advance_to(self, end: int) -> None:
         """Advance until `end` substeps are done."""
         self._world.check_open()
         while self.substep < end:
             before = self.substep
-            boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
+            boundary = self.next_chunk(self.total if before < self.total else end)
             length = min(end, boundary) - before
             rows = self._world.go_on(ONE, length)
             if self.recording.active:
@@ -258,5 +253,5 @@ class Simulation:
     def __enter__(self) -> Simulation:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

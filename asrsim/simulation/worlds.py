@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import index
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -172,9 +171,7 @@ class Worlds:
 
     def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
         """Advance by a number of steps. worlds: mask (N,) or list of numbers; None: all. Diverged worlds do not move."""
-        if index(steps) < 0:
-            raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
-        self._run(self._numbers(worlds), index(steps) * self.substeps, keep=False)
+        self._run(self._numbers(worlds), count_of(steps) * self.substeps, keep=False)
 
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
         """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
@@ -435,10 +432,8 @@ class Worlds:
         """Quantities of a run of the worlds from their start; see `rollout`."""
         self.columns.check(names)
         numbers = self._numbers(worlds)
-        total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
-        if total < 1:
-            raise InputError("must not be negative", key="steps", value=steps, code="steps")
-        rows = self._run(numbers, total, keep=True)
+        total = self.prepared.scenario.steps if steps is None else count_of(steps)
+        rows = self._run(numbers, total * self.substeps + 1, keep=True)
         for own, absent in zip(rows, self._absent[numbers], strict=True):
             own[:, absent] = np.nan
         return {name: values.copy() for name, values in self.columns.values(rows, names).items()}
@@ -493,7 +488,7 @@ class Worlds:
     def __enter__(self) -> Worlds:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -504,6 +499,13 @@ def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
         return np.broadcast_to(np.asarray(values, dtype=float), shape)
     except (TypeError, ValueError) as error:
         raise InputError(f"must be numbers of the shape {shape}", key=name, value=values, code="shape") from error
+
+
+def count_of(steps: int) -> int:
+    """The number of steps as a Python integer. Raises InputError if it is negative."""
+    if index(steps) < 0:
+        raise InputError("must not be negative: restore a snapshot or reset to go back", key="steps", value=steps, code="steps")
+    return index(steps)
 
 
 def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:

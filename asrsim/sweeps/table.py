@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import InputError, did_you_mean
 from asrsim.extras import library
 from asrsim.samples import Array
-from asrsim.sweeps.folder import checked_files, read_manifest, read_rows, schema_of
+from asrsim.sweeps.store import checked_files, read_manifest, read_rows, schema_of
 from asrsim.sweeps.study import Study
 
 BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")

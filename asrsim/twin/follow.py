@@ -41,8 +41,8 @@ class Followed:
     """Estimates of a twin over a recording; arrays are (n, joints), see `asrsim.twin.TwinStep`."""
 
     joints: tuple[str, ...]
-    prismatic: tuple[bool, ...]
-    """Whether each joint is prismatic."""
+    units: Mapping[str, tuple[str, ...]]
+    """Units of each joint's values, by field of `UNITS`."""
     time: Array
     """Times (n,) on the clock of the commands, s."""
     external_torque: Array
@@ -53,10 +53,6 @@ class Followed:
     notes: tuple[str, ...]
     """Messages about faults of the recording and of the steps."""
     interrupted: bool = False
-
-    def units(self, field: str) -> list[str]:
-        """Unit of a field of `UNITS` for each joint: a prismatic joint has forces and lengths."""
-        return [linear_unit(UNITS[field]) if slides else UNITS[field] for slides in self.prismatic]
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
         """Start and end of each alarm of a joint, s."""
@@ -143,8 +139,10 @@ def follow(
             rows.append(np.array([getattr(found, name) for name in FIELDS]))
             notes += [f"{at:.3f} s: {note}" for note in found.notes]
     table = dict(zip(FIELDS, np.array(rows).swapaxes(0, 1), strict=True))
+    slides = [drive.joint.kind == "prismatic" for drive in ready.drives]
+    units = {field: tuple(linear_unit(unit) if sliding else unit for sliding in slides) for field, unit in UNITS.items()}
     return Followed(
-        joints=tuple(names), prismatic=tuple(drive.joint.kind == "prismatic" for drive in ready.drives), time=time[: len(rows)],
+        joints=tuple(names), units=units, time=time[: len(rows)],
         notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
         **{**table, "alarm": table["alarm"] == 1.0},
     )  # fmt: skip
@@ -155,9 +153,7 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
     played = {(one.joint, one.slot): one for one in plan.played}
     found: dict[str, dict[str, Signal]] = {drive.name: {} for drive in ready.drives}
     for drive in ready.drives:
-        # A series elastic actuator (SEA) has one reference in every mode.
-        count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
-        for slot, reference in enumerate(drive.references[:count]):
+        for slot, reference in enumerate(drive.acting_references):
             if (one := played.get((drive.name, slot))) is None:
                 notes.append(f"{drive.name}: no command {reference} is recorded, so it follows the scenario")
                 continue
@@ -190,11 +186,10 @@ def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
     """Write twin.csv and twin.png, and return their paths. Raises OutputError."""
-    units = {field: found.units(field) for field in UNITS}
     headings, columns = ["time [s]"], [found.time]
     for j, joint in enumerate(found.joints):
-        headings += [*(f"{joint}.{field} [{of_joints[j]}]" for field, of_joints in units.items()), f"{joint}.alarm"]
-        columns += [getattr(found, field)[:, j] for field in (*units, "alarm")]
+        headings += [*(f"{joint}.{field} [{units[j]}]" for field, units in found.units.items()), f"{joint}.alarm"]
+        columns += [getattr(found, field)[:, j] for field in (*UNITS, "alarm")]
     path = make_folder(folder) / "twin.csv"
     write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack(columns))}", "twin")
 
@@ -205,10 +200,10 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
         left.plot(found.time, torque, linewidth=0.9)
         most = 1.1 * np.nanmax([*np.abs(torque), np.median(limit)])
         left.set_ylim(-most, most)
-        left.set_ylabel(f"{found.joints[j]}\nexternal torque [{units['external_torque'][j]}]", fontsize="small")
+        left.set_ylabel(f"{found.joints[j]}\nexternal torque [{found.units['external_torque'][j]}]", fontsize="small")
         left.legend(fontsize="x-small", loc="upper right")
         right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
-        right.set_ylabel(f"stiffness [{units['stiffness'][j]}]", fontsize="small")
+        right.set_ylabel(f"stiffness [{found.units['stiffness'][j]}]", fontsize="small")
         right.set_ylim(bottom=0.0)
 
     return [path, *(save_pairs(folder / "twin.png", len(found.joints), draw) if plot else [])]

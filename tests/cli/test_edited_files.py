@@ -17,8 +17,6 @@ from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
-from asrsim.scenario.blocks import Learning
-from asrsim.signals.pieces import Constant
 from support.edits import edits
 
 
@@ -93,15 +91,14 @@ def test_edited_summaries(tmp_path, run, seed, most):
 def _learned():
     numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
     problem = LearningProblem(joints=("a", "b"), time=np.arange(10.0), reference=numbers, first_guess=numbers)
-    settings = Learning(trajectory={"a": Constant(value=0.0)}, tolerance=0.1)
-    return problem, settings, problem.trial(0, numbers, 0.5 * numbers, 1.0)
+    return problem, problem.trial(0, numbers, 0.5 * numbers, 1.0)
 
 
 @pytest.mark.parametrize("flips", [60, pytest.param(3000, marks=pytest.mark.slow)])
 def test_flipped_bits_of_a_learning_state(tmp_path, flips):
-    problem, settings, trial = _learned()
+    problem, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, problem, settings, State(trials=(trial,), recordings=("a",)))
+    save_state(path, problem, State(trials=(trial,), recordings=("a",)))
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):
@@ -109,7 +106,7 @@ def test_flipped_bits_of_a_learning_state(tmp_path, flips):
         data[generator.integers(len(data))] ^= 1 << int(generator.integers(8))
         path.write_bytes(data)
         try:
-            again = load_state(path, problem, settings)
+            again = load_state(path, problem)
         except InputError:
             continue
         assert np.array_equal(again.trials[0].inputs, trial.inputs)

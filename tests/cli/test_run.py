@@ -198,6 +198,8 @@ def test_ctrl_c_during_compilation_ends_the_command():
         assert interruption.stop()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
+    with Interruption():
+        assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from asrsim.learning import learn
 from asrsim.learning.hardware import next_input
-from asrsim.learning.model import learning_model
-from asrsim.learning.prepared import prepare_learning
+from asrsim.learning.prepared import learning_model, prepare_learning
 from support.lessons import inputs_in, plant_of, play, record
 from support.soft_arm import perturbed, random_arm
 
@@ -50,8 +49,7 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
         joints = zip(arm.joints, limits.tolist(), strict=True)
         weak = replace(arm, joints=tuple({**joint, "motor_1_max_torque": limit} for joint, limit in joints))
         plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
-        model = learning_model(plant)
-        prepared = prepare_learning(plant, model)
+        prepared = prepare_learning(plant)
         found = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
         true = learn(
             prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,

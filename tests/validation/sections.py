@@ -90,7 +90,7 @@ SECTIONS: tuple[Section, ...] = (
         title="Independent dynamics",
         text=(
             "Mass matrix, gravity torques and velocity torques of the engines are compared with Pinocchio at 20 random "
-            "states for each robot."
+            "states for each robot, by single steps."
         ),
         measures=(dynamics.rigid_body,),
         needs="pinocchio",

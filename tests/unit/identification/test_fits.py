@@ -1,6 +1,7 @@
 """`asrsim identify` on recordings with known true parameters."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.fitted import joint_of
-from support.identify_files import BENCH, CHIRP, SEA, bench, record, save, write
+from support.identify_files import BENCH, CHIRP, SEA, bench, prepared, record, save, write
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -164,6 +165,36 @@ def test_the_written_robot_keeps_the_layout_of_its_file(lab, tmp_path, asrsim_co
     assert load_robot(tmp_path / "lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
 
 
+def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
+    source = tmp_path / "lab.urdf.xacro"
+    source.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>')
+    files, said = write_robot(replace(fitted, robot=replace(fitted.robot, path=source)), tmp_path)
+    assert (files[0].name, "expanded URDF" in said[-1]) == ("lab.urdf", True)
+    assert load_robot(files[0]).joint("joint_1").damping == pytest.approx(fitted.find("joint_1.damping").value, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("mode", "unit", "quantity", "reason"),
+    [
+        (0, "N m", "elastic_torque_1 [N m]", "has no spring"), (3, "rad", "motor_1_position [rad]", "stand at their"),
+        (6, "rad", "link_velocity [rad/s]", "compute velocities"), (3, "rad", "elastic_torque_1 [N m]", "never changes"),
+    ],
+)  # fmt: skip
+def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, unit, quantity, reason):
+    time, noise = np.arange(0.0, 4.0, 2e-3), 1e-3 * np.random.default_rng(0).normal(size=(2, 2000))
+    columns = {
+        "time [s]": time,
+        f"joint_1.reference_1 [{unit}]": np.sin(time),
+        "joint_1.link_position [rad]": np.sin(time) + noise[0],
+    }
+    columns[f"joint_1.{quantity}"] = np.full(2000, 0.5) if reason == "never changes" else np.cos(time) + noise[1]
+    with ExitStack() as stack:
+        data = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=mode).tracks[0].data
+        assert [channel.quantity for channel in data.channels] == ["link_position"]
+        (remark,) = (one for one in data.remarks if one.endswith(f"joint_1.{quantity.partition(' ')[0]}"))
+    assert reason in remark
+
+
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     """If only ratios are identified, a torque sensor is proposed."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
@@ -188,11 +219,13 @@ def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     recording = record(true, tmp_path / "data/a.csv", late=6, every=every)
     play = "{playback: {file: data/a.csv, column: joint_1.reference_1}}"
     scenario = write(tmp_path, "lab", GUESS, f"{{equilibrium_position: {play}}}")
+    scenario.write_text(f"{scenario.read_text()}parameters: {{joint_1: {{motor_1_max_torque: 9.0}}}}\n")
     free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
     (tmp_path / "fits/one").mkdir(parents=True)
     files, said = write_robot(identify(scenario, [recording], free=free), tmp_path / "fits/one")
     assert not said
     run = asrsim.run(files[1])
+    assert run.run.scenario.parameters["joint_1"]["motor_1_max_torque"] == 9.0
     recorded = np.genfromtxt(recording, delimiter=",", names=True)
     found = np.interp(recorded["time_s"], run.samples.time, run.samples.joint("joint_1")["link_position"])
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)

@@ -253,6 +253,15 @@ def test_an_extension_promises_what_it_would_explain(seed):
     assert extended(problem, x, propose, most=1, enough=lambda *_: False).chosen == ()
 
 
+def test_of_two_extensions_that_explain_everything_the_simpler_is_adopted():
+    noise, one, two, other = np.random.default_rng(0).normal(size=(4, 500))
+    problem = modelled(lambda x: np.stack([other, one, two], axis=1) @ x + 3.0 * one + noise, 3, 500)
+    first, *both = problem.layout.entries
+    alone = replace(problem, layout=replace(problem.layout, entries=(first,)))
+    kinds = [lambda *_: [Extension(text=str(count), parameters=tuple(both[:count])) for count in (2, 1)]]
+    assert extended(alone, np.zeros(1), kinds, most=1, enough=lambda *_: False).chosen[0].text == "1"
+
+
 def test_an_extension_that_later_ones_replace_is_removed():
     """Residuals are the sum of two shapes. A third shape resembles the sum, so it is adopted first, and is then useless."""
     one, two, three, other = np.random.default_rng(0).normal(size=(4, 500))

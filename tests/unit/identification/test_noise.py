@@ -17,7 +17,9 @@ from asrsim.identification.noise import (
     size_of,
 )
 from asrsim.identification.problem import huber
+from asrsim.identification.search import has_outliers, refined
 from asrsim.identification.track import first_samples
+from support.identify_files import modelled
 
 
 def test_noise_and_steps_are_found_in_a_smooth_record():
@@ -44,6 +46,21 @@ def test_the_size_of_residuals_counts_outliers_little():
     lone[7] = 1e6
     assert size_of(lone) == pytest.approx((0.999 + 0.001 * (CLIPPED / 0.6745) ** 2) ** 0.5)
     assert lag_correlation(plain) == pytest.approx(-0.999)
+
+
+def test_residuals_that_are_large_alone_are_outliers():
+    white = np.random.default_rng(0).normal(size=4000)
+    for places, are_outliers in ([], False), (slice(0, None, 200), True), (slice(100, 200), False), ([7], False):
+        values = white.copy()
+        values[places] = 50.0
+        assert has_outliers(values) == are_outliers, places
+
+
+def test_lone_outliers_do_not_move_an_estimate():
+    """Least squares would be off by .025, the mean of the outliers over the slope."""
+    values = np.random.default_rng(0).normal(size=4000)
+    values[::200] = 50.0
+    assert refined(modelled(lambda x: values + 10.0 * x[0], 1, 4000), np.zeros(1), 20) == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_swing_stands_out_of_white_and_of_correlated_noise():

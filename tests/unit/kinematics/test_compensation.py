@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asrsim.actuators import AwasII, Bavs, QbMove, Sea
+from asrsim.actuators import Actuator, AwasII, Bavs, Parameter, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibria_for_loads
@@ -17,10 +17,26 @@ def equilibrium_for_load(drive, position, load, preset, *, droop=False):
 
 def rest(drive, position, references):
     """Positions of the motors of one instant."""
-    return resting_motors(drive, np.array([position]), np.array(references)[:, None])[0][:, 0]
+    return resting_motors(drive, np.array([position]), np.array(references)[:, None], limited=False)[0][:, 0]
+
+
+class Three(Actuator):
+    """Three motors with one linear spring each, and a reference map that is not linear."""
+
+    name, title, source, motors = "three", "Three", "test", 3
+    parameters = (Parameter(name="k", default=2.0, unit="N m/rad", doc="stiffness"),)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, theta_3, parameters):
+        return tuple(parameters[0] * (theta - q) for theta in (theta_1, theta_2, theta_3))
+
+    @staticmethod
+    def motor_references(equilibrium, preset):
+        return equilibrium, equilibrium + preset, equilibrium + equilibrium**3
 
 
 CASES = {
+    "three": (Three, (2.0,), 0.3, (-2.0, 0.0, 3.0)),
     "sea": (Sea, (200.0, 0.8), 0.0, (-120.0, -0.0785, 0.0, 3.0, 159.0)),
     "awas_ii": (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), 0.005, (-0.5, 0.0, 0.0785, 0.7)),
     "bavs": (Bavs, (1.21e-6, 2.38e-6, 1.6e5, 8.71, 0.27), 0.1, (-3.0, 0.0, 0.5, 2.0)),

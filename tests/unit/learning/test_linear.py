@@ -9,8 +9,8 @@ import pytest
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics.drive_inverse import DesiredMotion
 from asrsim.learning.linear import linearise_along, spring_slopes
-from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import EVERY, InputSplines, lift
+from asrsim.learning.prepared import learning_model
 from support.lessons import plant_of
 from support.robots import drive_with
 from support.soft_arm import random_arm

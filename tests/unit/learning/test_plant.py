@@ -1,6 +1,5 @@
 """Learning on the simulated robot: problem from the scenario, playback of the result, varied plants."""
 
-import json
 import re
 from itertools import pairwise
 
@@ -9,11 +8,9 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.learning import learn
-from asrsim.learning.model import learning_model
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.session import run_session
-from asrsim.learning.state import identity_of
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
@@ -51,8 +48,7 @@ def holds(scenario, robot=None):
 
 
 def solve(chosen):
-    model = learning_model(chosen)
-    prepared = prepare_learning(chosen, model)
+    prepared = prepare_learning(chosen)
     return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
 
 
@@ -102,33 +98,6 @@ def test_the_claim_of_a_playback_fails_on_another_robot(tmp_path):
     assert error <= claim.value <= 1.01 * error
     heavier = varied_robot(chosen.robot, {chosen.robot.joint("joint_1").child: {"mass": 0.56}})
     assert not holds(scenario, heavier)
-
-
-def test_a_session_writes_what_it_promises(tmp_path):
-    run_session(plant(ilc={"max_iterations": 2, "tolerance": 1e-6}), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
-    }  # fmt: skip
-    data = json.loads((tmp_path / "ilc.json").read_text())
-    assert data["outcome"] == "exhausted"
-    assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
-
-
-def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
-    """The robot's text under the same path, any number of the scenario, the contents of files that are exchanged."""
-    robot, files = tmp_path / "arm.urdf", [tmp_path / name for name in ("a.csv", "b.csv")]
-    tables = [f"time [s],torque [N m]\n0,0\n1.5,{size}\n" for size in (0.0, 0.01)]
-    torque, motor = ({"playback": {"file": str(file), "column": "torque"}} for file in files)
-    found = set()
-    for text in (CUBE.read_text(), re.sub(r'mass value="[^"]*"', 'mass value="0.3"', CUBE.read_text())):
-        robot.write_text(text)
-        for order in (tables, tables[::-1], tables[:1] * 2):
-            for file, table in zip(files, order, strict=True):
-                file.write_text(table)
-            for gravity in ([0.0, 0.0, -9.8], [0.0, 0.1, -9.8]):
-                chosen = plant(robot, gravity=gravity, external_torques={"joint_1": {"sum": [torque, motor]}})
-                found.add(identity_of(chosen))
-    assert len(found) == 12
 
 
 def test_learning_needs_a_block_ilc_and_a_position_mode():

@@ -12,7 +12,7 @@ from asrsim.scenario import make_scenario
 from support.paths import ROOT
 
 ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
-MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.5}}, "joint_2": {"minimum_jerk": {"duration": 2.0, "to": -0.4}}}
+MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.4}}, "joint_2": {"minimum_jerk": {"duration": 2.0, "to": -0.5}}}
 
 
 @pytest.fixture(scope="module")

@@ -94,6 +94,12 @@ def response(coherence, *, experiment=False, scale=1.0):
                     output="link_position", response=found)  # fmt: skip
 
 
+def test_a_gain_of_10_at_a_resonance_is_20_decibels():
+    rows = {row.measure: (row.value, row.unit) for row in response([0.95, 0.5, 0.6]).rows()}
+    assert np.isnan(rows.pop("bandwidth")[0])
+    assert rows == {"resonance": (2.0, "Hz"), "resonance_gain": (20.0, "dB re rad/(N·m)"), "median_coherence": (0.6, "")}
+
+
 def test_a_bode_plot_fades_points_of_low_coherence():
     """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
     figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")

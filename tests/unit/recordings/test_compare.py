@@ -51,6 +51,7 @@ def read(path, **options):
 def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path, late):
     result = compare(simulation(), read(laboratory(tmp_path, late=late, header="time,elbow_pos,other")))
     assert result.alignment.lag == pytest.approx(late, abs=3e-4)
+    assert result.alignment.findings == ()
     metrics = result.find("elbow", "link_position").metrics
     assert metrics["rmse"] < 2e-3
     assert metrics["r2"] > 0.9999

@@ -107,9 +107,10 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("w (RPM)", "w", "rad/s", np.pi / 30), ("torque [N-m]", "torque", "N m", 1.0), ("tau (N\u00b7m)", "tau", "N m", 1.0),
         ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0), ("t_min", "t", "s", 60.0),
         ("time [h]", "time", "s", 3600.0), ("pos [deg] left", "pos left", "rad", np.pi / 180),
-        ("n [1/min]", "n", "rad/s", np.pi / 30), ("theta_m deg", "theta_m", "rad", np.pi / 180),
-        ("tau_m_Nm", "tau_m", "N m", 1.0), ("torque N m", "torque", "N m", 1.0), ("w [rad / s]", "w", "rad/s", 1.0),
-        ("angle in degrees", "angle", "rad", np.pi / 180), ("angle \u00b0", "angle", "rad", np.pi / 180),
+        ("n [1/min]", "n", "rad/s", np.pi / 30), ("[deg] q1", "q1", "rad", np.pi / 180),
+        ("q1 in deg", "q1", "rad", np.pi / 180), ("time in s", "time", "s", 1.0),
+        ("theta_m rad", "theta_m", "rad", 1.0), ("tau_m_Nm", "tau_m", "N m", 1.0),
+        ("angle \u00b0", "angle", "rad", np.pi / 180),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
@@ -120,7 +121,20 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
 
 
 @pytest.mark.parametrize(
-    "header", ["pos_m", "theta_m", "tau_s", "q_min", "q[1]", "torque_S", "sampling_rate", "a/b", "q1 (left)", "/arm/state/h"]
+    "header",
+    [
+        "position [1]",
+        "pos_m",
+        "theta_m",
+        "tau_s",
+        "q_min",
+        "q[1]",
+        "torque_S",
+        "sampling_rate",
+        "a/b",
+        "q1 (left)",
+        "/arm/state/h",
+    ],
 )
 def test_a_letter_of_a_name_is_not_a_unit(header):
     assert split_header(header) == (header, None)

@@ -54,6 +54,12 @@ def test_labels_of_numbers_of_any_size_do_not_overlap(table, monkeypatch, middle
             assert overlapping(figure) == []
 
 
+def test_rows_of_a_study_are_those_of_each_variant_in_turn(table):
+    assert table["variant"].astype(str).tolist() == ["soft"] * 3 + ["stiff"] * 3
+    stiffer = table["joint_1.peak_deflection"].reshape(2, 3)
+    assert (stiffer[1] < stiffer[0]).all()
+
+
 def test_named_results_are_drawn_and_unknown_ones_refused(table):
     assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == ["results.png"]
     with pytest.raises(InputError, match="no result of this study"):

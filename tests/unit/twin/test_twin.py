@@ -251,13 +251,14 @@ def test_a_live_twin_finds_a_push_whatever_the_delays(monkeypatch, burst, late, 
 
 
 def recorded(folder, *, late=0.0):
-    """Recording of an independent SEA. late: delay of the positions, s."""
+    """Recording of an independent SEA, in which three commands are missing. late: delay of the positions, s."""
     path = record(SEA, folder / "lab.csv", seed=0, duration=2.0)
-    if late:
-        table = np.loadtxt(path, delimiter=",", skiprows=1)
-        heading, rows = path.read_text().splitlines()[0], round(late / 1e-3)
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    heading, rows = path.read_text().splitlines()[0], round(late / 1e-3)
+    if rows:
         table[rows:, 2:] = table[:-rows, 2:].copy()
-        np.savetxt(path, table, delimiter=",", header=heading, comments="")
+    table[700:703, 1] = np.nan
+    np.savetxt(path, table, delimiter=",", header=heading, comments="")
     return path
 
 

@@ -1,0 +1,61 @@
+"""Options of the command line reach the functions of the library."""
+
+import json
+
+import pytest
+
+from asrsim.errors import InputError
+
+SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
+CALLS = {
+    "asrsim.identification.task.task_of": (
+        """identify a.yaml -e a.csv --validate b.csv --free j.damping=1 --tie j.a=j.b --own j.c --map q=j.x --rate 50
+        --hold-out 0.3 --starts 4 --variant soft --set step=0.001""",
+        SHARED | {"given": ["a.yaml", ["a.csv"]], "validate": ["b.csv"], "free": ["j.damping=1"], "ties": ["j.a=j.b"],
+                  "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3, "starts": 4},
+    ),
+    "asrsim.design.run.design": (
+        """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --seconds 3 --after a.csv --robust 2 --seed 7
+        --variant soft --set step=0.001""",
+        SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping"], "ties": ["j.a=j.b"], "seconds": 3.0, "after": ["a.csv"],
+                  "robust": 2, "seed": 7},
+    ),
+    "asrsim.export.export_mjcf": (
+        "export a.yaml --out b.xml --knots 9 --timestep 0.002 --fit fit.json --variant soft --set step=0.001 --no-plot",
+        {"given": ["a.yaml", "b.xml"], "knots": 9, "timestep": 0.002, "fit": "fit.json", "variant": "soft",
+         "overrides": ["step=0.001"], "plot": False},
+    ),
+    "asrsim.twin.follow.follow": (
+        "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --lag 0.2 --variant soft --set step=0.001",
+        {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "lag": 0.2, "variant": "soft",
+         "overrides": ["step=0.001"]},
+    ),
+    "asrsim.sweeps.run.study_of": (
+        "sweep a.yaml --over j.damping=1:2:3 --design sobol --samples 8 --seed 7 --fit f.json --variant soft --set step=0.001",
+        {"given": ["a.yaml", ["j.damping=1:2:3"], {"variants": ["soft"], "overrides": ["step=0.001"], "design": "sobol",
+                   "samples": 8, "seed": 7, "fit": "f.json"}]},
+    ),
+    "asrsim.plots.job.PlotJob": (
+        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --lag 0.2 --format pdf --bode --band 1 5
+        --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
+        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"], "lag": 0.2,
+         "formats": ["pdf"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
+         "start": 0.1, "end": 2.0, "folder": "pictures"},
+    ),
+}  # fmt: skip
+"""Command line, and the arguments that the function receives: those without a name are called `given`."""
+
+
+@pytest.mark.parametrize("function", CALLS)
+def test_options_reach_the_library(function, monkeypatch, asrsim_command):
+    line, expected = CALLS[function]
+    passed = {}
+
+    def receive(*given, **options):
+        passed.update({"given": given, **options})
+        raise InputError("received")
+
+    monkeypatch.setattr(function, receive)
+    done = asrsim_command(*line.split())
+    plain = json.loads(json.dumps(passed, default=str))
+    assert {name: plain.get(name) for name in expected} == expected, done.err
