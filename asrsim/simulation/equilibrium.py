@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -41,16 +40,13 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         """Torques of gravity (..., joints) in N m; 0 for a robot in free fall."""
         return np.zeros_like(positions) if falls else model.gravity_torques(positions)
 
-    @cache
-    def pull(j: int, position: float) -> float:
-        """Torque in N m of the springs on the link of joint `j` at this position."""
-        return link_torque(drives[j], position, goals[j]) if sprung[j] else 0.0
-
     def balance(positions: Array) -> Array:
         """Torques on the links (..., joints) in N m."""
-        rows = positions.reshape(-1, len(drives)).tolist()
-        pulls = [[pull(j, position) for j, position in enumerate(row)] for row in rows]
-        return np.asarray(external - weight(positions) + np.reshape(pulls, positions.shape))
+        pulls = np.zeros((len(drives), positions.size // len(drives)))
+        for j, drive in enumerate(drives):
+            if sprung[j]:
+                pulls[j] = link_torque(drive, positions[..., j].ravel(), goals[j])
+        return np.asarray(external - weight(positions) + pulls.T.reshape(positions.shape))
 
     found, left = balanced(balance, q[None], low, high, sprung)
     q = found[0]
@@ -74,16 +70,16 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
         rows = zip(torques[:, 0].tolist(), own.integral, own.max_torque, strict=False)
         integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):
-        integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
+        integrals = (float(_limited(drive, load - link_torque(drive, np.array([q]), goals))[0]),)
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
-def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> float:
-    """Torque in N m on a link at rest at position q: the torque of spring or controller, clipped to the effort limit, plus the
-    torque of the passive spring."""
-    torque = 0.0
+def link_torque(drive: SteppedJoint, q: Array, goals: tuple[float, ...]) -> Array:
+    """Torques (n,) in N m on a link at rest at the positions q (n,): the torque of spring or controller, clipped to the effort
+    limit, plus the torque of the passive spring."""
+    torque = np.zeros_like(q)
     if drive.drive and drive.drive.mode.spring:
-        torque = float(resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[1].sum())
+        torque = resting_motors(drive.drive, q, np.repeat(goals, len(q)).reshape(-1, len(q)))[1].sum(axis=0)
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
@@ -114,6 +110,6 @@ def _holds(drive: SteppedJoint) -> bool:
     return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
 
 
-def _limited(drive: SteppedJoint, torque: float) -> float:
-    """The torque, clipped to the joint's effort limit."""
-    return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)
+def _limited(drive: SteppedJoint, torques: Array) -> Array:
+    """The torques, clipped to the joint's effort limit."""
+    return np.clip(torques, -drive.joint.most_effort, drive.joint.most_effort)
