@@ -91,7 +91,7 @@ def next_input(
         prepared = prepare_learning(plant)
         problem, settings = prepared.problem, prepared.settings
         state, digest = load_state(folder / STATE, problem), _digest(path)
-        # The last recording may be given again; its twin was then fitted to a wrong reading.
+        # If the last recording is given again, the last twin was fitted to a wrong reading of it.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:

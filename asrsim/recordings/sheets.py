@@ -39,7 +39,7 @@ def _content(data: Any, reading: Reading) -> Content:
         if not lists:
             return of_tree(_arrays(data), [], reading)
         data = lists[0]
-    records = [dict(_flat(one, "")) for one in data]
+    records = [dict(_flat(one, "")) for one in data] if isinstance(data, list) else []
     if len(records) < 2:
         raise RecordingError(
             f"is JSON with {len(records)} records; at least 2 are needed", code="no-numbers",
@@ -64,7 +64,7 @@ def _loaded(text: str) -> Any:
     try:
         return json.loads(text)
     except ValueError as error:
-        *lines, last = [line for line in text.splitlines() if line.strip()]
+        *lines, last = [line for line in text.splitlines() if line.strip()] or [text]
         try:
             records = [json.loads(line) for line in lines or [last]]
         except ValueError:

@@ -110,7 +110,9 @@ class CalledEngine(BoundEngine):
         # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
-                forces = _numbers_at(wrenches, (pieces, self._wrenches, 6)) if self._wrenches else NO_WRENCHES
+                forces = NO_WRENCHES if pieces == 1 else np.zeros((pieces, 0, 6))
+                if self._wrenches:
+                    forces = _numbers_at(wrenches, (pieces, self._wrenches, 6))
                 self._step(None, None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:

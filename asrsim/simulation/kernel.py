@@ -79,6 +79,7 @@ from asrsim.simulation.layout import (
     LAST_KICK_POSITION,
     LAST_POSITION,
     LAST_POWER,
+    LAW,
     LAW_ENERGY,
     LIMIT_LOSS,
     LINK_IMPLICITNESS,
@@ -400,7 +401,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bo
             else:
                 s[thetas + i] = u[GOALS + i]
         now = noted and turn == turns // 2
-        spring_law(k[SPRING_LAW], s, p, k, q, int(whole and turn == turns // 2))
+        spring_law(k[SPRING_LAW], s, thetas, torques, p, k[LAW], q, int(whole and turn == turns // 2))
         if p[P_LEVEL] > 0.0:
             for i in range(k[SPRINGS]):
                 s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
@@ -510,7 +511,7 @@ def find_state(s: Any, p: Any, k: Any) -> None:
     """Compute stiffness and energy of the springs at the recorded kick."""
     for i in range(k[MOTORS]):
         s[k[THETAS] + i] = s[FIRST_MOTOR + i * PER_MOTOR + KICK_POSITION]
-    spring_law(k[SPRING_LAW], s, p, k, s[POSITION], 1)
+    spring_law(k[SPRING_LAW], s, k[THETAS], k[TORQUES], p, k[LAW], s[POSITION], 1)
 
 
 def friction_of(s: Any, p: Any, v: float) -> float:
@@ -655,7 +656,7 @@ def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
         half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
         s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
     stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
-    spring_law(k[SPRING_LAW], s, p, k, q, 1)
+    spring_law(k[SPRING_LAW], s, k[THETAS], k[TORQUES], p, k[LAW], q, 1)
     energy_there = s[LAW_ENERGY]
     s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
     return energy_there  # type: ignore[no-any-return]

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from asrsim.actuators.vectorised import energy_law
-from asrsim.simulation.layout import LAW, LAW_ENERGY, STIFFNESS, THETAS, TORQUES
+from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 MOTOR_NUMBERS = 16
 """Number of parameters that the law of a motor takes."""
@@ -25,8 +25,9 @@ def call(address: Any, *arguments: Any) -> None:
 
 
 spring_law = call
-"""Arguments: address, s, p, k, q, whole. Stores the torques of a joint's springs in N m in s[k[TORQUES]:], for a link at q rad
-and motors at s[k[THETAS]:]. whole: 1 to also store the stiffness in N m/rad and the energy in J in s[STIFFNESS:]."""
+"""Arguments: address, s, thetas, torques, p, law, q, whole. Stores the torques of a joint's springs in N m in s[torques:]. The
+link is at q rad, the motors are at s[thetas:], and the parameters are p[law:]. whole: 1 to also store the stiffness in N m/rad
+and the energy in J in s[STIFFNESS:]."""
 joint_step = call
 """Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
 `asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
@@ -59,8 +60,7 @@ def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)
 
-    def laws(s: Any, p: Any, k: Any, q: float, whole: int) -> None:
-        thetas, law, result = k[THETAS], k[LAW], k[TORQUES]
+    def laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
         positions, parameters = s[thetas : thetas + motors], tuple(p[law : law + count])
         try:
             found = torques(q, *positions, parameters)

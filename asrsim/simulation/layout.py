@@ -89,7 +89,7 @@ PUSHES = 4
     _,
     LAST_KICK_POSITION,  # position of the motor at the previous kick, rad
     KINETIC,  # kinetic energy of the motor at its mean velocity, J
-    AT_LIMIT,  # number of rows, from this one on, whose work a stop or the speed limit of the motor has changed: 2 after a kick
+    AT_LIMIT,  # number of coming energy balances that a stop or the speed limit affects: 2 after a kick in which it acted
     CURRENT,  # current of the winding, A
     VOLTAGE,  # voltage of the winding, V
     LAST_POWER,  # heat loss of the winding at the previous kick, W

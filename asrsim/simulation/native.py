@@ -12,7 +12,7 @@ from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import SimulationError
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
-from asrsim.simulation.layout import LAW, LAW_ENERGY, STIFFNESS, THETAS, TORQUES
+from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 INLINE = "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.kernel"
 """Modules whose functions are inlined into their callers."""
@@ -34,10 +34,10 @@ def bound_law(actuator: Any, motors: int) -> compiling.Callback:
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
-        "row": compiling.row_at(), "whole_row": compiling.row_at(True),
+        "row": compiling.row_at(),
     }  # fmt: skip
     try:
-        return compiling.compile_law(_laws, names, "aaadi")
+        return compiling.compile_law(_laws, names, "aiiaidi")
     except Exception as error:
         reason = str(error).strip().splitlines()[0]
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
@@ -45,22 +45,22 @@ def bound_law(actuator: Any, motors: int) -> compiling.Callback:
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
 # the world stops and the error names the joint.
-def _laws(s: int, p: int, k: int, q: float, whole: int) -> None:
+def _laws(s: int, thetas: int, result: int, p: int, law: int, q: float, whole: int) -> None:
     try:
-        _put_laws(row(s), row(p), whole_row(k), q, whole)
+        _put_laws(row(s), thetas, result, row(p), law, q, whole)
     except Exception:
-        row(s)[whole_row(k)[TORQUES]] = np.nan
+        row(s)[result] = np.nan
 
 
-def _put_laws(s: Any, p: Any, k: Any, q: float, whole: int) -> None:
+def _put_laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    given, first = (q, *positions(s, k[THETAS]), parameters(p, k[LAW])), k[TORQUES]
+    given = q, *positions(s, thetas), parameters(p, law)
     values = torques(*given)
     known = 0.0, 0.0
     if whole != 0:
         known = stiffness(*given), energy(*given)
     for i in range(len(values)):
-        s[first + i] = values[i]
+        s[result + i] = values[i]
     if whole != 0:
         s[STIFFNESS], s[LAW_ENERGY] = known
 
@@ -110,8 +110,8 @@ def _pointers() -> dict[str, Any]:
 
         return signature, generate
 
-    def call_law(typing: Any, address: Any, s: Any, p: Any, k: Any, q: Any, whole: Any) -> Any:
-        return passed(address, s, p, k, q, whole)
+    def call_law(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any) -> Any:
+        return passed(address, a, b, c, d, e, f, g)
 
     def call_step(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
         return passed(address, a, b, c, d, e, f)

@@ -43,6 +43,7 @@ from asrsim.simulation.layout import (
     INTEGRAL,
     KICK_POSITION,
     KIND,
+    LAW,
     LOAD,
     MEAN_VELOCITY,
     MOTOR_INTEGRAL,
@@ -95,7 +96,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     thetas, torques = k[THETAS], k[TORQUES]
     for i in range(MOTORS):
         s[thetas + i] = s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
-    spring_law(k[SPRING_LAW], s, p, k, s[POSITION], 0)
+    spring_law(k[SPRING_LAW], s, thetas, torques, p, k[LAW], s[POSITION], 0)
     for i in range(MOTORS):
         m = FIRST_MOTOR + i * PER_MOTOR
         if moving:
@@ -103,7 +104,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
             s[thetas + i] = s[m + MOTOR_POSITION]
         s[m + KICK_POSITION] = s[thetas + i]
     if controlled:
-        spring_law(k[SPRING_LAW], s, p, k, s[POSITION], 0)
+        spring_law(k[SPRING_LAW], s, thetas, torques, p, k[LAW], s[POSITION], 0)
     for i in range(MOTORS):
         s[FIRST_MOTOR + i * PER_MOTOR + LOAD] = s[torques + i]
     s[TORQUE] = s[torques] + s[torques + 1]

@@ -172,10 +172,10 @@ def extreme_runs(study: Study, variant: str) -> list[int]:
     for key in study.keys:
         values = [point[key] for point in points]
         if all(isinstance(value, int | float) for value in values):
-            chosen += [runs[int(np.argmin(values))], runs[int(np.argmax(values))]]
+            places = [int(np.argmin(values)), int(np.argmax(values))]
         else:
-            places = {repr(value): run for run, value in zip(reversed(runs), reversed(values), strict=True)}
-            chosen += list(places.values())[-20:]
+            places = np.unique([repr(value) for value in values], return_index=True)[1][:20].tolist()
+        chosen += [runs[place] for place in places]
     return list(dict.fromkeys(chosen))
 
 

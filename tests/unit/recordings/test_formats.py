@@ -244,8 +244,9 @@ def test_records_name_the_joints_of_their_lists(tmp_path):
     np.testing.assert_allclose(recording.channels["raw[0]"].values, Q1)
 
 
-def test_deeply_nested_json_is_refused(tmp_path):
+@pytest.mark.parametrize("text", ['{"a":' * 900 + "1" + "}" * 900, "null", "5", "[]", " \n"])
+def test_json_without_records_is_refused(tmp_path, text):
     path = tmp_path / "lab.json"
-    path.write_text('{"a":' * 900 + "1" + "}" * 900)
+    path.write_text(text)
     with pytest.raises(RecordingError, match=r"lab\.json"):
         read_recording(path)

@@ -14,6 +14,7 @@ from asrsim.actuators.parameters import Parameter
 from asrsim.errors import SimulationError
 from asrsim.kernel_cache import cache_file
 from asrsim.scenario import Scenario
+from asrsim.scenario.blocks import World
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation import native
 from asrsim.simulation.core import SECONDS_TO_LOAD
@@ -79,6 +80,7 @@ def test_every_actuator_and_mode_has_equal_bits():
     [
         pytest.param(6, {"motor_substeps": 5}, id="motor substeps"),
         pytest.param(3, {"stepping": "euler"}, id="euler"),
+        pytest.param(6, {"engine": "mujoco", "world": World(ground=True)}, id="contacts"),
         *(pytest.param(mode, {"stepping": "toolbox"}, id=f"toolbox {mode}") for mode in (1, 4, 6)),
         pytest.param(
             6, {"engine": "bench", "motion": {f"joint_{i}": Sinusoid(amplitude=0.2, frequency=3.0) for i in (1, 2)}}, id="bench"
