@@ -29,7 +29,8 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
-    movable = [j for j, drive in enumerate(drives) if _gives_way(drive)]
+    movable = np.array([_gives_way(drive) for drive in drives])
+    own = np.flatnonzero(movable).tolist()
     # A robot on the ground has a fixed base.
     falls = not scenario.fixed_base and scenario.world.empty
     stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
@@ -43,14 +44,10 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     def springs(positions: Array) -> Array:
         """Torques of the springs on the links (1, k, joints) in N m."""
         torques = np.zeros_like(positions)
-        torques[0, :, movable] = link_torques(
-            [drives[j] for j in movable], positions[0, :, movable], [goals[j] for j in movable]
-        )
+        torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
         return torques
 
-    found, left = balanced(
-        lambda q: external - weight(q), springs, q[None], low, high, np.isin(np.arange(len(drives)), movable)
-    )
+    found, left = balanced(lambda positions: external - weight(positions), springs, q[None], low, high, movable)
     q = found[0]
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
@@ -79,9 +76,10 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
 def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple[float, ...]]) -> Array:
     """Torques (joints, n) in N m on links at rest at positions q (joints, n): the torque of spring or controller, clipped to
     the effort limit, plus the torque of the passive spring."""
-    torques, sprung = np.zeros_like(q), [j for j, drive in enumerate(drives) if drive.drive and drive.drive.mode.spring]
-    own = [one for drive in drives if (one := drive.drive) and one.mode.spring]
-    torques[sprung] = spring_torques(own, q[sprung], [np.array(goals[j])[:, None] for j in sprung])
+    torques = np.zeros_like(q)
+    sprung = {j: own for j, drive in enumerate(drives) if (own := drive.drive) and own.mode.spring}
+    rows = [*sprung]
+    torques[rows] = spring_torques([*sprung.values()], q[rows], [np.reshape(goals[j], (-1, 1)) for j in rows])
     for j, drive in enumerate(drives):
         if drive.drive and drive.drive.mode.controller and j not in sprung:
             torques[j] = drive.drive.proportional[0] * (goals[j][0] - q[j])
