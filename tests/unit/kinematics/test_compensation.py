@@ -17,7 +17,7 @@ def equilibrium_for_load(drive, position, load, preset, *, droop=False):
 
 def rest(drive, position, references):
     """Positions of the motors of one instant."""
-    return resting_motors(drive, np.array([position]), np.array(references)[:, None], limited=False)[0][:, 0]
+    return resting_motors([drive], np.array([[position]]), np.array(references)[:, None, None], limited=False)[0][:, 0, 0]
 
 
 class Three(Actuator):
