@@ -50,19 +50,24 @@ def read_mesh(path: Path) -> list[tuple[Trimesh, Array | None]]:
     parts = mesh_parts(path)
     # Meshes without textures, which would be copied with each mesh.
     plain = [Trimesh(part.vertices, part.faces) for part in parts]
-    longest = max(float(mesh.extents.max()) for mesh in plain)
-    cells, coarse = CELLS, plain
-    while sum(len(mesh.faces) for mesh in coarse) > MOST and cells > 4:
-        coarse = [_simplified(mesh, longest / cells) for mesh in plain]
+    return [(_smooth(mesh), _colour(part)) for mesh, part in zip(simplified(plain, most=MOST), parts, strict=True)]
+
+
+def simplified(meshes: Sequence[Trimesh], *, most: int) -> Sequence[Trimesh]:
+    """Meshes in which close points are merged, as coarsely as `most` triangles in all require."""
+    longest = max((float(mesh.extents.max()) for mesh in meshes), default=0.0)
+    cells, coarse = CELLS, meshes
+    while sum(len(mesh.faces) for mesh in coarse) > most and cells > 4:
+        coarse = [_simplified(mesh, longest / cells) for mesh in meshes]
         cells = int(0.7 * cells)
-    return [(_smooth(mesh), _colour(part)) for mesh, part in zip(coarse, parts, strict=True)]
+    return coarse
 
 
 def _simplified(mesh: Any, cell: float) -> Any:
     """Mesh in which all points in the same cell of a grid are one point. cell: edge of a cell, m."""
     coarse = mesh.copy()
     coarse.apply_scale(1.0 / cell)
-    coarse.merge_vertices(digits_vertex=0)
+    coarse.merge_vertices(digits_vertex=0, merge_norm=True)
     coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
     coarse.apply_scale(cell)
     return coarse

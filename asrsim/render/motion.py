@@ -102,16 +102,17 @@ class Film:
     def frame(self, time: float, *, ghost: bool = False) -> Frame:
         """Picture of the sample nearest to a time in s. ghost: with a faint robot at the equilibrium of its springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
-        image = self._image(self._frames(row))
+        image = self._image(self.frames(row))
         if ghost:
-            rest = self._image(self._frames(row, self._equilibria[row]))
+            rest = self._image(self.frames(row, self._equilibria[row]))
             image = np.asarray((1.0 - GHOST) * image + GHOST * rest + 0.5, dtype=np.uint8)
         return Frame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
 
     def _image(self, frames: dict[str, Array]) -> Image:
         return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness)
 
-    def _frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
+    def frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
+        """Frame (4, 4) of each body in the world at a sample. values: joint positions instead of the logged ones, rad or m."""
         values = self.samples.values["link_position"][row] if values is None else values
         return self.scene.frames(
             {name: float(value) for name, value in zip(self.samples.joints, values, strict=True) if math.isfinite(value)},
@@ -145,7 +146,7 @@ class Film:
             for name, column in zip(self.samples.joints, positions.T, strict=True)
         }
         rows = np.unique(np.linspace(0, len(self.samples.time) - 1, LOOKS).astype(int))
-        all_frames = [self._frames(int(row)) for row in rows]
+        all_frames = [self.frames(int(row)) for row in rows]
         cloud = np.concatenate([self._painter.outer_points(frames) for frames in all_frames])
         return cloud, self.scene.axes(all_frames[-1]), travel
 

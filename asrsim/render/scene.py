@@ -49,6 +49,8 @@ class RenderScene:
         self._base = _rpy_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
         self._model = robot_model(scenario, robot)
+        self.parents = {joint.child: joint.parent for joint in robot.joints}
+        """Parent of each link but the root."""
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
         self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}

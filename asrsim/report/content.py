@@ -143,19 +143,22 @@ def _compared_folders(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Films:
-    """Film strips of a page's runs."""
+    """Film strips and moving view of a page's runs."""
 
     strips: Mapping[Path, str]
     """Film strip of each log as a data URL (JPEG)."""
+    motion: Mapping[str, Any] | None = None
+    """Data of the moving view."""
     notes: tuple[str, ...] = ()
     """Pictures that could not be drawn, with the reasons."""
 
 
-def read_films(logs: Sequence[Path]) -> Films:
-    """Film strips with a common camera and common times."""
+def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
+    """Film strips with a common camera and common times, and the moving view."""
     from io import BytesIO
 
     from asrsim.render import Film, film_strip, share_view, telling_times
+    from asrsim.report.motion import motion_data
 
     films: dict[Path, Film] = {}
     said: dict[str, None] = {}
@@ -175,7 +178,8 @@ def read_films(logs: Sequence[Path]) -> Films:
                 buffer, format="JPEG", quality=84, optimize=True
             )
             strips[log] = data_address(buffer.getvalue(), "image/jpeg")
-    return Films(strips=strips, notes=tuple(said))
+    names = [label for log, label in zip(logs, labels, strict=True) if log in films]
+    return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))
 
 
 def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str, int], tuple[Array, Array]]:

@@ -45,7 +45,8 @@ def build_page(
         _repeat(runs),
     ]
     scripts = [
-        f'<script type="application/json" id="data">{script_json(data)}</script>',
+        _packed("data", data),
+        *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
         f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
         f"<script>{asset('page.js')}</script>",
     ]
@@ -88,6 +89,22 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
 
 
+def _packed(name: str, data: Mapping[str, Any]) -> str:
+    return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
+
+
+_MOTION = (
+    '<div id="motion"><canvas aria-label="the moving robot"></canvas><div class="controls">'
+    '<button type="button" class="play" aria-label="play">▶</button>'
+    '<input type="range" aria-label="time"><span class="clock"></span>'
+    '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
+    '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
+    '<select class="run" aria-label="run"></select></div>'
+    '<p class="note">Drag to turn, wheel to zoom, Shift or right button to move, double-click for the first view.</p></div>'
+)
+"""HTML of the moving view, which `motion.js` draws."""
+
+
 def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:
     figures = [
         f'<figure><img src="{films.strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
@@ -96,7 +113,8 @@ def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> 
         if run.log in films.strips
     ]
     left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    return section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+    moving = _MOTION if films.motion else ""
+    return section("Motion", f'{moving}<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
 
 
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:

@@ -30,7 +30,7 @@ def write_report(
     Args:
         folder: Folder with a log (`log.mcap` or another), or with subfolders that contain a log; or a log.
         path: The page; `report.html` in the folder by default.
-        film: Also draw film strips.
+        film: Also draw film strips and the moving view.
         progress: Called with the current task and the fraction done.
 
     Returns:
@@ -57,7 +57,7 @@ def write_report(
         "joints": joint_sections(runs, recorded_curves(beside, labels), grid.time),
     }
     tell("film strip", 0.9)
-    films = read_films(logs) if film else Films(strips={})
+    films = read_films(logs, labels) if film else Films(strips={})
     text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside))
     make_folder(page.parent)
     write_text(page, text, "page")

@@ -1,0 +1,74 @@
+"""Data of the page's moving view: the shapes of the bodies, and their poses at some hundred times of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.render import Film
+from asrsim.render.meshes import simplified
+from asrsim.render.scene import RenderScene
+from asrsim.report.series import pack
+
+FRAMES = 400
+"""Largest number of times per run; the page interpolates between them."""
+TRIANGLES = 15_000
+"""Number of triangles of all bodies together from which their meshes are simplified."""
+DIGITS = 7
+"""Number of decimals of a pose. Rounding makes constant values exactly equal, so that they are packed as one value."""
+
+
+def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:
+    """Data of the moving view; None if there are no films. Runs with the same shapes share them."""
+    if not films:
+        return None
+    scenes: list[list[dict[str, Any]]] = []
+    runs = []
+    for film, label in zip(films, labels, strict=True):
+        shapes = _shapes(film.scene)
+        if shapes not in scenes:
+            scenes.append(shapes)
+        runs.append({"label": label, "scene": scenes.index(shapes), "ground": film.scene.ground, **_motion(film)})
+    first = films[0]
+    camera = {
+        "eye": first.camera.eye.tolist(), "target": first.camera.target.tolist(), "field": first.camera.field,
+        "aspect": first.width / first.height,
+    }  # fmt: skip
+    return {"scenes": scenes, "runs": runs, "camera": camera}
+
+
+def _shapes(scene: RenderScene) -> list[dict[str, Any]]:
+    """Triangles of each part in the frame of its body, m: nine coordinates each, three for each corner."""
+    meshes = simplified([part.mesh for part in scene.parts], most=TRIANGLES)
+    return [
+        {
+            "body": part.body,
+            "colour": part.colour.tolist(),
+            "corners": pack(mesh.triangles.ravel()),
+            "count": mesh.triangles.size,
+        }
+        for part, mesh in zip(scene.parts, meshes, strict=True)
+    ]
+
+
+def _motion(film: Film) -> dict[str, Any]:
+    """Times of a run, and the pose of each body in the frame of its parent, or in the world: x y z, quaternion x y z w."""
+    from scipy.spatial.transform import Rotation
+
+    time = film.samples.time
+    rows = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
+    frames = [film.frames(int(row)) for row in rows]
+    bodies = []
+    for name in frames[0]:
+        local = np.array([frame[name] for frame in frames])
+        parent = film.scene.parents.get(name)
+        if parent is not None:
+            local = np.linalg.inv([frame[parent] for frame in frames]) @ local
+        turn = Rotation.from_matrix(local[:, :3, :3]).as_quat()
+        # A quaternion and its negative are the same rotation. Each quaternion gets the sign that is closer to its predecessor.
+        turn[1:] *= np.cumprod(np.where(np.sum(turn[1:] * turn[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
+        pose = np.round(np.hstack([local[:, :3, 3], turn]), DIGITS)
+        bodies.append({"name": name, "parent": parent, "pose": [pack(column) for column in pose.T]})
+    return {"count": len(rows), "time": pack(time[rows]), "bodies": bodies}
