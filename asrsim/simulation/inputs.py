@@ -27,7 +27,7 @@ from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
 LONGEST = 4096
-"""Largest number of substeps in a chunk. With five joints, a run with four times longer chunks takes 4 % more time."""
+"""Largest number of substeps in a chunk. With five joints, chunks three times as long make a run 4 % slower."""
 LONGEST_NUMBERS = 61_440
 """Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
 SHORTEST = 1024
