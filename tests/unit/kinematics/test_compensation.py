@@ -64,7 +64,7 @@ def test_springs_of_many_joints_are_those_of_each_joint_alone():
 
 def test_roots_do_not_depend_on_the_estimated_slope():
     roots = [increasing_roots(np.sinh, np.array([-2.0, 5.0]), slope=slope) for slope in (0.0, 1e-6, 1e9)]
-    assert roots == pytest.approx(np.zeros((3, 2)), abs=1e-14)
+    assert np.abs(roots).max() < 1e-14
 
 
 def test_too_large_a_load_names_what_can_be_held():
