@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -20,63 +21,90 @@ FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 
 
-def resting_motors(drive: Drive, position: Array, references: Array, *, limited: bool = True) -> tuple[Array, Array]:
-    """Rest positions (positions, n) of motors and adjuster in rad with the link at `position` (n,) in rad, and the torques
-    (springs, n) of the springs there in N m.
+def spring_torques(drives: Sequence[Drive], position: Array, references: Sequence[Array]) -> Array:
+    """Torques (joints, n) in N m of the springs on the links at `position` (joints, n) in rad, with the motors at rest.
 
-    references: references (positions, n) after the reference map, rad. A controller without integral action has the
-    steady-state error tau_el / P. Ideal motors stand at their references. Friction is neglected.
-    limited: whether the motors' largest torques and position stops apply.
+    references: references of each drive, (positions, n) or (positions, 1), as in `resting_motors`.
     """
-    resting, law = np.array(references, dtype=float), over_arrays(drive.actuator.elastic_torques)
+    torques = np.zeros_like(position)
+    alike = defaultdict(list)
+    for row, drive in enumerate(drives):
+        alike[drive.actuator, drive.mode].append(row)
+    for rows in alike.values():
+        goals = np.stack([references[row] for row in rows], axis=1)
+        torques[rows] = resting_motors([drives[row] for row in rows], position[rows], goals)[1].sum(axis=0)
+    return torques
+
+
+def resting_motors(drives: Sequence[Drive], position: Array, references: Array, *, limited: bool = True) -> tuple[Array, Array]:
+    """Rest positions (positions, joints, n) of motors and adjusters in rad with the links at `position` (joints, n) in rad, and
+    the torques (springs, joints, n) of the springs there in N m.
+
+    drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference map, rad.
+    A controller without integral action has the steady-state error tau_el / P. Ideal motors stand at their references. Friction
+    is neglected. limited: whether the motors' largest torques and position stops apply.
+    """
+    resting, law = references + np.zeros_like(position), over_arrays(drives[0].actuator.elastic_torques)
+    motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
+    elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
+
+    def numbers(name: str) -> Array:
+        """Numbers (..., motors, joints, 1) of the motors."""
+        return np.array([getattr(drive, name) for drive in drives]).T[..., None]
 
     def load(motor: int, theta: Array) -> Array:
-        """Torque (n,) of the springs on a motor at `theta` (n,), while the other motors stand at `resting`."""
+        """Torque (joints, n) of the springs on a motor at `theta` (joints, n), while the other motors stand at `resting`."""
         trial = resting.copy()
         trial[motor] = theta
-        return np.asarray(law(position, *trial, drive.elastic)[motor])
+        return np.asarray(law(position, *trial, elastic)[motor])
 
-    def missing(motor: int, holding: Array | None, theta: Array) -> Array:
-        """Torque (n,) of the springs minus the torque of the motor. holding: torque of a controller with integral action."""
-        torque = drive.proportional[motor] * (references[motor] - theta) if holding is None else holding
-        most = drive.max_torque[motor] if limited else np.inf
-        return np.asarray(load(motor, theta) - np.clip(torque, -most, most))
+    def missing(motor: int, holding: Array, theta: Array) -> Array:
+        """Torque (joints, n) of the springs minus the torque of the motor. holding: torque of integral action."""
+        torque = np.where(integral[motor] > 0.0, holding, gain[motor] * (wanted[motor] - theta))
+        return np.asarray(load(motor, theta) - np.clip(torque, -most[motor], most[motor]))
 
-    torques = law(position, *resting, drive.elastic)
-    for _ in range(ROUNDS if drive.mode.controller and drive.dynamic_motors else 0):
+    if not motors:
+        return resting, law(position, *resting, elastic)
+    wanted = resting.copy()
+    gain, integral = numbers("proportional"), numbers("integral")
+    most, (low, high) = numbers("max_torque"), numbers("motor_ranges")
+    if not limited:
+        most, low, high = (np.full_like(most, bound) for bound in (np.inf, -np.inf, np.inf))
+    for _ in range(ROUNDS):
         loads = []
-        for motor in range(drive.dynamic_motors):
+        for motor in range(motors):
             # At the reference, integral action balances the springs, up to the motor's largest torque.
-            holding = load(motor, references[motor]) if drive.integral[motor] > 0.0 else None
-            found = increasing_roots(partial(missing, motor, holding), references[motor])
-            resting[motor] = np.clip(found, *drive.motor_ranges[motor]) if limited else found
+            holding = load(motor, wanted[motor]) if integral[motor].any() else np.zeros(())
+            found = increasing_roots(partial(missing, motor, holding), wanted[motor], slope=gain[motor])
+            resting[motor] = np.clip(found, low[motor], high[motor])
             loads.append(load(motor, resting[motor]))
-        torques = law(position, *resting, drive.elastic)
+        torques = law(position, *resting, elastic)
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
-        if np.array_equal(loads, torques[: len(loads)]):
+        if np.array_equal(loads, torques[:motors]):
             break
     return resting, torques
 
 
 @np.errstate(all="ignore")
-def increasing_roots(function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST) -> Array:
-    """Roots (n,) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
+def increasing_roots(
+    function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST, slope: Array | float = 0.0
+) -> Array:
+    """Roots (...) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
-    The bracket begins at `start` (n,) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
-    third step is a bisection, so that the search ends for every function.
+    The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
+    third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
+    unknown), from which the width of the first bracket follows.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)
-    side, reach = -np.sign(at_near), 0.05
+    side, reach = -np.sign(at_near), np.clip(0.5 * np.abs(at_near) / slope, 1e-9, 0.05)
     short = side != 0.0
     while short.any():
         near, at_near = np.where(short, far, near), np.where(short, at_far, at_near)
-        if reach == farthest:
-            break
-        reach = min(2.0 * reach, farthest)
+        reach = np.minimum(2.0 * reach, farthest)
         far = np.where(short, start + side * reach, far)
         at_far = function(far)
-        short = at_far * side < 0.0
+        short = (at_far * side < 0.0) & (far != near)
     low, high = np.minimum(near, far), np.maximum(near, far)
     at_low, at_high = np.where(side > 0.0, at_near, at_far), np.where(side > 0.0, at_far, at_near)
     last = np.full(np.shape(low), -1)

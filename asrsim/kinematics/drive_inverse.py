@@ -61,7 +61,7 @@ def equilibria_for_loads(
     def torques(equilibria: Array) -> Array:
         motors = references(equilibria, presets)
         if droop:
-            return resting_motors(drive, positions, motors, limited=False)[1]
+            return resting_motors([drive], positions[None], motors[:, None], limited=False)[1][:, 0]
         return law(positions, *motors, drive.elastic)
 
     found = increasing_roots(lambda equilibria: torques(equilibria).sum(axis=0) - loads, positions, farthest=SEARCH)

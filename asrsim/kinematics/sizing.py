@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.rest import resting_motors
+from asrsim.actuators.rest import resting_motors, spring_torques
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
@@ -116,30 +116,32 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         springs[column] = drive_of(block), goals, joint.most_effort
         wanted[:, column] = np.clip(goal, *joint.stops)
 
-    def torques(positions: Array) -> Array:
-        """Torques on the links (instants, k, joints) in N m."""
-        found = -model.gravity_torques(positions)
-        for column, (drive, goals, effort) in springs.items():
-            place = positions[..., column]
-            _, own = resting_motors(drive, place.ravel(), np.repeat(goals, place.shape[1], axis=1))
-            found[..., column] += np.clip(own.sum(axis=0), -effort, effort).reshape(place.shape)
+    columns, (drives, references, efforts) = [*springs], zip(*springs.values(), strict=True)
+
+    def pulls(positions: Array) -> Array:
+        """Torques of the springs on the links (instants, k, joints) in N m."""
+        place = positions[..., columns]
+        goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
+        torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
+        found = np.zeros_like(positions)
+        found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
         return found
 
     movable = np.isin(np.arange(len(model.joints)), list(springs))
-    positions, _ = balanced(torques, wanted, model.lower, model.upper, movable)
+    positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
     sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
     found = []
     for column, (drive, goals, effort) in springs.items():
         worst, joint = int(np.argmax(sags[:, column])), robot.joint(model.joints[column])
         sag, scale, motors = float(sags[worst, column]), _scale(joint), drive.actuator.motors
-        resting, own = resting_motors(drive, positions[worst : worst + 1, column], goals[:, worst : worst + 1])
+        resting, own = resting_motors([drive], positions[worst, column].reshape(1, 1), goals[:, None, worst : worst + 1])
         stopped = np.abs(positions[worst, column] - joint.stops).min() < 1e-6
         found.append(Holding(
             joint=joint.name, sag=sag, load=float(loads[worst, column]), time=float(time[worst]), scale=scale,
             on_stop=bool(stopped and sag > OFF * scale),
-            limited=bool(np.any(np.abs(own[:motors, 0]) > (1.0 - 1e-6) * np.array(drive.max_torque or np.inf))),
+            limited=bool(np.any(np.abs(own[:motors, 0, 0]) > (1.0 - 1e-6) * np.array(drive.max_torque or np.inf))),
             overloaded=bool(abs(own.sum()) > effort),
-            droop=float(abs(np.mean((goals[:, worst] - resting[:, 0])[:motors]))),
+            droop=float(abs(np.mean((goals[:, worst] - resting[:, 0, 0])[:motors]))),
         ))  # fmt: skip
     return tuple(found)
 

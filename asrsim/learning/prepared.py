@@ -67,7 +67,7 @@ class ArmModel:
         for j, (drive, position) in enumerate(zip(self.drives, positions.T, strict=True)):
             if j >= len(motors):
                 goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
-                motors.append(resting_motors(drive, position, goals)[0][:2].T)
+                motors.append(resting_motors([drive], position[None], goals[:, None])[0][:2, 0].T)
             if drive.mode.spring:
                 springs[:, j] = spring_slopes(drive, position, motors[j])
         damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]

@@ -29,7 +29,7 @@ COMPARISONS: dict[str, Callable[[float, float], bool]] = {
 }  # fmt: skip
 """Function for each comparison of a claim."""
 RECORDING_OPTIONS: dict[str, Kind[Any]] = {
-    "lag": Either((Choice(("auto", "off", "start")), Number())),
+    "lag": Either((Choice(("auto", "off", "start"), missing="Or state the lag as a number of seconds"), Number())),
     "map": Either((ListOf(of=Text()), Text())),
     "rate": Number(above=0.0),
 }

@@ -84,10 +84,14 @@ class CurveSource:
         first = next(self.reader.iter_samples(quantities=(), joints=(), start=start, end=end), None) if bodies else None
         found = {} if first is None else first.bodies
         self._origins = {name: poses[0, :3] for name, poses in found.items() if name != TIP_GOAL or TIP not in found}
+        taken = {joint.name for joint in self.reader.info.joints}
         self.bodies = tuple(
-            JointInfo(name=name, actuator="", mode=None, quantities=TASK_TIP if name == TIP else OBJECT)
+            JointInfo(
+                name=f"{name} (body)" if name in taken else name, actuator="", mode=None,
+                quantities=TASK_TIP if name == TIP else OBJECT,
+            )
             for name in self._origins
-        )
+        )  # fmt: skip
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
         """Joint or body, and quantity, of each column of the matrix."""
         self.columns += [(body.name, name) for body in self.bodies for name in body.quantities]
@@ -115,7 +119,7 @@ class CurveSource:
         for part in _ordered(samples, self.reader.path):
             empty = False
             columns = table(part, self._names, self.reader.info.joints)
-            moved = [self._moved(body.name, part) for body in self.bodies]
+            moved = [self._moved(name, part) for name in self._origins]
             yield part, np.concatenate([np.empty((len(part.time), 0)), *columns.values(), *moved], axis=1)
         if empty:
             window = self._start is not None or self._end is not None

@@ -64,7 +64,7 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     if not brief:
         yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs, joints)
     bodies = tuple(dict.fromkeys(body.name for run in runs for body in run.bodies))
-    yield from islice(_grid_pages("objects", "objects", BODY_PANELS, runs, bodies), 1 if brief else None)
+    yield from _grid_pages("objects", "objects", BODY_PANELS, runs, bodies)
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:

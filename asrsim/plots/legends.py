@@ -94,8 +94,5 @@ _WORDS = {
     "link_work": "link work",
     "damping_loss": "damping",
     **dict.fromkeys(("reference_x", "reference_y", "reference_z"), "goal"),
-    **{f"d{axis}": f"along {axis}" for axis in "xyz"},
-    "force": "without ground",
-    "error": "distance",
     LIMIT: "limits",
 }

@@ -146,8 +146,14 @@ def darker(colour_text: str) -> str:
 
 
 def name(quantity: str) -> str:
-    """Name of a quantity in words."""
-    return quantity.replace("_", " ")
+    """Name of a quantity in words; for a quantity of a body, the words that follow the title of its panel."""
+    return _BODY_NAMES.get(quantity) or quantity.replace("_", " ")
+
+
+_BODY_NAMES = {
+    **{f"d{axis}": f"along {axis}" for axis in "xyz"}, **{f"reference_{axis}": f"goal along {axis}" for axis in "xyz"},
+    "force": "without ground", "error": "distance",
+}  # fmt: skip
 
 
 def unit(quantity: str, joint: JointInfo | None = None) -> str:

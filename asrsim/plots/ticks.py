@@ -7,8 +7,9 @@ from io import BytesIO
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-TICKS = "{x:.6g}"
-"""Format of tick labels. It writes the power of ten at each number: a common power would cover the panel's title."""
+TICKS = "{x:.9g}"
+"""Format of tick labels. It writes the power of ten at each number: a common power would cover the panel's title. An axis may
+show a change by a millionth (`asrsim.plots.view`), so fewer digits would give several ticks the same label."""
 
 
 class AggFigure(Figure):

@@ -85,9 +85,11 @@ def format_of(path: Path) -> str:
     if not start:
         raise RecordingError("the file is empty", code="empty", hint="Expected a header and rows of numbers")
     readers = {name: READERS.get(name) for name in READERS}
-    by_magic = next((name for name, reader in readers.items() if start.startswith(reader.magic)), None)
-    if by_magic is not None:
-        return by_magic
+    # JSON may have blanks before and between its first characters.
+    heads = start, b"".join(start.split())
+    for name, reader in readers.items():
+        if any(head.startswith(reader.magic) for head in heads):
+            return name
     by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
     # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start

@@ -94,7 +94,7 @@ _HEADERS = tuple(
         r"(?P<name>[^/]*[^\s/])\s*/\s*(?P<unit>[^\s/]+)",  # t / ms
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
-        rf"{_NAME}(?P<unit>(?!min$)[^_\s()\[\]]{{2,}})",  # q1_deg, but not q_min or q [1]
+        rf"{_NAME}(?P<unit>(?!min$)[^_\s()\[\]]{{2,}}|[°º])",  # q1_deg, but not q_min or q [1]
         # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
         rf"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*){_GAP}(?P<unit>[mNAV])",
         rf"(?P<name>(?:.*[_\s./])?(?:t|time)\d*){_GAP}(?P<unit>s|h|min)",  # time_s, t in min

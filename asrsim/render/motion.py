@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
 from asrsim.render.scene import RenderScene
@@ -70,8 +70,7 @@ class Film:
         count = reader.duration / (self.info.step * max(self.info.log_every, 1)) + 1
         if not any("link_position" in joint.quantities for joint in self.info.joints):
             raise LogError("the log contains no link positions", file=self.path, code="no-motion")
-        recorded = {name for joint in self.info.joints for name in joint.quantities}
-        names = ["link_position", *(name for name in DERIVED_SOURCES["equilibrium_position"] if name in recorded)]
+        names = recorded_sources(("link_position", "equilibrium_position"), self.info.joints)
         self.samples: Samples = reader.read(
             quantities=names, stride=max(1, math.ceil(count / KEPT)), start=start, end=end
         ).samples

@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.errors import AsrsimError
 from asrsim.log import open_log
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import METRICS, MetricRow, read_metrics, summarise
 from asrsim.plain import Shape, misfit
 from asrsim.plots.pairing import RECORDED
@@ -38,8 +38,7 @@ _SUMMARY_SHAPE: Shape = {
     "joints": [
         {
             "name": str, "actuator": str, "mode": (int, None), "prismatic": bool, "limits?": {"*": int},
-            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "frequency?"), _NUMBER),
-            "peak_deflection?": _NUMBER,
+            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "peak_deflection?"), _NUMBER),
         }
     ],
     "expect": [{"text": str, "holds": bool}],
@@ -226,8 +225,8 @@ def _own_summary(log: Path) -> dict[str, Any]:
     reader = open_log(log)
     joints = []
     for info in reader.info.joints:
-        wanted = {"link_position", *(name for sources in DERIVED_SOURCES.values() for name in sources)}
-        samples = reader.read(quantities=[n for n in info.quantities if n in wanted], joints=[info.name]).samples
+        wanted = recorded_sources(("link_position", *DERIVED_FUNCTIONS), [info])
+        samples = reader.read(quantities=wanted, joints=[info.name]).samples
         columns = {name: values[:, 0] for name, values in samples.values.items()}
         if "link_position" in columns:
             columns |= {name: function(samples, [info])[:, 0] for name, function in DERIVED_FUNCTIONS.items()}

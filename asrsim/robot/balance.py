@@ -23,22 +23,25 @@ ROUNDS = 200
 
 
 def balanced(
-    torques: Callable[[Array], Array], start: Array, low: Array, high: Array, movable: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+    loads: Callable[[Array], Array], springs: Callable[[Array], Array], start: Array, low: Array, high: Array,
+    movable: NDArray[np.bool_],
+) -> tuple[Array, Array]:  # fmt: skip
     """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
 
     The remaining torques are nearly 0. They are NaN for a robot with infinite torques.
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
-    there. torques: function from positions (m, k, n) to the torques on the joints (m, k, n), N m. low, high: stops (n,), rad
-    (m). movable: mask (n,) of the joints that may move.
+    there. loads: function from positions (m, k, n) to the torques of gravity and the like on the joints (m, k, n), N m.
+    springs: function from positions (m, k, n) to the torques (m, k, n) that depend on the position of their own joint only.
+    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move.
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
     for _ in range(ROUNDS):
         # The first row has the positions themselves; each further row has one of the joints displaced.
-        values = torques(q[:, None] + NUDGE * np.eye(count + 1, count, k=-1))
-        left, slopes = values[:, 0], (values[:, 1:] - values[:, :1]) / NUDGE
+        values, pulls = loads(q[:, None] + NUDGE * np.eye(count + 1, count, k=-1)), springs(np.stack([q, q + NUDGE], axis=1))
+        left, own = values[:, 0] + pulls[:, 0], (pulls[:, 1:] - pulls[:, :1]) / NUDGE
+        slopes = (values[:, 1:] - values[:, :1]) / NUDGE + own * np.eye(count)
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
         # A robot with infinite torques does not move.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]

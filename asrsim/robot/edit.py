@@ -1,4 +1,4 @@
-"""Replaces numbers in the text of a URDF. Comments and lines stay as they are."""
+"""Replaces numbers in the text of a URDF. Comments and the lines between tags stay as they are."""
 
 from __future__ import annotations
 

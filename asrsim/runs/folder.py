@@ -28,7 +28,7 @@ _NAMES = {
     re.escape(ASIDE): "log",
     re.escape(SUMMARY): "json",
     r"report\.html": "page",
-    r"(joints|joints_\d+|energy|overview|objects)\.(png|pdf|svg)": "picture",
+    r"((joints|objects)(_\d+)?|energy|overview)\.(png|pdf|svg)": "picture",
 }
 """Kind of each file that `asrsim run` writes, by a regular expression for the file's name."""
 

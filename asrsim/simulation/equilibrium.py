@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
-from asrsim.actuators.rest import resting_motors
+from asrsim.actuators.rest import resting_motors, spring_torques
 from asrsim.errors import ScenarioError
 from asrsim.robot.balance import BALANCED, balanced
 from asrsim.robot.dynamics import RobotModel
@@ -30,7 +29,8 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     external = sampled[EXTERNAL, :, 0]
-    sprung = np.array([_gives_way(drive) for drive in drives])
+    movable = np.array([_gives_way(drive) for drive in drives])
+    own = np.flatnonzero(movable).tolist()
     # A robot on the ground has a fixed base.
     falls = not scenario.fixed_base and scenario.world.empty
     stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
@@ -41,18 +41,13 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         """Torques of gravity (..., joints) in N m; 0 for a robot in free fall."""
         return np.zeros_like(positions) if falls else model.gravity_torques(positions)
 
-    @cache
-    def pull(j: int, position: float) -> float:
-        """Torque in N m of the springs on the link of joint `j` at this position."""
-        return link_torque(drives[j], position, goals[j]) if sprung[j] else 0.0
+    def springs(positions: Array) -> Array:
+        """Torques of the springs on the links (1, k, joints) in N m."""
+        torques = np.zeros_like(positions)
+        torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
+        return torques
 
-    def balance(positions: Array) -> Array:
-        """Torques on the links (..., joints) in N m."""
-        rows = positions.reshape(-1, len(drives)).tolist()
-        pulls = [[pull(j, position) for j, position in enumerate(row)] for row in rows]
-        return np.asarray(external - weight(positions) + np.reshape(pulls, positions.shape))
-
-    found, left = balanced(balance, q[None], low, high, sprung)
+    found, left = balanced(lambda positions: external - weight(positions), springs, q[None], low, high, movable)
     q = found[0]
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
@@ -68,25 +63,30 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
     positions: tuple[float, ...] = ()
     integrals: tuple[float, ...] = ()
     if own and own.mode.controller and drive.dynamic_motors:
-        resting, torques = resting_motors(own, np.array([q]), np.array(goals)[:, None])
-        positions = tuple(resting[:, 0].tolist())
+        resting, torques = resting_motors([own], np.array([[q]]), np.reshape(goals, (-1, 1, 1)))
+        positions = tuple(resting[:, 0, 0].tolist())
         # Integral action gives the torque of the springs, up to the motor's largest torque.
-        rows = zip(torques[:, 0].tolist(), own.integral, own.max_torque, strict=False)
+        rows = zip(torques[:, 0, 0].tolist(), own.integral, own.max_torque, strict=False)
         integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):
-        integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
+        most = drive.joint.most_effort
+        integrals = tuple(np.clip(load - link_torques([drive], np.array([[q]]), [goals])[0], -most, most).tolist())
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
-def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> float:
-    """Torque in N m on a link at rest at position q: the torque of spring or controller, clipped to the effort limit, plus the
-    torque of the passive spring."""
-    torque = 0.0
-    if drive.drive and drive.drive.mode.spring:
-        torque = float(resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[1].sum())
-    elif drive.drive and drive.drive.mode.controller:
-        torque = drive.drive.proportional[0] * (goals[0] - q)
-    return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
+def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple[float, ...]]) -> Array:
+    """Torques (joints, n) in N m on links at rest at positions q (joints, n): the torque of spring or controller, clipped to
+    the effort limit, plus the torque of the passive spring."""
+    torques = np.zeros_like(q)
+    sprung = {j: own for j, drive in enumerate(drives) if (own := drive.drive) and own.mode.spring}
+    rows = [*sprung]
+    torques[rows] = spring_torques([*sprung.values()], q[rows], [np.reshape(goals[j], (-1, 1)) for j in rows])
+    for j, drive in enumerate(drives):
+        if drive.drive and drive.drive.mode.controller and j not in sprung:
+            torques[j] = drive.drive.proportional[0] * (goals[j][0] - q[j])
+        most, joint = drive.joint.most_effort, drive.joint
+        torques[j] = np.clip(torques[j], -most, most) + joint.spring_stiffness * (joint.spring_reference - q[j])
+    return torques
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...], stated: float) -> float:
@@ -112,8 +112,3 @@ def _gives_way(drive: SteppedJoint) -> bool:
 def _holds(drive: SteppedJoint) -> bool:
     """Whether the controller has no steady-state error: mode 1 with integral action."""
     return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
-
-
-def _limited(drive: SteppedJoint, torque: float) -> float:
-    """The torque, clipped to the joint's effort limit."""
-    return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import JointSummary, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples, concatenate
 
@@ -53,9 +53,8 @@ class Collector:
         self._time = _Rows()
         self._positions, self._references = (_Rows(len(joints)) for _ in range(2))
         wanted, self._needs_bodies = needs
-        derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
-        recorded = {name for joint in joints for name in joint.quantities}
-        self.quantities = recorded & {"link_position", *derived, *(quantity for quantity, _ in wanted)}
+        names = ("link_position", "deflection", "position_error", *(quantity for quantity, _ in wanted))
+        self.quantities = frozenset(recorded_sources(names, joints))
         """Names of the recorded quantities that are collected."""
         self._whole_time = _Rows()
         self._whole = {key: _Rows() for key in wanted}

@@ -17,9 +17,7 @@ class Browser:
         from_us, self._write = os.pipe()
         self._read, to_us = os.pipe()
         # Chromium reads commands from descriptor 3 and answers on 4.
-        options = (
-            "--headless=new --no-sandbox --disable-gpu --hide-scrollbars --remote-debugging-pipe --enable-unsafe-swiftshader"
-        )
+        options = "--headless=new --no-sandbox --disable-gpu --hide-scrollbars --remote-debugging-pipe"
         command = f"exec 3<&{from_us} 4>&{to_us}; exec '{CHROMIUM}' {options} --user-data-dir='{profile}' about:blank"
         self._process = subprocess.Popen(
             ["bash", "-c", command], pass_fds=(from_us, to_us), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

@@ -85,6 +85,16 @@ def test_an_axis_reaches_to_the_limits_near_its_curves(limit, is_near):
     assert low < 0.0 < 1.0 < high
 
 
+@pytest.mark.parametrize(("low", "high"), [(100.0, 100.0002), (-1e-5, 8e-5), (-0.35, 0.25), (1e6, 5e6)])
+def test_every_tick_has_its_own_label(low, high):
+    figure, axes = PanelGrid(columns=1, heights=[1.6]).figure([])
+    axes[0, 0].set_ylim(low, high)
+    figure.canvas.draw()
+    labels = [label.get_text().replace("\u2212", "-") for label in axes[0, 0].get_yticklabels()]
+    np.testing.assert_allclose([float(label) for label in labels], axes[0, 0].get_yticks(), rtol=1e-9, atol=1e-15)
+    assert len({*labels}) == len(labels)
+
+
 @pytest.mark.parametrize(("joints", "pages"), [(3, 1), (5, 2)])
 def test_many_joints_take_several_pages_and_an_overview(tmp_path, joints, pages):
     run = read_curves(made_up_log(tmp_path / "log.mcap", joints=joints, count=50))
@@ -138,6 +148,14 @@ def test_odd_names_and_numbers_can_be_drawn(tmp_path):
         log.write(example_samples(300, info=info, bodies=("box",), contacts=("box/robot",)))
     names = [path.name for path in draw_run(tmp_path / "log.mcap", tmp_path)]
     assert "objects.png" in names
+
+
+def test_an_object_with_the_name_of_a_joint_is_drawn_apart(tmp_path):
+    with LogWriter(tmp_path / "log.mcap", INFO) as log:
+        log.write(example_samples(50, bodies=("shoulder",)))
+    pages = run_pages([read_curves(tmp_path / "log.mcap")])
+    lines = [line.get_gid() for page in pages for axes in page.figure.axes for line in axes.get_lines() if line.get_gid()]
+    assert [lines.count(name) for name in ("shoulder.link_position.0", "shoulder (body).dx.0")] == [1, 1]
 
 
 def test_objects_and_tip_are_drawn_from_where_they_started(tmp_path):

@@ -230,9 +230,12 @@ def test_other_values_of_json_are_left_out(tmp_path, other):
     assert [*read_recording(path).channels] == ["q1"]
 
 
-def test_text_with_a_json_object_in_each_line_is_json(tmp_path):
-    WRITERS["lab.jsonl"](tmp_path / "log.txt")
-    check(read_recording(tmp_path / "log.txt"))
+@pytest.mark.parametrize("name", ["lab.jsonl", "records.json"])
+def test_json_is_found_in_files_with_any_ending(tmp_path, name):
+    path = tmp_path / "log.txt"
+    WRITERS[name](path)
+    path.write_text(path.read_text().replace("[{", "[\n  {\n").replace('{"', '{ "'))
+    check(read_recording(path))
 
 
 def test_records_name_the_joints_of_their_lists(tmp_path):

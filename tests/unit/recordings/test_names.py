@@ -110,6 +110,7 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("n [1/min]", "n", "rad/s", np.pi / 30), ("[deg] q1", "q1", "rad", np.pi / 180),
         ("q1 in deg", "q1", "rad", np.pi / 180), ("time in s", "time", "s", 1.0),
         ("theta_m rad", "theta_m", "rad", 1.0), ("tau_m_Nm", "tau_m", "N m", 1.0),
+        ("angle \u00b0", "angle", "rad", np.pi / 180),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):

@@ -15,6 +15,7 @@ from asrsim.log import LogWriter, read_log
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.content import read_parameters
+from asrsim.report.plots import joint_sections
 from asrsim.report.series import pack, read_runs, unpack
 from support.browser import CHROMIUM, Browser
 from support.pages import Page
@@ -83,6 +84,9 @@ def test_a_short_push_is_on_the_page_at_its_time(tmp_path):
     with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
         writer.write(replace(whole.samples, bodies={"box": np.zeros((count, 7))}, contacts={"box/robot": force}))
     grid, (run,) = read_runs([tmp_path / "log.mcap"], quantities=["link_position"])
+    box = next(one for one in joint_sections([run], {}, grid.time) if one["joint"] == "box")
+    labels = [(plot["title"], [line["label"] for line in plot["series"]]) for plot in box["plots"]]
+    assert labels == [("displacement", ["along x", "along y", "along z"]), ("contact force", ["without ground"])]
     shown = run.get("box", "force").values
     assert (grid.thinned, shown.max(), np.count_nonzero(shown)) == (True, 5.0, 2)
     assert np.abs(grid.time[shown > 0.0] - [2.345, 6.789]).max() < 2.0 * grid.step

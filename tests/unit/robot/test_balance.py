@@ -13,7 +13,7 @@ def test_steps_that_would_go_to_and_fro_come_to_rest():
         return -np.sign(q) * np.sqrt(np.abs(q))
 
     start, stops = np.array([[0.1], [-0.07]]), np.array([9.0])
-    positions, left = balanced(torques, start, -stops, stops, np.array([True]))
+    positions, left = balanced(np.zeros_like, torques, start, -stops, stops, np.array([True]))
     assert positions == pytest.approx(np.zeros((2, 1)), abs=1e-12)
     assert left == pytest.approx(np.zeros((2, 1)), abs=1e-10)
 
@@ -23,5 +23,6 @@ def test_robots_rest_where_springs_and_weights_balance_or_on_stops():
     springs, load = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.array([1.0, 1.0])
     for highest, rest in ((9.0, [0.6, 0.8]), (0.0, [1.0 / 3.0, 0.0])):
         high = np.array([9.0, highest])
-        positions, _ = balanced(lambda q: load - q @ springs, np.zeros((1, 2)), np.full(2, -9.0), high, np.ones(2, dtype=bool))
+        start, low, both = np.zeros((1, 2)), np.full(2, -9.0), np.full(2, True)
+        positions, _ = balanced(lambda q: load - q @ springs, np.zeros_like, start, low, high, both)
         assert positions[0] == pytest.approx(rest, abs=1e-9)

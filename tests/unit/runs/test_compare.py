@@ -11,9 +11,11 @@ import pytest
 
 from asrsim.errors import OutputError
 from asrsim.log import LogWriter
+from asrsim.plots import draw_run
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.folder import find_logs, new_log, open_folder
 from asrsim.samples import Samples
+from asrsim.scenario import load_scenario
 from support.log_example import INFO, example_samples, part
 
 COUNT = 60
@@ -116,10 +118,18 @@ def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path):
     assert find_logs(tmp_path) == ([own], []) == find_logs(own)
 
 
+def test_a_next_run_replaces_every_picture_of_a_run(tiny):
+    (scenario,) = load_scenario(tiny.scenario)
+    info = replace(INFO, scenario_path=str(tiny.scenario.resolve()), variant=scenario.variant)
+    with LogWriter(tiny.folder / "log.mcap", info) as log:
+        log.write(example_samples(50, info=info, bodies=("a", "b", "c", "d")))
+    pictures = draw_run(tiny.folder / "log.mcap", tiny.folder, brief=True)
+    assert {"objects_1.png", "objects_2.png"} <= {path.name for path in pictures}
+    assert {*open_folder(tiny.folder, scenario, overwrite=False)} == {tiny.folder / "log.mcap", *pictures}
+
+
 def test_only_results_of_the_same_file_and_variant_are_replaced(tiny):
     """Whatever else is of the folder: pictures go with their run, and other people's files stay."""
-    from asrsim.scenario import load_scenario
-
     (scenario,) = load_scenario(tiny.scenario)
     folder, path = tiny.folder / "results", str(tiny.scenario.resolve())
     for origin, variant, fine in (
