@@ -62,9 +62,7 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page, folder):
         "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
-    assert "Of the first" not in text  # all runs have a film
     assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
-    assert 'id="runs"' in page.read_text(encoding="utf-8")  # names of the variants, to hide their lines
 
 
 @pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
@@ -108,7 +106,6 @@ HEAD = "source,joint,quantity,measure,value,unit\n"
     [
         (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse,0.0123,rad\n", True),
         (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse,0.0123 or so,rad\n", False),
-        (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse\n", False),
         (f'{HEAD}soft - "lab.csv,joint_1\0', False),
         ("time,q\n0,0\n", False),
     ],
