@@ -44,8 +44,8 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
     A controller without integral action has the steady-state error tau_el / P. Ideal motors stand at their references. Friction
     is neglected. limited: whether the motors' largest torques and position stops apply.
     """
-    actuator, mode, motors = drives[0].actuator, drives[0].mode, drives[0].dynamic_motors
-    resting, law = references + np.zeros_like(position), over_arrays(actuator.elastic_torques)
+    resting, law = references + np.zeros_like(position), over_arrays(drives[0].actuator.elastic_torques)
+    motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
     elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
 
     def numbers(name: str) -> Array:
@@ -63,7 +63,7 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
         torque = np.where(integral[motor] > 0.0, holding, gain[motor] * (wanted[motor] - theta))
         return np.asarray(load(motor, theta) - np.clip(torque, -most[motor], most[motor]))
 
-    if not (mode.controller and motors):
+    if not motors:
         return resting, law(position, *resting, elastic)
     wanted = resting.copy()
     gain, integral = numbers("proportional"), numbers("integral")

@@ -121,15 +121,15 @@ class RobotModel:
     def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
         """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
         rates = np.moveaxis(self._all(velocities)[..., None, None] * self._twists, -3, 0)
+        steps = self._steps(self._all(positions))
         # The pose of each body, and the derivative of the pose with respect to time.
-        poses, motions = [self._base], [np.zeros((4, 4))]
-        for parent, step, rate in zip(self._parents, self._steps(self._all(positions)), rates, strict=True):
+        poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
+        for parent, step, rate in zip(self._parents, steps, rates, strict=True):
             poses.append(poses[parent] @ step)
             motions.append(motions[parent] @ step + poses[-1] @ rate)
-        kinetic = potential = np.zeros(())
-        for pose, motion, inertia in zip(poses, motions, self._inertias, strict=True):
-            kinetic = kinetic + 0.5 * np.sum(motion @ inertia * motion, axis=(-2, -1))
-            potential = potential - (pose @ inertia)[..., :3, 3] @ self._gravity
+        moving, places = np.array(motions), np.array(poses)[..., :3, :]
+        kinetic = 0.5 * np.einsum("b...ij,bjk,b...ik->...", moving, self._inertias, moving)
+        potential = -np.einsum("b...ij,bj,i->...", places, self._inertias[..., 3], self._gravity)
         return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:

@@ -69,7 +69,8 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
         rows = zip(torques[:, 0, 0].tolist(), own.integral, own.max_torque, strict=False)
         integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):
-        integrals = (_limited(drive, load - float(link_torques([drive], np.array([[q]]), [goals])[0, 0])),)
+        most = drive.joint.most_effort
+        integrals = tuple(np.clip(load - link_torques([drive], np.array([[q]]), [goals])[0], -most, most).tolist())
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
@@ -111,8 +112,3 @@ def _gives_way(drive: SteppedJoint) -> bool:
 def _holds(drive: SteppedJoint) -> bool:
     """Whether the controller has no steady-state error: mode 1 with integral action."""
     return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
-
-
-def _limited(drive: SteppedJoint, torque: float) -> float:
-    """The torque, clipped to the joint's effort limit."""
-    return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)

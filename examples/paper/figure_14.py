@@ -208,7 +208,7 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
             label="face of the box",
         )
         top.set_title(f"{name} (preset {0.2 if name == 'soft' else 0.6})", loc="left")
-        force = run.bodies[BOX]["force"]
+        force = run.curves[BOX, "force"]
         bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
         bottom.axhline(RESISTANCE, color=style.GREY, linestyle="--", label="μ m g: what friction holds")
         bottom.set_xlabel("time (s)")

@@ -73,9 +73,9 @@ def _session(lab: Lab) -> tuple[Session, Path]:
     from asrsim.learning.session import run_session
 
     plant, folder = make_plant(lab.scenario(SCENARIO)), lab.folder / f"{SCENARIO}_learned"
-    session = run_session(plant, folder, picture=False, overwrite=True)
-    log = asrsim.run(folder / "learned.yaml", out=folder / "played").log
-    return session, log
+    session, played = run_session(plant, folder, picture=False, overwrite=True), folder / "played"
+    asrsim.run(folder / "learned.yaml", out=played)
+    return session, played / "log.mcap"
 
 
 def _claims(session: Session, log: Path) -> list[Claim]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import Actuator, AwasII, Bavs, Parameter, QbMove, Sea
-from asrsim.actuators.rest import resting_motors
+from asrsim.actuators.rest import increasing_roots, resting_motors, spring_torques
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibria_for_loads
 from support.robots import drive_with
@@ -55,6 +55,18 @@ def test_the_spring_carries_exactly_the_load(name):
             assert sum(actuator.elastic_torques(position, *motors, spring)) == pytest.approx(load, abs=1e-11)
 
 
+def test_springs_of_many_joints_are_those_of_each_joint_alone():
+    drives = [drive_with(CASES[name][0], mode=6, spring=CASES[name][1]) for name in ("sea", "qbmove", "bavs", "sea")]
+    place, goals = np.full((4, 1), 0.3), [drive.goals(np.full((2, 1), 0.1)) for drive in drives]
+    alone = [spring_torques([drive], place[:1], [goal])[0] for drive, goal in zip(drives, goals, strict=True)]
+    assert spring_torques(drives, place, goals) == pytest.approx(np.array(alone), abs=1e-12)
+
+
+def test_roots_do_not_depend_on_the_estimated_slope():
+    roots = [increasing_roots(np.sinh, np.array([-2.0, 5.0]), slope=slope) for slope in (0.0, 1e-6, 1e9)]
+    assert np.abs(roots).max() < 1e-14
+
+
 def test_too_large_a_load_names_what_can_be_held():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     for side in (9.0, -9.0):
@@ -79,9 +91,7 @@ def test_a_motion_beyond_a_spring_names_the_time():
 
 def test_a_motor_too_weak_for_the_pretension_is_named():
     """The paper's stiff preset 0.6 asks 7.35 N m of each motor with AlterEgo's springs."""
-    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
-        proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(6.0, 6.0),
-    )  # fmt: skip
+    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8), max_torque=(6.0, 6.0))
     with pytest.raises(ScenarioError, match=r"motor 1 would have to hold 7\.351 N m .* limit is 6 N m"):
         equilibrium_for_load(drive, 0.0, 0.0, 0.6)
 
@@ -97,7 +107,7 @@ def random_drive(generator):
     ][generator.integers(4)]
     count = actuator.motors
     return drive_with(actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
-        integral=(0.0,) * count, max_torque=(1e6,) * count,
+        max_torque=(1e6,) * count,
     ), preset  # fmt: skip
 
 
@@ -120,7 +130,7 @@ def test_springs_at_their_deflection_limit_still_have_statics():
 def test_motors_rest_in_balance_however_far_their_references_are(wanted):
     """sinh(11 x 90) overflows; the motor yields until its torque equals the spring's, in both directions."""
     spring = (11.0, 0.02, 11.0, 0.02, 300.0)
-    drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
+    drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, max_torque=(1e9,) * 2)
     found = [rest(drive, 0.0, (side * wanted, side * wanted)) for side in (1.0, -1.0)]
     assert found[0] == pytest.approx((-found[1][0], -found[1][1]))
     torques = QbMove.elastic_torques(0.0, *found[0], spring)

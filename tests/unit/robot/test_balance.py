@@ -23,6 +23,6 @@ def test_robots_rest_where_springs_and_weights_balance_or_on_stops():
     springs, load = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.array([1.0, 1.0])
     for highest, rest in ((9.0, [0.6, 0.8]), (0.0, [1.0 / 3.0, 0.0])):
         high = np.array([9.0, highest])
-        start, low, both = np.zeros((1, 2)), np.full(2, -9.0), np.ones(2, dtype=bool)
+        start, low, both = np.zeros((1, 2)), np.full(2, -9.0), np.full(2, True)
         positions, _ = balanced(lambda q: load - q @ springs, np.zeros_like, start, low, high, both)
         assert positions[0] == pytest.approx(rest, abs=1e-9)
