@@ -1,4 +1,4 @@
-"""`asrsim ilc`: iterative learning control of a scenario, with a live table, and on the real robot."""
+"""`asrsim ilc`: iterative learning control of a scenario, with a live table and resumption, and on the real robot."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ def ilc(
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "off",
+    resume: Annotated[bool, option("Continue interrupted learning in simulation exactly.", "--resume")] = False,
     overwrite: Overwrite = False,
     plot: Plot = True,
     *,
@@ -43,10 +44,10 @@ def ilc(
 ) -> Done:
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
-    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json) and a picture
-    (ilc.png). Files of an earlier run of the same scenario are replaced, and the command says so; files of another scenario
-    are kept unless --overwrite is given. Ctrl-C keeps the best trial so far. Exit code: 0, 1 if learning did not converge or
-    a run failed, 130 after Ctrl-C.
+    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
+    (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, and the command says so;
+    files of another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit
+    code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
@@ -55,16 +56,19 @@ def ilc(
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --next trial_7.mcap
     """
     from asrsim.learning.plant import make_plant
+    from asrsim.runs.execute import with_plugins
     from asrsim.scenario import load_scenario, only_variant
 
     chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
-    folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(chosen)
+    folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(with_plugins(chosen, plugin))
     if recording is not None:
         return _next(plant, folder, recording, mapping, lag_of(align))
-    return _learn(plant, folder, plugin, overwrite, plot, quiet=quiet)
+    return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
 
 
-def _learn(plant: Plant, folder: Path, plugins: list[Path], overwrite: bool, plot: bool, *, quiet: bool) -> Done:
+def _learn(
+    plant: Plant, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
+) -> Done:  # fmt: skip
     from asrsim.learning.session import run_session, session_data
     from asrsim.plugins import command_line
 
@@ -73,10 +77,12 @@ def _learn(plant: Plant, folder: Path, plugins: list[Path], overwrite: bool, plo
             say(line, "yellow" if line.startswith("beyond") else "")
         _headings(prepared.problem)
 
-    with Interruption("asrsim: stopping; the best trial so far is kept (Ctrl-C again to abort)") as interruption:
+    with Interruption(
+        "asrsim: stopping; the best trial so far is kept, and --resume continues (Ctrl-C again to abort)"
+    ) as interruption:
         session = run_session(
             plant, folder, on_start=None if quiet else start, on_trial=None if quiet else _row, stop=interruption.stop,
-            overwrite=overwrite, picture=plot,
+            resume=resume, overwrite=overwrite, picture=plot,
         )  # fmt: skip
     good = session.result.converged
     code = INTERRUPTED if session.result.outcome == "interrupted" else int(not good)

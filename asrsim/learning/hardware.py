@@ -8,7 +8,6 @@ before the trial. With the other laws the change is not halved, and only the war
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from asrsim.learning.plant import Plant
 from asrsim.learning.prepared import PreparedLearning, learning_model, prepare_learning
 from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data, write_inputs, write_playback
-from asrsim.learning.state import State, load_state, save_state
+from asrsim.learning.state import State, digest_of, load_state, motion_basis, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
 from asrsim.learning.twin import LearningTwin, fit_twin
 from asrsim.outfile import write_json
@@ -90,7 +89,8 @@ def next_input(
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
         prepared = prepare_learning(plant)
         problem, settings = prepared.problem, prepared.settings
-        state, digest = load_state(folder / STATE, problem), _digest(path)
+        basis, digest = motion_basis(problem), digest_of(path)
+        state = load_state(folder / STATE, basis, problem)
         # If the last recording is given again, the last twin was fitted to a wrong reading of it.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
@@ -115,7 +115,7 @@ def next_input(
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
         changes = {} if twin is None else twin.changes
         state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
-        save_state(folder / STATE, problem, state)
+        save_state(folder / STATE, basis, state)
         data: dict[str, object] = {"trials": [trial_data(t, plant.joints) for t in trials], "best": best_of(trials).number}
         if twin is not None:
             data["identified"] = {"changes": changes, "residual": twin.residual, "residual_before": twin.before}
@@ -171,14 +171,6 @@ def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) 
         message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
         raise InputError(message, file=path, hint="Choose another folder with --out", code="input-of-another-run")
     return np.column_stack(columns)
-
-
-def _digest(path: Path) -> str:
-    files = sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
-    try:
-        return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
 
 
 def smoothed(outputs: Array, step: float) -> Array:

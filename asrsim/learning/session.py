@@ -19,6 +19,7 @@ from asrsim.kinematics.inverse import Demand
 from asrsim.learning.figure import write_figure
 from asrsim.learning.plant import Plant
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
+from asrsim.learning.state import State, load_state, save_state, simulation_basis
 from asrsim.learning.trial import LearningResult, Trial, learn
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
@@ -28,9 +29,12 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.starter import relocated
 
-INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png"
+STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
+    "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
+)  # fmt: skip
 KINDS = {
-    INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json", PICTURE: "picture",
+    STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json",
+    PICTURE: "picture",
 }  # fmt: skip
 """Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
@@ -63,23 +67,37 @@ def run_session(
     on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
+    resume: bool = False,
     overwrite: bool = False,
     picture: bool = True,
 ) -> Session:
-    """Learn, and write learned.csv, desired.csv, learned.yaml, ilc.json and ilc.png into `folder`.
+    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json, ilc.png.
 
-    stop: called after each trial; True ends learning with the best trial so far. overwrite: also replace results of another
-    scenario; results of the same scenario are always replaced. on_start receives the problem before the first trial.
-    Raises InputError, SimulationError or OutputError.
+    stop: called after each trial; True ends learning with the best trial so far. resume: continue from the folder's state.
+    overwrite: also replace results of another scenario; results of the same scenario are always replaced. on_start receives the
+    problem before the first trial. Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
-        earlier = _earlier(folder, plant.scenario, overwrite=overwrite)
-        prepared = prepare_learning(plant)
+        going_on = resume and (folder / STATE).is_file()
+        earlier = _earlier(folder, plant.scenario, overwrite=overwrite or going_on)
+        prepared, basis = prepare_learning(plant), simulation_basis(plant)
+        trials = list(load_state(folder / STATE, basis, prepared.problem).trials) if going_on else []
         if on_start is not None:
             on_start(prepared)
-        result = learn(prepared.problem, plant.outputs, prepared.settings, on_trial, law=prepared.law, stop=stop)
-        plural = "s" * (len(earlier) != 1)
-        replaced = f"replaced {len(earlier)} file{plural} of an earlier learning run of this scenario" if earlier else ""
+
+        def ended(trial: Trial) -> None:
+            trials.append(trial)
+            save_state(folder / STATE, basis, State(trials=tuple(trials)))
+            if on_trial is not None:
+                on_trial(trial)
+
+        result = learn(
+            prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=tuple(trials), stop=stop
+        )  # fmt: skip
+        replaced = ""
+        if earlier and not going_on:
+            plural = "s" * (len(earlier) != 1)
+            replaced = f"replaced {len(earlier)} file{plural} of an earlier learning run of this scenario"
         session = Session(prepared=prepared, result=result, replaced=replaced)
         _write(session, folder, picture=picture)
         if not picture and folder / PICTURE in earlier:
@@ -97,7 +115,7 @@ def _earlier(folder: Path, scenario: Scenario, *, overwrite: bool) -> list[Path]
         check_output(folder / name, kind, inputs=inputs_of(scenario))
     files = [folder / name for name in KINDS if (folder / name).is_file()]
     if files and not overwrite:
-        require_same(folder, scenario, recorded_origin(folder / NUMBERS), "of learning that names no scenario")
+        require_same(folder, scenario, recorded_origin(folder / NUMBERS), "unfinished learning, which --resume continues")
     return files
 
 

@@ -1,4 +1,4 @@
-"""Trials on the real robot as a file, from which learning continues with the next recording."""
+"""Trials of a learning run as a file, from which learning continues in simulation or on the real robot."""
 
 from __future__ import annotations
 
@@ -13,43 +13,79 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from asrsim.actuators import ACTUATORS
+from asrsim.actuators.declaration import file_of
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
+from asrsim.robot.meshes import usable_shapes
 from asrsim.samples import Array
+from asrsim.versions import numeric_versions
 
 if TYPE_CHECKING:
+    from asrsim.learning.plant import Plant
     from asrsim.learning.trial import LearningProblem, Trial
 
-FORMAT = "asrsim learning state 5"
+FORMAT = "asrsim learning state 6"
+STOPPING = ("tolerance", "max_iterations", "patience")
+"""Keys of `ilc:` that only end learning. They may change before simulated learning is resumed."""
 
 
-def fingerprint(problem: LearningProblem) -> str:
+def digest_of(path: Path) -> str:
+    """Hash of a file, or of all files in a folder. Raises InputError if a file cannot be read."""
+    files = sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
+    try:
+        return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
+
+
+def motion_basis(problem: LearningProblem) -> dict[str, str]:
     """Hash of the motion. Trials of the real robot stay valid if the model of the robot or the law changes."""
     digest = hashlib.sha256(json.dumps(problem.joints).encode())
     for array in (problem.time, problem.reference):
         digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    return {"the motion (joints, times or desired positions)": digest.hexdigest()}
+
+
+def simulation_basis(plant: Plant) -> dict[str, str]:
+    """Hashes of everything that determines simulated trials: scenario, robot, versions, and the files that these use."""
+    scenario = plant.scenario
+    learning = {key: value for key, value in (scenario.resolved.get("ilc") or {}).items() if key not in STOPPING}
+    parts = {
+        "the scenario": json.dumps({**scenario.resolved, "ilc": learning}, sort_keys=True, default=str),
+        str(plant.robot.path): plant.robot.text,
+        "the version of asrsim or a library": json.dumps(numeric_versions()),
+    }
+    shaped, _ = usable_shapes(plant.robot, package_paths=scenario.package_paths)
+    meshes = [Path(shape.mesh) for link in shaped.links for shape in link.collisions if shape.mesh]
+    laws = [file_of(ACTUATORS.get(drive.actuator.name)) for drive in plant.prepared.drives if drive.actuator]
+    files = filter(None, (*scenario.attachments.values(), *meshes, *laws))
+    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in parts.items()}
+    return hashes | {str(path): digest_of(path) for path in files}
 
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """Trials on the real robot, and the fit of the last twin."""
+    """Trials in simulation or on the real robot. On the real robot also the recordings, and the fit of the last twin."""
 
     trials: tuple[Trial, ...] = ()
     recordings: tuple[str, ...] = ()
-    """Hash value of each trial's recording."""
+    """Hash value of each trial's recording; empty in simulation."""
     start: Mapping[str, float] = field(default_factory=dict)
     """Changes of parameters at which the fit of the last twin started."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """Changes of parameters of the last twin."""
 
 
-def save_state(path: Path, problem: LearningProblem, state: State) -> None:
-    """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete."""
+def save_state(path: Path, basis: Mapping[str, str], state: State) -> None:
+    """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete.
+
+    basis: hashes of everything that must be unchanged when learning continues, by the names of these things.
+    """
     head = {
-        "format": FORMAT, "fingerprint": fingerprint(problem), "recordings": state.recordings,
-        "start": dict(state.start), "changes": dict(state.changes),
+        "format": FORMAT, "basis": dict(basis), "recordings": state.recordings, "start": dict(state.start),
+        "changes": dict(state.changes), "seconds": [trial.seconds for trial in state.trials],
     }  # fmt: skip
     make_folder(path.parent)
     with written(path, "learning state") as file:
@@ -61,34 +97,39 @@ def save_state(path: Path, problem: LearningProblem, state: State) -> None:
         os.fsync(file.fileno())
 
 
-def load_state(path: Path, problem: LearningProblem) -> State:
-    """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable or belongs to
-    another motion.
+def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -> State:
+    """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable, or if its basis
+    is not equal to `basis`.
     """
     if not path.exists():
         return State()
     head, inputs, outputs = _stored(path)
-    if head["fingerprint"] != fingerprint(problem) or inputs.shape[1:] != problem.reference.shape:
-        message = "belongs to another motion: its joints, times or desired positions are others"
-        raise InputError(message, file=path, hint="Delete it to start again", code="state-of-another-run")
-    trials = (problem.trial(number, *row) for number, row in enumerate(zip(inputs, outputs, strict=True)))
+    before = head["basis"]
+    changed = [name for name in {**before, **basis} if before.get(name) != basis.get(name)]
+    if changed:
+        message = f"learning cannot continue, because these have changed: {', '.join(changed)}"
+        raise InputError(message, file=path, hint=f"Delete {path.name} to start again", code="state-of-another-run")
+    if inputs.shape[1:] != problem.reference.shape:
+        raise _fault(path, "its arrays do not fit the motion")
+    rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
+    trials = (problem.trial(number, *row) for number, row in rows)
     return State(
         trials=tuple(trials), recordings=tuple(head["recordings"]), start=head["start"], changes=head["changes"]
     )  # fmt: skip
 
 
+def _fault(path: Path, why: str) -> InputError:
+    message = f"is no state of a learning run, or is damaged ({why})"
+    return InputError(message, file=path, hint="Delete it to start again", code="state")
+
+
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     """Validated contents of a state: header, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
-
-    def fault(why: str) -> InputError:
-        message = f"is no state of a learning run, or is damaged ({why})"
-        return InputError(message, file=path, hint="Delete it to start again", code="state")
-
     try:
         with ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
         if size > path.stat().st_size:
-            raise fault(f"it would unpack to {size / 2**20:.3g} MiB, and states are not compressed")
+            raise _fault(path, f"it would unpack to {size / 2**20:.3g} MiB, and states are not compressed")
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
@@ -96,15 +137,18 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     except InputError:
         raise
     except Exception as error:
-        raise fault(str(error) or type(error).__name__) from error
+        raise _fault(path, str(error) or type(error).__name__) from error
     changes = {"*": float}
-    shape = {"format": str, "fingerprint": str, "recordings": [str], "start": changes, "changes": changes, "*": object}
+    shape = {
+        "format": str, "basis": {"*": str}, "recordings": [str], "start": changes, "changes": changes, "seconds": [float],
+        "*": object,
+    }  # fmt: skip
     if wrong := misfit(head, shape):
-        raise fault(wrong)
+        raise _fault(path, wrong)
     if head["format"] != FORMAT:
-        raise fault(f"its format is {head['format']}")
+        raise _fault(path, f"its format is {head['format']}")
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
-        raise fault("its arrays are not those of trials")
-    if not 0 < len(inputs) == len(head["recordings"]):
-        raise fault("its trials are not whole")
+        raise _fault(path, "its arrays are not those of trials")
+    if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
+        raise _fault(path, "its trials are not whole")
     return head, inputs, outputs

@@ -106,7 +106,7 @@ class Trial:
 
 
 class Law(Protocol):
-    """A learning law. Its updates depend only on the trials so far."""
+    """A learning law. Its updates depend only on the trials so far, so a resumed run continues exactly."""
 
     def propose(self, trials: Sequence[Trial]) -> Array:
         """Next inputs (n, joints), rad."""
@@ -199,14 +199,16 @@ def learn(
     on_trial: Callable[[Trial], None] | None = None,
     *,
     law: Law,
+    finished: Sequence[Trial] = (),
     stop: Callable[[], bool] = lambda: False,
 ) -> LearningResult:
     """Result of learning inputs whose outputs follow the reference.
 
-    on_trial: receives each new trial. stop: called after each trial; True ends learning.
+    on_trial: receives each new trial. finished: trials of an interrupted run, which this run continues. stop: called after each
+    new trial; True ends learning.
     """
-    trials: list[Trial] = []
-    outcome: tuple[Outcome, str] | None = None
+    trials = list(finished)
+    outcome = verdict(problem, trials, settings, law) if trials else None
     while outcome is None:
         inputs = law.propose(trials) if trials else problem.first_guess
         started = clock.perf_counter()

@@ -98,7 +98,7 @@ def _learned():
 def test_flipped_bits_of_a_learning_state(tmp_path, flips):
     problem, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, problem, State(trials=(trial,), recordings=("a",)))
+    save_state(path, {}, State(trials=(trial,), recordings=("a",)))
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):
@@ -106,7 +106,7 @@ def test_flipped_bits_of_a_learning_state(tmp_path, flips):
         data[generator.integers(len(data))] ^= 1 << int(generator.integers(8))
         path.write_bytes(data)
         try:
-            again = load_state(path, problem)
+            again = load_state(path, {}, problem)
         except InputError:
             continue
         assert np.array_equal(again.trials[0].inputs, trial.inputs)

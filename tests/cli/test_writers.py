@@ -57,7 +57,7 @@ WRITERS = {
     "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
     "report": ("report made --out out/page.html --no-film", ["page.html"]),
-    "ilc": ("ilc lift.yaml --out out", ["learned.csv", "learned.yaml", "ilc.json", "ilc.png"]),
+    "ilc": ("ilc lift.yaml --out out", ["learned.csv", "learned.yaml", "ilc.json", "ilc.png", "state.npz"]),
     "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
 }
 """Arguments with which each command writes into `out`, and the files that it writes."""

@@ -7,8 +7,8 @@ import pytest
 
 from asrsim.learning import learn
 from asrsim.learning.hardware import next_input
-from asrsim.learning.prepared import learning_model, prepare_learning
-from support.lessons import inputs_in, plant_of, play, record
+from asrsim.learning.prepared import learning_model
+from support.lessons import inputs_in, learned, plant_of, play, record
 from support.soft_arm import perturbed, random_arm
 
 pytestmark = pytest.mark.slow
@@ -16,23 +16,22 @@ pytestmark = pytest.mark.slow
 
 def test_six_trials_learn_a_robot_and_setbacks_give_warnings(tmp_path):
     """Masses and stiffnesses differ by up to 25 %, losses by 50 %; delay 10 ms, noise 1 mrad. 15 of 16 errors are < 5 mrad."""
-    learned = 0
+    good = 0
     for seed in range(100, 116):
         arm, motion, duration = random_arm(seed)
         folder = tmp_path / str(seed)
         plant, robot = plant_of(folder, arm, motion, duration), perturbed(arm, seed)
-        model = learning_model(plant)
-        inputs = model.guess
+        inputs = learning_model(plant).guess
         errors, warned = [], False
         for number in range(6):
             errors.append(record(folder / f"{number}.csv", plant, robot, inputs, seed=number))
             assert warned or errors[-1] <= max(1.2 * min(errors), 0.005), (seed, errors)
             if errors[-1] <= 0.005:
-                learned += 1
+                good += 1
                 break
             warned = next_input(plant, folder, folder / f"{number}.csv").warning is not None
             inputs = inputs_in(folder / "next.csv", plant)
-    assert learned >= 15
+    assert good >= 15
 
 
 def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
@@ -49,8 +48,7 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
         joints = zip(arm.joints, limits.tolist(), strict=True)
         weak = replace(arm, joints=tuple({**joint, "motor_1_max_torque": limit} for joint, limit in joints))
         plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
-        prepared = prepare_learning(plant)
-        found = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+        prepared, found = learned(plant)
         true = learn(
             prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
             law=prepared.law,

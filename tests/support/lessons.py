@@ -1,8 +1,10 @@
-"""Learning of a random arm, and laboratory work between two trials: play an input on the robot, and record the motion."""
+"""Learning in simulation, and laboratory work between two trials: play an input on the robot, and record the motion."""
 
 import numpy as np
 
+from asrsim.learning import learn
 from asrsim.learning.plant import make_plant
+from asrsim.learning.prepared import prepare_learning
 from asrsim.scenario import load_scenario
 from asrsim.signals.recorded import read_column
 
@@ -11,6 +13,12 @@ def plant_of(folder, arm, motion, duration, **ilc):
     """Model of an arm that learns a motion. ilc: further keys of the block `ilc`."""
     block = {"trajectory": motion, "tolerance": 0.005, "max_iterations": 15, **ilc}
     return make_plant(load_scenario(arm.write(folder, duration=duration, initial="equilibrium", ilc=block))[0])
+
+
+def learned(plant):
+    """(prepared, result) of learning in simulation."""
+    prepared = prepare_learning(plant)
+    return prepared, learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
 
 
 def play(robot, plant, inputs):

@@ -71,11 +71,6 @@ def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
     assert left == pytest.approx(2.0 * (theta - q), rel=1e-6)
 
 
-def test_an_integral_action_takes_the_droop_away():
-    linear = linear_at(sea(mode=6, integral=(300.0,)))
-    assert response(linear, 0.0).real == pytest.approx(2.0 / (2.0 + MASS * GRAVITY * LENGTH), rel=1e-6)
-
-
 @pytest.mark.parametrize("mode", [3, 6])
 def test_what_an_input_does_follows_the_motion(mode):
     """A spring that stiffens and an inertia that grows: each step has the joints as they are in its middle."""
@@ -101,12 +96,6 @@ def test_slopes_of_two_springs_are_those_of_the_law():
 def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     """At the limit it has no slope, and nothing could be learned from there."""
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
-
-
-def test_input_splines_have_knots_every_30_ms_including_the_tail():
-    knots = InputSplines.over(1.0, 0.3).knots[3:-3]
-    assert (knots[0], knots[-1]) == pytest.approx((0.0, 1.3))
-    assert np.diff(knots) == pytest.approx(0.03, rel=0.02)
 
 
 @pytest.mark.parametrize("mode", [3, 6])
