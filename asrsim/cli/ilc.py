@@ -53,7 +53,7 @@ def ilc(
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.law=auto
 
-    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --next trial_7.mcap
+    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.law=auto --resume
     """
     from asrsim.learning.plant import make_plant
     from asrsim.runs.execute import with_plugins
