@@ -1,8 +1,5 @@
 """Keys of a scenario have the documented effect, in numbers that a user can calculate."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -35,8 +32,6 @@ STIFFNESS, WEIGHT = 50.0, 9.81 * 1.0 * 0.1
 FREE = [0.0, 0.0, 0.0]
 SINE = {"sinusoid": {"amplitude": 0.1, "frequency": 2}}
 BASE_MASS = '<link name="base"><inertial>{origin}<mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.3"/></inertial></link>'
-
-Run = Callable[..., Any]
 
 
 @pytest.fixture

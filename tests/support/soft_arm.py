@@ -16,7 +16,6 @@ import yaml
 from numba import njit
 from scipy.signal import lfilter
 
-Array = np.ndarray
 BRISTLES = 1000.0
 """Stiffness of the bristles of motors, N m/rad (paper eq. 8)."""
 STUCK = 4000.0
