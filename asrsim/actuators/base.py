@@ -4,7 +4,7 @@ The laws are static methods that take floats and use only the module `math` and 
 interpreted and the compiled loop run the same source with identical bits. A law receives `parameters` as a tuple of floats, in
 the order of the class attribute.
 
-    class MyVsa(Actuator):
+    class MyVsa(Antagonistic):
         name = "my_vsa"                     # found by libmy_vsa_plugin.so
         title = "My variable-stiffness actuator"
         source = "Me et al. (2026), eq. 4"

@@ -46,9 +46,10 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Raises ActuatorError for a name that is not an identifier, and for a default that is not allowed."""
-        fault = self.fault(self.default) if self.name.isidentifier() else "belongs to no valid name"
-        if fault:
-            raise ActuatorError(f"the default {fault}", key=self.name, value=self.default, code="bad-parameter")
+        fault = self.fault(self.default)
+        if fault or not self.name.isidentifier():
+            message = f"the default {fault}" if fault else "the name must be a Python identifier"
+            raise ActuatorError(message, key=self.name, value=self.default, code="bad-parameter")
 
     def fault(self, value: float) -> str | None:
         """Reason why `value` is not allowed; None if `value` is allowed."""

@@ -17,7 +17,7 @@ def report(
         argument("FOLDER", "Folder of a run, or of a scenario's variants; or a log."),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
-    film: Annotated[bool, option("Also draw film strips.", "--film/--no-film")] = True,
+    film: Annotated[bool, option("Also draw film strips and the moving view.", "--film/--no-film")] = True,
     *,
     quiet: bool,
 ) -> Done:

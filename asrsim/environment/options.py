@@ -39,14 +39,21 @@ def _is_tip(value: Any) -> bool:
         return False
 
 
-# Sets are no sequences: their order differs from process to process.
-_NAMES: Any = Sequence, "a name or a list of names"
+def _fits(value: Any, types: Any) -> bool:
+    """Whether a value has one of the types. Entries of a list and keys of a mapping must be texts."""
+    named = types is not object and isinstance(value, Sequence | Mapping)
+    return isinstance(value, types) and (not named or all(isinstance(name, str) for name in value))
+
+
+_NAMES = "a name or a list of names"
 _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}"
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
+# Names are no sets, whose order differs from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
     "variant": (None, object, ""), "overrides": ((), object, ""),
-    "control_rate": (50.0, int | float | np.number, "a number of Hz"), "observe": (("link_position", "link_velocity"), *_NAMES),
-    "act": ((), *_NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
+    "control_rate": (50.0, int | float | np.number, "a number of Hz"),
+    "observe": (("link_position", "link_velocity"), Sequence, _NAMES), "act": (None, Sequence | None, _NAMES),
+    "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
     "tip": (None, object, ""),
 }  # fmt: skip
 """Options by name: default, types of valid values, and description of valid values."""
@@ -64,7 +71,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
     problems += [
         Problem(f"must be {kind}", key=name, value=options[name], code="option-type")
         for name, (_, types, kind) in _FORMS.items()
-        if not isinstance(options[name], types)
+        if not _fits(options[name], types)
     ]
     if not _is_tip(options["tip"]):
         message = "must be a link's name and a point of three finite numbers in m, such as ('link_2', (0.1, 0, 0))"

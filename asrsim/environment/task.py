@@ -61,7 +61,7 @@ class ControlTask:
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Number of actions per episode."""
-        self.actions, low, high = _actions(prepared, one_or_more(options["act"]))
+        self.actions, low, high = _actions(prepared, one_or_more(options["act"] or ()))
         """Joint and reference that each entry of an action sets."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]

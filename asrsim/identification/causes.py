@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[st
             explained, layout = (found.problem, found.x), found.problem.layout
             values = dict(zip((entry.name for entry in layout.entries), layout.values(found.x).tolist(), strict=True))
             yield _suspected(found, percent((rest / base) ** 0.5)) + more, values
-    for text in (*_oscillations(*explained), *_varying_springs(problem, x)):
+    for text in chain(_oscillations(*explained), _varying_springs(problem, x)):
         yield text, {}
 
 

@@ -76,7 +76,9 @@ def doubted(known: Sequence[Estimate], missed: float, channel: str, otherwise: M
     suspected causes, by name.
     """
     for one in known:
-        other, ratio, reason = otherwise.get(one.name, one.value), one.value / one.start if one.start else 1.0, ""
+        other = otherwise.get(one.name, one.value)
+        ratio = one.value / one.start if one.start else 1.0
+        reason = ""
         if missed > CLOSE:
             reason = f"the model misses {percent(missed)} of {channel}"
         elif not one.is_place and abs(other - one.value) > CLOSE * abs(one.value):

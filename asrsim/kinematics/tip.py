@@ -15,8 +15,7 @@ from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
-    from asrsim.scenario import robot_model
-from asrsim.scenario.data import Scenario
+    from asrsim.scenario.data import Scenario
 
 
 class TipPoses:

@@ -110,12 +110,13 @@ def next_input(
             inputs, twin, ratio = _proposed(prepared, trials, begin)
         else:
             inputs = best_of(trials).inputs
+        changes = {} if twin is None else twin.changes
+        state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
+        # If the next input cannot be written, the same recording may be given again.
+        save_state(folder / STATE, basis, state)
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
-        changes = {} if twin is None else twin.changes
-        state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
-        save_state(folder / STATE, basis, state)
         data: dict[str, object] = {"trials": [trial_data(t, plant.joints) for t in trials], "best": best_of(trials).number}
         if twin is not None:
             data["identified"] = {"changes": changes, "residual": twin.residual, "residual_before": twin.before}

@@ -39,8 +39,6 @@ KINDS = {
 """Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
 """Largest number of demands that are written."""
-
-
 DIGITS = 3
 """Digits of a claimed error, which is rounded up. A replay on the same plant repeats the error bit for bit."""
 
@@ -92,7 +90,7 @@ def run_session(
                 on_trial(trial)
 
         result = learn(
-            prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=tuple(trials), stop=stop
+            prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=trials, stop=stop
         )  # fmt: skip
         replaced = ""
         if earlier and not going_on:

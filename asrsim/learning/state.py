@@ -54,7 +54,7 @@ def simulation_basis(plant: Plant) -> dict[str, str]:
     learning = {key: value for key, value in (scenario.resolved.get("ilc") or {}).items() if key not in STOPPING}
     parts = {
         "the scenario": json.dumps({**scenario.resolved, "ilc": learning}, sort_keys=True, default=str),
-        str(plant.robot.path): plant.robot.text,
+        str(plant.robot.path.resolve()): plant.robot.text,
         "the version of asrsim or a library": json.dumps(numeric_versions()),
     }
     shaped, _ = usable_shapes(plant.robot, package_paths=scenario.package_paths)
@@ -62,7 +62,7 @@ def simulation_basis(plant: Plant) -> dict[str, str]:
     laws = [file_of(ACTUATORS.get(drive.actuator.name)) for drive in plant.prepared.drives if drive.actuator]
     files = filter(None, (*scenario.attachments.values(), *meshes, *laws))
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in parts.items()}
-    return hashes | {str(path): digest_of(path) for path in files}
+    return hashes | {str(path.resolve()): digest_of(path) for path in files}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     scenario = scenario_from_data(
         {"duration": 1.0, "expect": data["expect"], "world": {"objects": objects}, "engine": data.get("engine")},
         base_dir=Path(info.scenario_path).parent if info.scenario_path else None,
-        files=unpacked(info, folder / "files"),
+        files=unpacked(info.attachments, folder / "files"),
         robot=robot,
         variant=info.variant,
     )

@@ -51,10 +51,10 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     quantities: draw only these quantities, each in its own row. brief: omit the energies; where an overview shows all joints,
     only the first page of joints follows.
     """
-    if quantities is not None:
-        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joint_names(runs))
-        return
     joints = joint_names(runs)
+    if quantities is not None:
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joints)
+        return
     many = len(joints) >= OVERVIEW_FROM
     if many:
         yield Page(name="overview", figure=overview_figure(runs))
@@ -63,13 +63,17 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs, joints), 1 if first else None)
     if not brief:
         yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs, joints)
-    bodies = tuple(dict.fromkeys(body.name for run in runs for body in run.bodies))
-    yield from _grid_pages("objects", "objects", BODY_PANELS, runs, bodies)
+    yield from _grid_pages("objects", "objects", BODY_PANELS, runs, body_names(runs))
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
     """Names of the joints of all runs, in order."""
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
+
+
+def body_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
+    """Names of the objects and tips of all runs, in order."""
+    return tuple(dict.fromkeys(body.name for run in runs for body in run.bodies))
 
 
 def _grid_pages(

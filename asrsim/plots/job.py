@@ -43,7 +43,7 @@ class PlotJob:
     joints: tuple[str, ...] | None = None
     quantities: tuple[str, ...] | None = None
     lag: LagChoice = "auto"
-    """Largest lag that the automatic alignment may find, s."""
+    """Lag of the recordings' clock in s, or how it is found."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None

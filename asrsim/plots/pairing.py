@@ -96,8 +96,8 @@ def compare_run(
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: lag of each recording, by its path. Raises
-    RecordingError (no common joint or quantity, no overlap in time) and LogError.
+    joints, quantities: all by default. lags: lag of each recording, by its path. Raises RecordingError (no common joint or
+    quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
     infos = reader.info.joints

@@ -44,9 +44,11 @@ def align_recording(
     best: tuple[str, Array, Array, Column] | None = None
     for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
         stored = recorded_sources([quantity], [known[joint]]) if joint in known else [quantity]
-        samples = read(stored, (joint,)) if stored else None
-        values = None if samples is None else simulated(samples, joint, quantity, infos)
-        if samples is None or values is None:
+        if not stored:
+            continue
+        samples = read(stored, (joint,))
+        values = simulated(samples, joint, quantity, infos)
+        if values is None:
             continue
         column = columns[joint, quantity]
         moves = _moves(values) and _moves(column.values)
@@ -146,7 +148,7 @@ def align(
         name: Name of the quantity, for messages.
 
     Raises:
-        RecordingError: With `auto` or `off`, the records do not overlap in time.
+        RecordingError: The choice is not a `LagChoice`, or with `auto` the records do not overlap in time.
     """
     start = float(time_recording[0] - time_simulation[0])
     stated = {"off": 0.0, "start": start}.get(str(choice), choice)

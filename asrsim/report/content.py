@@ -23,7 +23,7 @@ from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
 
 STRIPS = 12
-"""Largest number of runs with film strips."""
+"""Largest number of runs with film strips, and in the moving view."""
 PICTURES = 4
 """Largest number of comparison pictures."""
 PICTURE_BYTES = 200_000
@@ -148,7 +148,7 @@ class Films:
     strips: Mapping[Path, str]
     """Film strip of each log as a data URL (JPEG)."""
     motion: Mapping[str, Any] | None = None
-    """Data of the moving view."""
+    """Data of the moving view; None without film strips."""
     notes: tuple[str, ...] = ()
     """Pictures that could not be drawn, with the reasons."""
 
@@ -168,16 +168,15 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
             said |= dict.fromkeys(films[log].notes)
         except AsrsimError as error:
             said[f"no film strip of {log.parent.name}: {error}"] = None
+    if not films:
+        return Films(strips={}, notes=tuple(said))
+    share_view(list(films.values()))
+    times = telling_times(list(films.values()), FRAMES)
     strips: dict[Path, str] = {}
-    if films:
-        share_view(list(films.values()))
-        times = telling_times(list(films.values()), FRAMES)
-        for log, film in films.items():
-            buffer = BytesIO()
-            film_strip([film.frame(time) for time in times], letters=0.07).save(
-                buffer, format="JPEG", quality=84, optimize=True
-            )
-            strips[log] = data_address(buffer.getvalue(), "image/jpeg")
+    for log, film in films.items():
+        buffer = BytesIO()
+        film_strip([film.frame(time) for time in times], letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
+        strips[log] = data_address(buffer.getvalue(), "image/jpeg")
     names = [label for log, label in zip(logs, labels, strict=True) if log in films]
     return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))
 

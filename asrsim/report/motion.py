@@ -20,10 +20,8 @@ DIGITS = 7
 """Number of decimals of a pose. Rounding makes constant values exactly equal, so that they are packed as one value."""
 
 
-def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:
-    """Data of the moving view; None if there are no films. Runs with the same shapes share them."""
-    if not films:
-        return None
+def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
+    """Data of the moving view of at least one film. Runs with the same shapes share them."""
     scenes: list[list[dict[str, Any]]] = []
     runs = []
     for film, label in zip(films, labels, strict=True):

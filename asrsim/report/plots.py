@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.plots import style
 from asrsim.plots.curves import RunCurves, joint_info
-from asrsim.plots.figures import describe, joint_names
+from asrsim.plots.figures import body_names, describe, joint_names
 from asrsim.plots.panels import BODY_PANELS, ENERGY_PANELS, JOINT_PANELS, PANELS, content
 from asrsim.report.series import pack
 from asrsim.samples import Array
@@ -36,7 +36,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
     """Section of each joint and body: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     sections = []
     panels = (*(PANELS[key] for key in (*JOINT_PANELS, *ENERGY_PANELS)), *BODY_PANELS)
-    for joint in (*joint_names(runs), *dict.fromkeys(body.name for run in runs for body in run.bodies)):
+    for joint in (*joint_names(runs), *body_names(runs)):
         info = joint_info(runs, joint)
         plots = []
         for panel in panels:

@@ -20,11 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from asrsim.robot.inertia import inertia_tensor
 from asrsim.robot.merge import merge_fixed
-from asrsim.robot.model import Joint, Link, Robot, Vector
+from asrsim.robot.model import ZERO, Joint, Link, Robot, Vector
 from asrsim.robot.poses import frame, rotation_matrix
 
 Array = NDArray[np.float64]
-ZERO = (0.0, 0.0, 0.0)
 AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 BASE = 6
 """Degrees of freedom of a floating base."""

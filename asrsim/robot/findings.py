@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from asrsim.errors import Details, Problem
-from asrsim.robot.model import Vector
+from asrsim.robot.model import ZERO, Vector
 from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import BLANKS, elements
 
@@ -17,7 +17,6 @@ LARGEST = 1e12
 """Largest plausible mass, inertia or length, SI units; products of larger values would overflow."""
 SMALLEST = 1e-30
 """Smallest plausible mass, inertia or parameter other than 0, SI units; inverses of smaller values would overflow."""
-ZERO = (0.0, 0.0, 0.0)
 
 
 def words(text: str) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.robot.inertia import inertia_tensor, numbers_of
-from asrsim.robot.model import Joint, Link, Robot, Shape, Vector
+from asrsim.robot.model import ZERO, Joint, Link, Robot, Shape, Vector
 from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
 
@@ -38,11 +38,11 @@ def merge_for_engine(robot: Robot, *, fixed_base: bool) -> tuple[MergedRobot, Ve
     The frame of a floating base lies at its centre of mass, so that in all engines the linear velocity of the base is the
     velocity of this centre.
     """
-    origin = (0.0, 0.0, 0.0) if fixed_base else merge_fixed(robot).robot.root.centre_of_mass
+    origin = ZERO if fixed_base else merge_fixed(robot).robot.root.centre_of_mass
     return merge_fixed(robot, origin), origin
 
 
-def merge_fixed(robot: Robot, origin: Vector = (0.0, 0.0, 0.0)) -> MergedRobot:
+def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
     """Robot with merged links: masses, centres, inertias (by the parallel-axis theorem), shapes and joints are combined.
 
     A body of one link keeps its numbers unchanged. A body has no `<inertial>` if no link in it has an
@@ -88,7 +88,7 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
         tensor += pose.rotation @ inertia_tensor(link) @ pose.rotation.T
         tensor += own * (away @ away * np.eye(3) - np.outer(away, away))
     inertia = numbers_of(tensor)
-    return replace(body, mass=mass, centre_of_mass=_vector(centre), inertia=inertia, inertial_rpy=(0.0, 0.0, 0.0))
+    return replace(body, mass=mass, centre_of_mass=_vector(centre), inertia=inertia, inertial_rpy=ZERO)
 
 
 def _placed(shape: Shape, pose: Pose) -> Shape:

@@ -12,6 +12,7 @@ from typing import Literal
 from asrsim.errors import Problem
 
 Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
 """Value of a parameter whose problem is already reported. It is compared by identity, as other NaNs are possible."""
@@ -70,9 +71,9 @@ class Shape:
     kind: ShapeKind
     size: tuple[float, ...] = ()
     """Sizes, m. Box: edges x, y, z; sphere: radius; cylinder and capsule: radius, length; mesh: none."""
-    origin: Vector = (0.0, 0.0, 0.0)
+    origin: Vector = ZERO
     """Position of the shape's frame in the link's frame, m."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = ZERO
     """Orientation of the shape's frame in the link's frame, rad."""
     mesh: str = ""
     """File of the mesh as named in the robot file; `Packages.resolve` finds it."""
@@ -92,9 +93,9 @@ class Link:
     """Mass, kg; None if the file has no `<inertial>`."""
     inertia: Inertia | None
     """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the inertial frame, kg m^2."""
-    centre_of_mass: Vector = (0.0, 0.0, 0.0)
+    centre_of_mass: Vector = ZERO
     """Position of the centre of mass in the link's frame, m."""
-    inertial_rpy: Vector = (0.0, 0.0, 0.0)
+    inertial_rpy: Vector = ZERO
     """Orientation of the inertial frame in the link's frame, rad."""
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
@@ -112,9 +113,9 @@ class Joint:
     child: str
     axis: Vector = (1.0, 0.0, 0.0)
     """Unit vector of the axis in the joint's frame."""
-    origin: Vector = (0.0, 0.0, 0.0)
+    origin: Vector = ZERO
     """Position of the joint's frame in the parent link's frame, m."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = ZERO
     """Orientation of the joint's frame in the parent link's frame, rad."""
     lower: float | None = None
     """Lower limit, rad or m; None: no limit, as for all continuous joints."""

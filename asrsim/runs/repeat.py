@@ -147,7 +147,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     """
     if "scenario" not in info.resolved:
         raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
-    files = unpacked(info, folder / "files")
+    files = unpacked(info.attachments, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
@@ -168,10 +168,10 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot
 
 
-def unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
-    """Paths of the files in a log, which are written into `folder`, by their names in the log."""
+def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
+    """Paths of attachments of a log, which are written into `folder`, by their names in the log."""
     files: dict[str, Path] = {}
-    for name, content in info.attachments.items():
+    for name, content in attachments.items():
         parts = PurePosixPath(name.replace("\\", "/")).parts
         # The names come from a file that is not trusted: reject paths outside the folder.
         if not parts or ".." in parts or PurePosixPath(name).is_absolute():
@@ -190,7 +190,7 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
 
     for path in one_or_more(plugins):
         load_plugin_file(path)
-    carried = [name for name in reader.info.attachments if name.startswith(PLUGINS)]
+    carried = {name: data for name, data in reader.info.attachments.items() if name.startswith(PLUGINS)}
     if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):
         return
     if not trust:
@@ -198,6 +198,5 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
         message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
         hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
         raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
-    files = unpacked(reader.info, folder / "plugins")
-    for name in carried:
-        load_plugin_file(files[name])
+    for path in unpacked(carried, folder / "plugins").values():
+        load_plugin_file(path)

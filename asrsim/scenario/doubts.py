@@ -19,7 +19,7 @@ from asrsim.robot.mounting import reference_names
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.names import shadowed_entries
-from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
+from asrsim.scenario.signal_checks import ROUNDING, extremes, reference_key, signals_of, wanted_positions
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -29,8 +29,6 @@ STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
 UNSTABLE = 2.0
 """Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
-ROUNDING = 1e-9
-"""Relative rounding error by which a value may exceed a limit."""
 
 
 def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

@@ -21,10 +21,10 @@ from asrsim.simulation.layout import EXTERNAL, GOALS
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
-    Each motor stands where its controller torque equals
-    the spring torque. A joint that is pressed onto its stop rests there. A joint without actuator rests where gravity and its
-    passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
-    positions. Raises ScenarioError that names a joint without an equilibrium.
+    Each motor stands where its controller torque equals the spring torque. A joint that is pressed onto its stop rests there. A
+    joint without actuator rests where gravity and its passive spring balance. Joints that references drive with a torque, a
+    voltage or a current (modes 0, 4, 7 and 8) keep their positions. Raises ScenarioError that names a joint without an
+    equilibrium.
     """
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]

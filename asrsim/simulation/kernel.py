@@ -543,7 +543,7 @@ def update_ledger(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, rec
     push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
     work = link
     if k[KIND] == SPRUNG:
-        work = _update_springs(s, p, k, z[STEP], first, jumped, recorded, before, half)
+        work = _update_springs(s, p, k, z[STEP], first, jumped, recorded, before)
         s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
     s[LINK_WORK] += link
     s[DAMPING_LOSS] += damped
@@ -564,12 +564,11 @@ def update_ledger(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, rec
         s[STOP_COUNT] += 1.0
 
 
-def _update_springs(
-    s: Any, p: Any, k: Any, step: float, first: bool, jumped: bool, recorded: bool, before: int, half: float
-) -> float:
+def _update_springs(s: Any, p: Any, k: Any, step: float, first: bool, jumped: bool, recorded: bool, before: int) -> float:
     """Update energies and counts of the springs and motors, and return the work in J of the motors since the last substep.
 
-    half: half of the link's displacement in rad; the other arguments are those of `update_ledger`.
+    step: length of a substep in s. first, jumped, recorded: as in `update_ledger`. before: column of the torques on the
+    link, or of their means over the half kick before the substep if an input jumps.
     """
     kinematic, energy_before, hysteretic = k[DYNAMIC] < k[PLACED], s[SPRING_ENERGY], 0.0
     if recorded or first or kinematic:
@@ -673,17 +672,16 @@ def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
 
 
 def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
-    """Energy in J lost in the springs' hysteresis since the last substep. The result is exact for motion in one direction, so
-    it is never negative."""
+    """Energy in J lost in the springs' hysteresis since the last substep, for springs with hysteresis. The result is exact for
+    motion in one direction, so it is never negative."""
     total = 0.0
-    if p[P_LEVEL] > 0.0:
-        for i in range(k[SPRINGS]):
-            m = FIRST_MOTOR + i * PER_MOTOR
-            moved = s[m + DEFLECTION] - s[m + LAST_DEFLECTION]
-            now, last = s[m + HYSTERESIS], s[m + LAST_HYSTERESIS]
-            stored = 0.5 * p[P_LENGTH] * (now * now - last * last) / p[P_LEVEL]
-            signed = now - last if moved > 0.0 else last - now
-            total += p[P_LEVEL] * abs(moved) - p[P_LENGTH] * signed - stored
+    for i in range(k[SPRINGS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        moved = s[m + DEFLECTION] - s[m + LAST_DEFLECTION]
+        now, last = s[m + HYSTERESIS], s[m + LAST_HYSTERESIS]
+        stored = 0.5 * p[P_LENGTH] * (now * now - last * last) / p[P_LEVEL]
+        signed = now - last if moved > 0.0 else last - now
+        total += p[P_LEVEL] * abs(moved) - p[P_LENGTH] * signed - stored
     return total
 
 

@@ -22,9 +22,10 @@ from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Frame, JointInfo, RunInfo
-from asrsim.scenario import robot_model
+from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant, robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
+from asrsim.scenario.signal_checks import undersampled
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
@@ -32,6 +33,7 @@ from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, resolution_of
+from asrsim.versions import version
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
@@ -242,8 +244,6 @@ class Prepared:
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
     """The scenario of a file, or the given scenario itself. Raises ScenarioError and InputError."""
-    from asrsim.scenario import load_scenario, only_variant
-
     if not isinstance(scenario, Scenario):
         return only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     if variant not in (None, scenario.variant) or overrides:
@@ -266,9 +266,6 @@ def prepare(
     references, and for all values in its `reference_ranges`. settable: whether callers may set all references within the limits
     of the robot; the scenario then gets these limits as `reference_ranges`.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot
-    from asrsim.scenario.signal_checks import undersampled
-
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
@@ -352,7 +349,6 @@ def describe(
 ) -> RunInfo:
     """Description of the run for its log. engine: library and version of the engine."""
     from asrsim import __version__
-    from asrsim.versions import version
 
     joints = [
         JointInfo(

@@ -28,9 +28,7 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
 
     run = result.run
     model = robot_model(run.scenario, run.robot)
-    end = np.array([float(result[joint].link_position[-1]) for joint in model.joints])
-    rows, still, unit = np.tile(end, (len(end), 1)), np.zeros((len(end),) * 2), np.eye(len(end))
-    inertias = np.diag(model.inverse_dynamics(rows, still, unit) - model.gravity_torques(end))
+    inertias = np.diag(model.mass_matrix([float(result[joint].link_position[-1]) for joint in model.joints]))
     return tuple(
         f"link_damping.{joint}={{ratio: {RATIO}, inertia: {float(inertia)!r}}}"
         for joint, inertia in zip(model.joints, inertias, strict=True)

@@ -9,10 +9,10 @@ Check the actuator:  asrsim check --actuator my_vsa --plugin my_vsa.py
 
 from __future__ import annotations
 
-from asrsim.actuators import Actuator, Parameter, max_deflection, saturate
+from asrsim.actuators import Antagonistic, Parameter, max_deflection, saturate
 
 
-class MyVsa(Actuator):
+class MyVsa(Antagonistic):
     """Actuator with antagonistic cubic springs."""
 
     name = "my_vsa"  # in a URDF: filename="libmy_vsa_plugin.so"
@@ -40,13 +40,3 @@ class MyVsa(Actuator):
         k, c, limit = parameters
         d_1, d_2 = saturate(theta_1 - q, limit), saturate(theta_2 - q, limit)
         return 2.0 * k + 3.0 * c * (d_1 * d_1 + d_2 * d_2)
-
-    @staticmethod
-    def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
-        """Motor positions for an equilibrium and a preset in modes 3 and 6, rad."""
-        return equilibrium + preset, equilibrium - preset
-
-    @staticmethod
-    def equilibrium_position(theta_1: float, theta_2: float) -> float:
-        """Position at which the unloaded link rests, rad."""
-        return 0.5 * (theta_1 + theta_2)

@@ -8,13 +8,13 @@ import pytest
 from support.paths import EXAMPLES
 
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
-LIFT = f"""\
-robot: {CUBE}
+LIFT = """\
+robot: cube.urdf
 duration: 1.0
 step: 0.002
-references: {{joint_1: {{stiffness_preset: 0.2}}}}
+references: {joint_1: {stiffness_preset: 0.2}}
 ilc:
-  trajectory: {{joint_1: {{minimum_jerk: {{duration: 0.8, to: 0.3}}}}}}
+  trajectory: {joint_1: {minimum_jerk: {duration: 0.8, to: 0.3}}}
   tolerance: 0.05
   law: paper
   gain: 0.8
@@ -25,6 +25,7 @@ ilc:
 def lift(tmp_path):
     path = tmp_path / "lift.yaml"
     path.write_text(LIFT)
+    (tmp_path / "cube.urdf").write_text(CUBE.read_text())
     return path
 
 
@@ -33,7 +34,7 @@ def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path
     again = asrsim_command("ilc", lift, "--out", "here", "--no-plot")
     assert again.code == 0
     assert "replaced 6 files of an earlier learning run of this scenario" in again.out
-    # The new run has removed all files of the earlier run.
+    # The new run draws no picture, and has removed the earlier one.
     assert not (tmp_path / "here" / "ilc.png").exists()
 
 
@@ -63,5 +64,5 @@ def test_interrupted_ilc_keeps_the_best_trial_and_can_be_resumed(asrsim_command,
     assert (first["outcome"], first["iterations"]) == ("interrupted", 0)
     assert (tmp_path / "here/learned.yaml").exists()
     for more in (("here", "--resume"), ("whole",)):
-        assert asrsim_command("ilc", lift, "--out", *more, *words).code == 1
+        assert asrsim_command("ilc", lift.name, "--out", *more, *words).code == 1
     assert (tmp_path / "here/learned.csv").read_bytes() == (tmp_path / "whole/learned.csv").read_bytes()

@@ -17,7 +17,6 @@ from validation.models import INSTALLED, LOAD, Body, chain, run
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 AWAS = replace(LOAD, actuator="awas_ii", damping=0.065)
 LIMITS = '<limit lower="-3" upper="3" effort="{effort}" velocity="100"/>'
-STOPS = '<limit lower="-0.2" upper="0.3" effort="100" velocity="100"/>'
 
 
 def test_a_spring_that_one_step_cannot_resolve_is_refused():

@@ -2,11 +2,9 @@
 
 import numpy as np
 
-Array = np.ndarray
 
-
-def random_urdf(seed, *, moving=5, fixed=6, square=True, massless_root=False):
-    """URDF of a random tree. moving, fixed: numbers of joints; square: some angles are quarter turns, rounded as 1.5708."""
+def random_urdf(seed, *, moving=5, fixed=6, massless_root=False):
+    """URDF of a random tree. moving, fixed: numbers of joints. Some angles are quarter turns, rounded as 1.5708."""
     source = np.random.default_rng(seed)
     kinds = ["moving"] * moving + ["fixed"] * fixed
     source.shuffle(kinds)
@@ -21,7 +19,7 @@ def random_urdf(seed, *, moving=5, fixed=6, square=True, massless_root=False):
         axis = "" if kind == "fixed" else f'<axis xyz="{_text(_unit(source))}"/>'
         joints.append(
             f'<joint name="j{index}" type="{kind}"><parent link="{parent}"/><child link="l{index}"/>'
-            f'<origin xyz="{_text(source.normal(size=3) * 0.2)}" rpy="{_text(_angles(source, square))}"/>{axis}{limit}</joint>'
+            f'<origin xyz="{_text(source.normal(size=3) * 0.2)}" rpy="{_text(_angles(source))}"/>{axis}{limit}</joint>'
         )
     return f'<robot name="r{seed}">{"".join(links)}{"".join(joints)}</robot>'
 
@@ -34,14 +32,14 @@ def _link(name, source, *, massless):
     tensor = sum((p @ p * np.eye(3) - np.outer(p, p) for p in points), np.zeros((3, 3)))
     entries = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), tensor[np.triu_indices(3)], strict=True)
     values = " ".join(f'{key}="{float(value)!r}"' for key, value in entries)
-    place = f'xyz="{_text(source.normal(size=3) * 0.1)}" rpy="{_text(_angles(source, True))}"'
+    place = f'xyz="{_text(source.normal(size=3) * 0.1)}" rpy="{_text(_angles(source))}"'
     mass = f'<mass value="{float(source.uniform(0.1, 3.0))!r}"/>'
     return f'<link name="{name}"><inertial><origin {place}/>{mass}<inertia {values}/></inertial></link>'
 
 
-def _angles(source, square):
+def _angles(source):
     turned = source.choice([0.0, 1.5708, -1.5708, np.pi / 2, 3.14159], size=3)
-    return turned if square and source.random() < 0.6 else source.uniform(-np.pi, np.pi, 3)
+    return turned if source.random() < 0.6 else source.uniform(-np.pi, np.pi, 3)
 
 
 def _unit(source):

@@ -214,5 +214,5 @@
   runs.forEach((one, number) => choice.append(new Option(one.label || "run", String(number))));
   choice.hidden = runs.length < 2;
   choose(0);
-  window.asrsimMotion = { frames: (time) => Object.fromEntries(frames(time)), time: () => clock, draw };
+  window.asrsimMotion = { frames: (time) => Object.fromEntries(frames(time)), draw };
 })();

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.actuators import ACTUATORS, Actuator, Parameter
+from asrsim.actuators import ACTUATORS, Antagonistic, Parameter
 from asrsim.actuators.checker import check_actuator
 from asrsim.errors import ActuatorError, RobotError
 from asrsim.identification.door import Door
@@ -174,7 +174,7 @@ def test_missing_plugin_file(tmp_path):
 # -- the checker -------------------------------------------------------------------------------------------------------
 
 
-class Linear(Actuator):
+class Linear(Antagonistic):
     name, title, source = "linear", "Linear", "test"
     motors = 2
     typical_preset = 0.1
@@ -187,14 +187,6 @@ class Linear(Actuator):
     @staticmethod
     def stiffness(q, theta_1, theta_2, parameters):
         return 2.0 * parameters[0]
-
-    @staticmethod
-    def motor_references(equilibrium, preset):
-        return equilibrium + preset, equilibrium - preset
-
-    @staticmethod
-    def equilibrium_position(theta_1, theta_2):
-        return 0.5 * (theta_1 + theta_2)
 
 
 class Deadband(Linear):

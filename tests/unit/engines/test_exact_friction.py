@@ -1,17 +1,12 @@
 """Changes of velocity in a step, compared with NumPy's solution of the same equations."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from asrsim.engines.exact_friction import AT_LOWER, AT_UPPER, POSITIVE, solve_states
 from asrsim.engines.rigid import make_room
-
-
-@dataclass
-class Jointless:
-    moving_joints: tuple = ()
 
 
 def tree_of(parent, source):
@@ -32,7 +27,8 @@ def test_changes_on_a_tree_solve_its_equations(size, branches):
     to the diagonal."""
     source = np.random.default_rng(size)
     parent = np.array([max(i - source.integers(1, branches + 1), -1) for i in range(size)])
-    room = make_room(Jointless(), qpos=np.zeros(size), qvel=np.zeros(size), joint_q=[], joint_v=[], free=False, parent=parent)
+    jointless = SimpleNamespace(moving_joints=())
+    room = make_room(jointless, qpos=np.zeros(size), qvel=np.zeros(size), joint_q=[], joint_v=[], free=False, parent=parent)
     room.square[:] = np.nan
     for states in ([POSITIVE], range(AT_LOWER, AT_UPPER + 1), [POSITIVE]):
         room.matrix[:] = tree_of(parent, source)

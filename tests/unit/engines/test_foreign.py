@@ -1,4 +1,4 @@
-"""What C libraries print does not reach our streams, whenever they flush it and whoever else is at work."""
+"""C libraries print nothing to our streams, also from several threads and from buffers that are flushed late."""
 
 import os
 import subprocess
@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from asrsim.engines import foreign
 
 DESCRIPTORS = Path("/proc/self/fd")
 PRINTING = """
@@ -39,21 +41,20 @@ def test_a_closed_stream_is_no_trouble():
 
 
 def test_streams_are_what_they_were_once_the_last_has_left(capfd):
-    """Nothing of what is written inside comes out; all before and after it does."""
-    from asrsim.engines.foreign import quiet
+    """Output inside `quiet` is discarded; output before and after it is kept."""
 
     def write(text):
         for number in (1, 2):
             os.write(number, text.encode())
 
     def opened():
-        """Descriptors of the process, where the system tells."""
+        """Number of the process's open files; 0 on systems that do not list them."""
         return len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.is_dir() else 0
 
     open_before = opened()
     for turn in range(2):
         write(f"before {turn};")
-        with quiet():
+        with foreign.quiet():
             write("inside")
         write(f"after {turn};")
     said = "before 0;after 0;before 1;after 1;"
@@ -63,9 +64,6 @@ def test_streams_are_what_they_were_once_the_last_has_left(capfd):
 
 def test_an_interrupt_restores_the_streams(capfd, monkeypatch):
     """Ctrl-C may come while the streams are restored."""
-    from asrsim.engines import foreign
-
-    flush = foreign._flush
 
     def interrupted():
         raise KeyboardInterrupt
@@ -73,7 +71,7 @@ def test_an_interrupt_restores_the_streams(capfd, monkeypatch):
     with pytest.raises(KeyboardInterrupt), foreign.quiet():
         monkeypatch.setattr(foreign, "_flush", interrupted)
     os.write(1, b"heard;")
-    monkeypatch.setattr(foreign, "_flush", flush)
+    monkeypatch.undo()
     with foreign.quiet():
         os.write(1, b"unheard")
     os.write(1, b"again")

@@ -91,6 +91,7 @@ def test_what_is_randomised_changes_the_simulation(scenario):
 def test_actions_are_scaled_to_the_ranges_and_cut(scenario):
     env = make_env(scenario, act=("stiffness_preset", "joint_1.equilibrium_position"), observe=("reference_1", "reference_2"))
     assert env.action_names == ("joint_1.stiffness_preset", "joint_2.stiffness_preset", "joint_1.equilibrium_position")
+    assert make_env(scenario, act=None).action_names == make_env(scenario).action_names
     env.reset()
     found, *_ = env.step(np.array([-1.0, 1.0, 7.0]))
     np.testing.assert_allclose(found[[0, 2, 3]], [1.0, 0.05, 0.4])
@@ -149,6 +150,7 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
         ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"control_rate": "fast", "observe": 3}, "(?s)control_rate: must be a number.*observe: must be a name"),
+        ({"act": [3], "goal": {3: [0.1]}}, "(?s)act: must be a name.*goal: must be a mapping from keys"),
         ({"observes": "link_position"}, "observes: is not an option.*Did you mean 'observe'"),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asrsim.errors import InputError
+from asrsim.errors import InputError, OutputError
 from asrsim.learning.hardware import next_input
 from asrsim.learning.plant import make_plant
 from asrsim.learning.recorded import MISSING, recorded
@@ -117,7 +117,15 @@ def test_the_last_recording_may_be_given_again(tmp_path):
     write(late, plant, header, late=0.1, scale=(1.0,))
     readings = (early, 0.0), (late, 0.0), (late, 0.1)
     _, wrong, again = (next_input(plant, tmp_path / "twice", path, lag=lag) for path, lag in readings)
-    _, once = (next_input(plant, tmp_path / "once", path, lag=lag) for path, lag in readings[::2])
+    # The program ends before the next scenario is written, and the recording is given again.
+    folder, unwritable = tmp_path / "once", tmp_path / "once" / "next.yaml"
+    next_input(plant, folder, early)
+    unwritable.unlink()
+    unwritable.mkdir()
+    with pytest.raises(OutputError):
+        next_input(plant, folder, late, lag=0.1)
+    unwritable.rmdir()
+    once = next_input(plant, folder, late, lag=0.1)
     assert len(wrong.trials) == len(again.trials) == 2
     assert again.trials[1].largest == once.trials[1].largest < wrong.trials[1].largest
-    assert (tmp_path / "twice" / "next.csv").read_text() == (tmp_path / "once" / "next.csv").read_text()
+    assert (tmp_path / "twice" / "next.csv").read_text() == (folder / "next.csv").read_text()

@@ -184,16 +184,15 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser, page):
     def mouse(kind, share, **more):
         place = {"x": x + share * width, "y": y + 0.5 * height}
         browser.call("Input.dispatchMouseEvent", {"type": kind, **place, **more})
+        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
 
     mouse("mouseMoved", 0.4)
-    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
     assert re.search(r"soft -?\d\S* \| stiff -?\d\S* rad", browser.evaluate("document.querySelector('.legend').textContent"))
     assert browser.evaluate("document.querySelector('.time').textContent") == "0.120 s"
     mouse("mousePressed", 0.4, button="left", buttons=1, clickCount=1)
     mouse("mouseMoved", 0.5, button="left", buttons=1)
     mouse("mouseMoved", 0.6, button="left", buttons=1)
     mouse("mouseReleased", 0.6, button="left", clickCount=1)
-    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
     ranges = browser.evaluate("asrsimCharts.map((chart) => [chart.scales.x.min, chart.scales.x.max])")
     assert ranges[0] == pytest.approx([0.12, 0.18], abs=0.005)
     assert all(one == ranges[0] for one in ranges)
@@ -256,8 +255,14 @@ def test_the_robot_moves_in_a_browser(browser, tmp_path):
     log = simulated_log("box_push_5dof", tmp_path / "stiff" / "log.mcap", variant="stiff", duration=0.3)
     browser.open(write_report(log.parent), width=1000)
     film = Film(log)
-    look = "asrsimMotion.draw(); document.querySelector('#motion canvas').toDataURL()"
+    look = """(() => { asrsimMotion.draw(); const gl = document.querySelector('#motion canvas').getContext('webgl2');
+      const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4 * w * h);
+      gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+      let brown = 0, sum = 0;
+      for (let i = 0; i < p.length; i += 4) { brown += p[i] - p[i + 2] > 40; sum += p[i] * (i % 9973); }
+      return [brown / (w * h), sum]; })()"""
     first = browser.evaluate(look)
+    assert first[0] > 0.05  # the box is brown: much more red than blue
     row = len(film.samples.time) // 2
     theirs = browser.evaluate(f"asrsimMotion.frames({film.samples.time[row]})")
     for body, frame in film.frames(row).items():

@@ -37,47 +37,42 @@ def urdf(blocks):
 
 
 @pytest.fixture
-def read(tmp_path):
-    def reader(blocks):
-        path = tmp_path / "arm.urdf"
-        path.write_text(urdf(blocks))
-        return load_robot(path)
-
-    return reader
+def read_arm(read):
+    return lambda blocks: read(urdf(blocks))
 
 
 def codes(robot):
     return {problem.code for problem in robot.warnings}
 
 
-def errors(read, blocks):
+def errors(read_arm, blocks):
     with pytest.raises(InputError) as caught:
-        with_overrides(read(blocks))
+        with_overrides(read_arm(blocks))
     return {problem.code: problem for problem in caught.value.problems}
 
 
 @pytest.mark.parametrize("name", ["sea", "qbmove", "bavs", "awas_ii"])
-def test_every_tag_reaches_its_parameter(name, read):
+def test_every_tag_reaches_its_parameter(name, read_arm):
     tags = parameter_tags(ACTUATORS.get(name))
     assert len(set(tags.values())) == len(tags)
     # Each gets its own value, so that no two can be mixed up.
     given = {parameter: 0.01 + 0.001 * i for i, parameter in enumerate(tags)}
     text = "".join(f"<{tags[parameter]}>{value}</{tags[parameter]}>" for parameter, value in given.items())
-    robot = read(block(text, actuator=name))
+    robot = read_arm(block(text, actuator=name))
     assert robot.actuators[0].values() == pytest.approx(given)
     assert all(value.origin == "tag" and value.line == 14 for value in robot.actuators[0].parameters.values())
 
 
-def test_defaults_are_the_released_codes(read):
-    values = read(block()).actuators[0].parameters
+def test_defaults_are_the_released_codes(read_arm):
+    values = read_arm(block()).actuators[0].parameters
     assert (values["motor_1_damping"].value, values["motor_2_friction_torque"].value) == (0.2698, 0.02)
     assert (values["controller_2_proportional"].value, values["controller_1_derivative"].value) == (125.0, 4.5)
     assert values["spring_a_1"].origin == "default"
     assert values["spring_a_1"].tag == "spring_a1"
 
 
-def test_free_text_comments_blanks_and_infinity(read):
-    robot = read(
+def test_free_text_comments_blanks_and_infinity(read_arm):
+    robot = read_arm(
         block(
             "# free text\n<spring_a1>11 </spring_a1> # more <!-- and a comment -->\n<max_def> 0.5<!-- rad --> </max_def>"
             "<mot_1_minPos>-inf</mot_1_minPos><mot_1_maxPos>inf</mot_1_maxPos>"
@@ -88,13 +83,13 @@ def test_free_text_comments_blanks_and_infinity(read):
     assert (values["motor_1_min_position"], values["motor_1_max_position"]) == (-math.inf, math.inf)
 
 
-def test_later_dialect(read):
-    entry = read(block("<namespace>alter/right</namespace><t_sample>0.01</t_sample>")).actuators[0]
+def test_later_dialect(read_arm):
+    entry = read_arm(block("<namespace>alter/right</namespace><t_sample>0.01</t_sample>")).actuators[0]
     assert entry.namespace == "alter/right"
 
 
-def test_foreign_plugins_and_references_are_left_alone(read):
-    robot = read(
+def test_foreign_plugins_and_references_are_left_alone(read_arm):
+    robot = read_arm(
         '<gazebo><plugin name="ros_control" filename="libgazebo_ros_control.so"><joint>nothing</joint></plugin></gazebo>'
         '<gazebo reference="hand"><mu1>3</mu1><sensor name="s"><plugin name="i" filename="libimu.so"/></sensor></gazebo>'
         + block()
@@ -103,8 +98,8 @@ def test_foreign_plugins_and_references_are_left_alone(read):
     assert robot.warnings == ()
 
 
-def test_arithmetic_is_evaluated_and_said_to_be_misread(read):
-    robot = read(block("<spring_a>1.21*pow(10,-6)</spring_a>", actuator="bavs"))
+def test_arithmetic_is_evaluated_and_said_to_be_misread(read_arm):
+    robot = read_arm(block("<spring_a>1.21*pow(10,-6)</spring_a>", actuator="bavs"))
     value = robot.actuators[0].parameters["spring_a"]
     assert value.value == pytest.approx(1.21e-6, rel=1e-12)
     assert value.text == "1.21*pow(10,-6)"
@@ -152,17 +147,17 @@ def test_bad_numbers_are_refused(text):
         (block(actuator="qbmoves"), "unknown-actuator", 11, "libqbmove_plugin.so"),
     ],
 )  # fmt: skip
-def test_bad_blocks(read, blocks, code, line, says):
-    found = errors(read, blocks)
+def test_bad_blocks(read_arm, blocks, code, line, says):
+    found = errors(read_arm, blocks)
     assert set(found) == {code}
     assert found[code].line == line
     assert says in str(found[code])
 
 
-def test_missing_required_tags(read):
-    found = errors(read, '<gazebo><plugin name="a" filename="libsea_plugin.so"><joint>elbow</joint></plugin></gazebo>')
+def test_missing_required_tags(read_arm):
+    found = errors(read_arm, '<gazebo><plugin name="a" filename="libsea_plugin.so"><joint>elbow</joint></plugin></gazebo>')
     assert "operation_mode" in found["missing-tag"].message
-    robot = read(block(required=""))
+    robot = read_arm(block(required=""))
     assert [problem.code for problem in robot.warnings] == ["missing-tag"] * 3
 
 
@@ -173,16 +168,14 @@ def test_missing_required_tags(read):
         ("<ctrl_1_P>99</ctrl_1_P>", "one-controller-set", "motor 2 keeps"),
     ],
 )
-def test_warnings_of_a_block(read, tags, code, says):
-    (warning,) = read(block(tags)).warnings
+def test_warnings_of_a_block(read_arm, tags, code, says):
+    (warning,) = read_arm(block(tags)).warnings
     assert warning.code == code
     assert says in str(warning)
 
 
-def test_effort_limits_that_matter_to_an_actuator(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf(block()).replace('effort="100"', 'effort="0"', 1))
-    assert codes(load_robot(path)) == {"zero-effort-limit"}
+def test_effort_limits_that_matter_to_an_actuator(read):
+    assert codes(read(urdf(block()).replace('effort="100"', 'effort="0"', 1))) == {"zero-effort-limit"}
 
 
 @pytest.mark.parametrize(

@@ -35,16 +35,6 @@ def robot(body):
 GOOD = link("a", "") + joint("j", "a", "b") + link("b")
 
 
-@pytest.fixture
-def read(tmp_path):
-    def reader(text, name="robot.urdf", **options):
-        path = tmp_path / name
-        path.write_text(text)
-        return load_robot(path, **options)  # type: ignore[arg-type]
-
-    return reader
-
-
 def fails(read, text, name="robot.urdf", **options):
     with pytest.raises(RobotError) as caught:
         read(text, name, **options)

@@ -33,15 +33,6 @@ def arm(*, axis="0 1 0", origin="0 0 0.2", mass="0.5"):
     )
 
 
-@pytest.fixture
-def read(tmp_path):
-    def reader(text):
-        (tmp_path / "r.urdf").write_text(text)
-        return load_robot(tmp_path / "r.urdf")
-
-    return reader
-
-
 # -- numbers -----------------------------------------------------------------------------------------------------------
 
 NOT_NUMBERS = [

@@ -1,4 +1,4 @@
-"""Meshes, overrides, inertia and the checks of a step."""
+"""Meshes, overrides and inertia."""
 
 import struct
 from dataclasses import replace
@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.robot import load_robot, with_overrides
+from asrsim.robot import with_overrides
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.meshes import usable_shapes
 
 
-def pendulum(extra="", *, block="", inertia=1e-6, dynamics="", body=""):
-    """A mass of 0.2 kg at 0.04 m below the joint: I = inertia + 3.2e-4 kg m^2."""
+def pendulum(*, block="", body=""):
+    """A mass of 0.2 kg at 0.04 m below the joint."""
     return f"""<robot name="p"><link name="world"/>
 <joint name="j" type="revolute"><parent link="world"/><child link="l"/><axis xyz="0 1 0"/>
-<limit effort="300" velocity="100" lower="-3" upper="3"/>{dynamics}</joint>
+<limit effort="300" velocity="100" lower="-3" upper="3"/></joint>
 <link name="l"><inertial><origin xyz="0 0 -0.04"/><mass value="0.2"/>
-<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}"/></inertial>{body}</link>{extra}{block}</robot>"""
+<inertia ixx="1e-6" iyy="1e-6" izz="1e-6"/></inertial>{body}</link>{block}</robot>"""
 
 
 def plugin(actuator, mode, tags=""):
@@ -28,17 +28,7 @@ def plugin(actuator, mode, tags=""):
     )
 
 
-@pytest.fixture
-def read(tmp_path):
-    def reader(text):
-        (tmp_path / "p.urdf").write_text(text)
-        return load_robot(tmp_path / "p.urdf")
-
-    return reader
-
-
-# -- engine text -------------------------------------------------------------------------------------------------------
-
+# -- meshes ------------------------------------------------------------------------------------------------------------
 
 TRIANGLE = bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
 """A binary STL file."""

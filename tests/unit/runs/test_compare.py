@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,12 +37,6 @@ def pieces(samples, rng):
     return [part(samples, slice(a, b)) for a, b in itertools.pairwise(ends)]
 
 
-def copy(samples):
-    tables = {kind: {name: table.copy() for name, table in getattr(samples, kind).items()}
-              for kind in ("values", "bodies", "contacts")}  # fmt: skip
-    return replace(samples, time=samples.time.copy(), **tables)
-
-
 def compared(logged, made, seed=0):
     rng = np.random.default_rng(seed)
     comparer = Comparer(Log(pieces(logged, rng)))  # type: ignore[arg-type]
@@ -54,9 +49,9 @@ def compared(logged, made, seed=0):
 def test_every_bit_that_differs_is_found_wherever_chunks_end(seed):
     """Zero of either sign differs; one NaN is as good as another; joints and quantities are matched by name."""
     logged = example_samples(COUNT, bodies=("box",), contacts=("box/ground",))
-    same = compared(logged, copy(logged), seed)
+    same = compared(logged, deepcopy(logged), seed)
     assert (same.differences, same.samples, same.rest()) == ((), COUNT, 0)
-    made = copy(logged)
+    made = deepcopy(logged)
     position, velocity = made.values["link_position"], made.values["link_velocity"]
     position[[40, 50, 59], 1] = 7.0
     logged.values["link_velocity"][5, 0], velocity[5, 0] = 0.0, -0.0
@@ -89,7 +84,7 @@ def test_every_bit_that_differs_is_found_wherever_chunks_end(seed):
 
 def test_missing_series_differ_and_missing_samples_are_counted():
     logged = example_samples(COUNT, bodies=("box",))
-    made = copy(logged)
+    made = deepcopy(logged)
     fewer = replace(made, values={name: table for name, table in made.values.items() if name != "stiffness"}, bodies={})
     for before, after in ((logged, fewer), (fewer, logged)):
         names = {(one.name, one.joint) for one in compared(before, after).differences}

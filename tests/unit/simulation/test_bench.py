@@ -50,6 +50,12 @@ def test_the_links_follow_their_signals_in_any_order_of_steps():
         assert exchange[0, 0, VELOCITY] == pytest.approx((here - before) / scenario.step, abs=1e-9)
 
 
+def test_a_motion_too_long_for_the_memory_is_refused(monkeypatch):
+    monkeypatch.setattr(bench, "LONGEST", 20)
+    with pytest.raises(asrsim.SimulationError, match="shorten the run"):
+        asrsim.run(on_bench(duration=0.02))
+
+
 def test_the_links_stand_still_after_the_scenario():
     scenario = on_bench(duration=0.02, motion={"joint_1": {"sinusoid": {"amplitude": 0.5, "frequency": 7.0}}})
     ends = []
