@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from asrsim.errors import OutputError
+from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.folder import find_logs, new_log, open_folder
+from asrsim.runs.repeat import repeat
 from asrsim.samples import Samples
 from asrsim.scenario import load_scenario
 from support.log_example import INFO, example_samples, part
@@ -96,12 +97,19 @@ def test_missing_series_differ_and_missing_samples_are_counted():
     assert (long.differences, long.samples, long.exhausted, long.rest()) == ((), 37, True, 0)
 
 
-def log_in(folder, *, origin="", variant="soft", text="robot: r.urdf\n"):
+def log_in(folder, *, origin="", variant="soft", text="robot: r.urdf\n", **changes):
     folder.mkdir(parents=True, exist_ok=True)
-    info = replace(INFO, scenario=text, scenario_path=origin, variant=variant)
+    info = replace(INFO, scenario=text, scenario_path=origin, variant=variant, **changes)
     with LogWriter(folder / "log.mcap", info) as log:
         log.write(example_samples(5, info=info))
     return folder / "log.mcap"
+
+
+def test_a_plugin_with_a_path_out_of_its_folder_is_not_loaded(tmp_path):
+    joints = tuple(replace(joint, actuator="mine") for joint in INFO.joints)
+    log = log_in(tmp_path, joints=joints, attachments={"plugins/../mine.py": b"1 / 0"}, resolved={})
+    with pytest.raises(LogError, match="contains no scenario"):
+        repeat(log, trust_plugins=True)
 
 
 def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path):

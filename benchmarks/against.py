@@ -1,0 +1,197 @@
+"""Compare speed and motion with another version of asrsim, such as 0.2, in turns on the same machine.
+
+    git worktree add ../asrsim_0.2 45e5169
+    python benchmarks/against.py ../asrsim_0.2                  all rows, as ratios now / then
+    python benchmarks/against.py ../asrsim_0.2 --only loop      only rows whose name begins with "loop"
+
+Ratios compare CPU times of processes that run one after the other; each value is a median of several rounds.
+Both versions run with the packages of this environment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from robots import chain, humanoid, scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples" / "scenarios"
+SHARED = ROOT.parent / "shared" / "robots" / "alterego"
+COMMANDS: Mapping[str, tuple[str, ...]] = {
+    "ilc_paper": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--no-plot"),
+    "ilc_auto": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--set", "ilc.law=auto", "--no-plot"),
+    "sweep": (
+        "sweep", str(EXAMPLES / "step_2dof.yaml"), "--variant", "soft", "--over",
+        "references.joint_1.stiffness_preset=0.2:0.6:200", "--workers", "2",
+    ),
+}  # fmt: skip
+"""Command lines whose whole CPU time is compared, by row."""
+
+
+class Marks:
+    """Sink that discards the samples of a run, and keeps the CPU times at which its parts end."""
+
+    def __init__(self) -> None:
+        self.times: list[tuple[float, float]] = []
+        """Pairs (simulated time, CPU time), s."""
+
+    def add(self, simulated: float) -> None:
+        """Add the end of a part at the simulated time, s."""
+        self.times.append((simulated, time.process_time()))
+
+    def write(self, samples: object) -> None:
+        """Discard the samples."""
+
+
+def loop(path: str) -> float:
+    """CPU time of a step of a run that records every quantity, without its start, s."""
+    from asrsim.scenario import load_scenario
+    from asrsim.simulation.run import simulate
+
+    (loaded,) = load_scenario(path)
+    times = []
+    for _ in range(5):
+        marks = Marks()
+        simulate(loaded, sinks=[marks], keep=False, progress=marks.add)
+        (first, begin), (last, end) = marks.times[0], marks.times[-1]
+        times.append((end - begin) / ((last - first) / loaded.step))
+    return statistics.median(times)
+
+
+def worlds(path: str) -> float:
+    """CPU time of a step of one of 64 worlds, in calls of 20 steps, s; versions without `Worlds` use 64 simulations."""
+    import asrsim
+
+    with ExitStack() as stack:
+        if hasattr(asrsim, "Worlds"):
+            parts: list[Any] = [stack.enter_context(asrsim.Worlds(path, 64, names=["link_position"], watched=False))]
+        else:
+            parts = [stack.enter_context(asrsim.Simulation(path)) for _ in range(64)]
+        return _median(lambda: [part.advance(20) for part in parts]) / (64 * 20)
+
+
+def environments(path: str) -> float:
+    """CPU time of a step of 64 environments of 20 ms each, s; versions without `make_vec_env` use Gymnasium's SyncVectorEnv."""
+    import asrsim
+
+    if hasattr(asrsim, "make_vec_env"):
+        many = asrsim.make_vec_env(path, 64)
+    else:
+        import gymnasium
+
+        many = gymnasium.vector.SyncVectorEnv([lambda: asrsim.make_env(path)] * 64)
+    many.reset(seed=0)
+    actions = np.zeros(many.action_space.shape, dtype=np.float32)
+    return _median(lambda: many.step(actions))
+
+
+def motion(path: str) -> Any:
+    """Link positions of a run, rad."""
+    from asrsim.scenario import load_scenario
+    from asrsim.simulation.run import simulate
+
+    samples = simulate(load_scenario(path)[0]).samples
+    assert samples is not None
+    return samples.values["link_position"]
+
+
+def _median(function: Callable[[], object]) -> float:
+    """Median CPU time of 20 calls after a first call, s."""
+    function()
+    times = []
+    for _ in range(20):
+        begin = time.process_time()
+        function()
+        times.append(time.process_time() - begin)
+    return statistics.median(times)
+
+
+def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
+    """Measure and scenario of every row that is measured inside a process."""
+    found: dict[str, tuple[Callable[[str], Any], str]] = {}
+    files = {"v2": "alterego_v2_fixedbase-true_fixedhands-true.urdf", "v3": "alterego_v3_fixedbase-true_fixedhands-true.urdf"}
+    for name, joints, links, substeps in (("v2", 14, 48, 5), ("v3", 20, 55, 4)):
+        real = SHARED / files[name]
+        robot = real if real.exists() else humanoid(folder, joints, links)
+        found[f"loop_{name}"] = (loop, _scenario(folder, robot, duration=5.0, substeps=substeps))
+    for joints in (1, 2, 5):
+        robot = chain(folder, joints)
+        found[f"loop_{joints}"] = (loop, _scenario(folder, robot, duration=50.0))
+        found[f"bullet_{joints}"] = (loop, _scenario(folder, robot, duration=2.0, engine="bullet"))
+        found[f"worlds_{joints}"] = (worlds, _scenario(folder, robot, duration=50.0))
+        for engine in ("mujoco", "bullet"):
+            found[f"motion_{engine}_{joints}"] = (motion, _scenario(folder, robot, duration=1.0, engine=engine))
+    found["environments"] = (environments, _scenario(folder, chain(folder, 2), duration=60.0))
+    return found
+
+
+def _scenario(folder: Path, robot: Path, **options: Any) -> str:
+    """Compiled scenario of a robot in `folder`, with all actuators in mode 6."""
+    copy = folder / robot.name
+    if robot != copy:
+        shutil.copy(robot, copy)
+    return scenario(copy, extra="compiled: true\nmodes: 6\n", **options)
+
+
+def _run(tree: Path, command: list[str]) -> float:
+    """CPU time of a process that runs `command` with the package in `tree`, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
+    subprocess.run([sys.executable, "-P", *command], check=True, env=environment, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    """Print one line for each row."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tree", type=Path, help="folder with the other version")
+    parser.add_argument("--only", default="", help="beginning of the names of rows")
+    parser.add_argument("--repeats", type=int, default=3, help="number of rounds")
+    parser.add_argument("--measure", nargs=3, metavar=("ROW", "FOLDER", "FILE"), help="measure one row in this process")
+    given = parser.parse_args()
+    if given.measure:
+        row, folder, file = given.measure
+        function, path = _cases(Path(folder))[row]
+        np.save(file, function(path))
+        return
+    trees = (given.tree.resolve(), ROOT)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        result = folder / "result.npy"
+        for row in (row for row in (*_cases(folder), *COMMANDS) if row.startswith(given.only)):
+            rounds = []
+            for _ in range(given.repeats if not row.startswith("motion") else 1):
+                pair = []
+                for tree in trees:
+                    if row in COMMANDS:
+                        pair.append(_run(tree, ["-m", "asrsim", *COMMANDS[row], "--out", str(folder / "out"), "--overwrite"]))
+                        continue
+                    _run(tree, [__file__, str(given.tree), "--measure", row, name, str(result)])
+                    pair.append(np.load(result))
+                rounds.append(pair)
+            if row.startswith("motion"):
+                print(f"{row:18} largest difference {np.abs(rounds[0][0] - rounds[0][1]).max():.1e} rad", flush=True)
+            else:
+                then, now = (statistics.median(float(pair[i]) for pair in rounds) for i in (0, 1))
+                ratios = statistics.median(float(new) / float(old) for old, new in rounds)
+                print(f"{row:18} {ratios:.2f}   ({then:.3g} s then, {now:.3g} s now)", flush=True)
+
+
+if __name__ == "__main__":
+    main()
