@@ -240,10 +240,11 @@ def _reaches_zero(room: Any, i: int) -> bool:
 
 def _has_impact(room: Any) -> bool:
     """Whether a joint has struck its stop in the last drift."""
+    count = 0
     for i in range(room.freedoms):
         if room.rebound[i] != 1.0:
-            return True
-    return False
+            count += 1
+    return count > 0
 
 
 def _leave_stops(room: Any) -> None:
