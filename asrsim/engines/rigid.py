@@ -25,9 +25,11 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, V
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.errors import Problem
 from asrsim.packed import pack
-from asrsim.robot.model import Robot, Vector
-from asrsim.robot.poses import rotation_of
+from asrsim.robot.model import ZERO, Robot, Vector
+from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
+from asrsim.scenario.data import Scenario
 
 Numbers = NDArray[Any]
 
@@ -329,7 +331,8 @@ class Calculation:
 class RigidEngine(Engine):
     """The part of an engine for robots without contacts that does not depend on the physics library.
 
-    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`.
+    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`. It
+    sets `robot` before it calls `__init__`.
     """
 
     robot: Robot
@@ -337,12 +340,19 @@ class RigidEngine(Engine):
     """Warnings about parts of the robot that the engine ignores."""
     root: str
     """Name of the base link."""
-    origin: Vector
+    origin: Vector = ZERO
     """Origin of the base's frame in the frame of the base link, m; see `asrsim.robot.merge.merge_for_engine`."""
 
-    def __init__(self, room: Room, home: Array, calculation: Calculation | None = None) -> None:
+    def __init__(
+        self, room: Room, home: Array, calculation: Calculation | None = None, *, scenario: Scenario | None = None
+    ) -> None:
         """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
-        may be compiled; None: kick and drift."""
+        may be compiled; None: kick and drift. scenario: the scenario, whose wrenches act on the robot; None: the engine refuses
+        scenarios with wrenches."""
+        self.takes_wrenches = scenario is not None
+        self._wrenches = scenario.wrenches if scenario else ()
+        self._model = robot_model(scenario, self.robot) if scenario and scenario.wrenches else None
+        """Model that maps wrenches to generalised forces; None without wrenches."""
         self._room, self._home = room, home
         self._state = np.zeros(room.coordinates + 3 * room.freedoms)
         self._plain_room, self._numbers = plain(room), self._state.data
@@ -352,9 +362,42 @@ class RigidEngine(Engine):
         self._calculation = calculation or Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
-        (p, w, 6), if there are any, to `forces` (p, v, 1)."""
+        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`.
+
+        On entry, `forces` (p, v, 1) contains the generalised forces of the wrenches (p, w, 6) in N m, by the Jacobian
+        of `asrsim.robot.dynamics.RobotModel`. An engine may replace them by those of its library.
+        """
         raise NotImplementedError
+
+    def map_wrenches(self, wrenches: Array, forces: Array) -> None:
+        """Write the generalised forces in N m of the wrenches (p, w, 6) at the room's `qpos` to `forces` (p, v, 1)."""
+        room, model = self._room, self._model
+        forces[:] = 0.0
+        if model is None:
+            return
+        positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
+        if rotation is not None:
+            # The base's frame is the origin of a floating robot.
+            base = frame(-rotation @ self.origin, rotation)
+        for index, wrench in enumerate(self._wrenches):
+            if not wrenches[:, index].any():
+                continue
+            at, turned = model.pose(positions, wrench.link, wrench.point, base)
+            jacobian = model.jacobian(positions, wrench.link, wrench.point, base)
+            for total, value in zip(forces[:, :, 0], wrenches[:, index].reshape(-1, 2, 3), strict=True):
+                force, torque = value if wrench.frame == "world" else value @ turned.T
+                total[room.joint_v] += np.concatenate([force, torque]) @ jacobian
+                if rotation is not None:
+                    total[:3] += force
+                    total[3:6] += (torque + np.cross(at, force)) @ rotation
+
+    @property
+    def rotation(self) -> Array | None:
+        """Rotation matrix (3, 3) of a floating base at the configuration of the room; None for a fixed base."""
+        if not self._room.free:
+            return None
+        w, *vector = self._room.qpos[3:7].tolist()
+        return rotation_of((*vector, w))
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
@@ -382,6 +425,8 @@ class RigidEngine(Engine):
         if self._changed:
             aim(self._plain_room, self._numbers)
             self._changed = False
+        if wrenches.size:
+            self.map_wrenches(wrenches, self._forces)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)
 
