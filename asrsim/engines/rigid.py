@@ -71,6 +71,8 @@ class Room(NamedTuple):
     parent: Numbers
     """Parent (v,) of each degree of freedom: the index of the previous degree of freedom on the path from the base; -1: none.
     The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
+    rebound: Numbers
+    """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
     velocity: Numbers
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""
@@ -126,24 +128,39 @@ def plain(record: Any) -> Any:
 
 def aim(room: Any, state: Any) -> None:
     """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias, and the
-    velocity and the states of friction before the kick."""
+    velocity and the states of friction before the kick.
+
+    A joint that has struck its stop in the last drift, after the fraction f of the drift, had its old velocity v_before up to
+    then: f = v / v_before, where v is the velocity that led to the stop. The forces of this kick act on it since the impact,
+    for 1.5 - f steps instead of one; `room.rebound` stores this number, and 1 for all other degrees of freedom.
+    """
     qpos, qvel, scheme, velocity = room.qpos, room.qvel, room.scheme, room.velocity
     first, size = room.coordinates, room.freedoms
     for i in range(first):
         qpos[i] = state[i]
     for i in range(size):
         velocity[i] = state[first + i]
-        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * state[first + size + i]
+        before = state[first + size + i]
+        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
         room.regime[i] = int(state[first + 2 * size + i])
+        room.rebound[i] = 1.0
+        # At rest on a stop, rounding may leave a velocity.
+        if abs(room.regime[i]) == AT_UPPER and velocity[i] * room.regime[i] > ROUNDING * abs(before):
+            room.rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
 
     The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
-    sticks or slides in the other direction.
+    sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
+    have struck them.
     """
     count = room.joints
+    if piece == 0 and _has_impact(room):
+        find_change(room, exchange, piece, 0.0)
+        for i in range(room.freedoms):
+            room.velocity[i] += room.change[i]
     for splits in range(count + 1):
         find_change(room, exchange, piece, length)
         resting = first_standstill(room) if splits < count else -1
@@ -221,9 +238,40 @@ def _reaches_zero(room: Any, i: int) -> bool:
     return room.regime[i] == STICKING or velocity * (velocity + room.change[i]) < 0.0  # type: ignore[no-any-return]
 
 
+def _has_impact(room: Any) -> bool:
+    """Whether a joint has struck its stop in the last drift."""
+    count = 0
+    for i in range(room.freedoms):
+        if room.rebound[i] != 1.0:
+            count += 1
+    return count > 0
+
+
+def _leave_stops(room: Any) -> None:
+    """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint."""
+    for i in range(room.freedoms):
+        room.impulse[i] = room.bound[i] = 0.0
+        room.diagonal[i] = room.matrix[i, i]
+        if abs(room.regime[i]) != POSITIVE:
+            room.rebound[i] = 1.0
+        elif room.rebound[i] != 1.0:
+            # The states of a joint at a stop are those of sliding times two; such a joint gets a given velocity.
+            room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
+            room.regime[i] *= AT_UPPER
+    if not _has_impact(room):
+        return
+    solve_states(room)
+    for i in range(room.freedoms):
+        room.velocity[i] += room.change[i]
+        if room.rebound[i] != 1.0:
+            room.regime[i] //= AT_UPPER
+
+
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
+    if _has_impact(room):
+        _leave_stops(room)
     first, size = room.coordinates, room.freedoms
     total = 0.0
     for piece in range(len(lengths)):
