@@ -71,6 +71,8 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
         complain(f"differs: {len(repetition.differences) - SHOWN} series more")
     if repetition.missing:
         complain(f"the repeated run ended ({repetition.status}) {repetition.missing} samples before the log", "red")
+    for name in repetition.changed:
+        complain(f"the mesh {name} has changed since the run", "yellow")
     if not repetition.identical and not repetition.partial:
         for name, (there, here) in repetition.versions.items():
             complain(f"the log was written with {name} {there}, this is {here}", "yellow")

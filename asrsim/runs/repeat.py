@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -16,9 +17,10 @@ from asrsim.plain import one_or_more
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
-from asrsim.runs.execute import PLUGINS
+from asrsim.runs.execute import INPUTS, PLUGINS
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
+from asrsim.scenario.digest import mesh_hashes
 from asrsim.simulation.run import Run, simulate
 
 
@@ -44,6 +46,8 @@ class Repetition:
     """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
     """Version that wrote the log, and installed version, of each library for which these versions differ."""
+    changed: tuple[str, ...] = ()
+    """Meshes that have changed since the run; all other inputs are in the log."""
 
     @property
     def identical(self) -> bool:
@@ -60,6 +64,7 @@ class Repetition:
             **plain,
             "differences": [difference.as_dict() for difference in self.differences],
             "versions": {name: list(pair) for name, pair in self.versions.items()},
+            "changed": list(self.changed),
         }
 
 
@@ -112,10 +117,13 @@ def repeat(
             if not isinstance(error.run, Run):
                 raise
             run = error.run
-    return _repetition(reader, run, comparer)
+    before = json.loads(reader.metadata.get(INPUTS, "{}"))
+    now = mesh_hashes(scenario, robot) if before else {}
+    changed = tuple(name for name, digest in now.items() if before.get(name) != digest)
+    return _repetition(reader, run, comparer, changed)
 
 
-def _repetition(reader: LogReader, run: Run, comparer: Comparer) -> Repetition:
+def _repetition(reader: LogReader, run: Run, comparer: Comparer, changed: tuple[str, ...]) -> Repetition:
     """Result of the comparison."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
@@ -135,6 +143,7 @@ def _repetition(reader: LogReader, run: Run, comparer: Comparer) -> Repetition:
             for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
+        changed=changed,
     )
 
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Problem
+from asrsim.errors import Problem, listed
 from asrsim.robot import Robot
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
@@ -217,6 +217,12 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
 
 
+def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    if robot.contact_words and not scenario.world.empty:
+        message = "words of the robot's file that act in contacts are not read; robots have a friction coefficient of 1"
+        yield Problem(message, key="world", value=listed(robot.contact_words, 6), code="contact-words")
+
+
 # -- toolbox stepping --------------------------------------------------------------------------------------------------
 
 
@@ -238,5 +244,5 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _sudden_turns,
-    _missing_references, _released,
+    _missing_references, _contact_words, _released,
 )  # fmt: skip
