@@ -97,8 +97,8 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    The defaults of `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine that has no
-    compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine
+    that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -107,6 +107,8 @@ class Engine(Protocol):
     """Name and version of the engine's library, for the log."""
     state: Any
     """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
+    takes_wrenches: bool = True
+    """Whether the wrenches of a step act on the robot. If not, scenarios with wrenches are refused."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float

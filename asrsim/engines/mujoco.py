@@ -83,7 +83,7 @@ class MujocoEngine(RigidEngine):
         """MuJoCo body of each link, and position (3,) in m and rotation (3, 3) of the link in the body."""
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
-        super().__init__(self._record.room, home, step)
+        super().__init__(self._record.room, home, step, scenario=scenario)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 

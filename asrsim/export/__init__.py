@@ -15,7 +15,8 @@ from asrsim.export.mjcf import model_of
 from asrsim.export.ranges import own_numbers, write_ranges
 from asrsim.export.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
-from asrsim.render.meshes import read_mesh
+from asrsim.render.meshes import simplified
+from asrsim.robot.meshes import mesh_parts
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps.fitted import joint_of, load_fit
@@ -91,7 +92,7 @@ def export_mjcf(
 
         folder = make_folder(path.parent / f"{path.stem}_meshes")
         files.append(folder / f"mesh_{len(files)}.stl")
-        mesh: Any = concatenate([part for part, _ in read_mesh(Path(source))])
+        mesh: Any = concatenate(simplified(mesh_parts(Path(source))))
         with written(files[-1], "mesh") as stream:
             # The header of the STL file shows that asrsim wrote the file.
             stl = mesh.export(file_type="stl")
@@ -114,7 +115,7 @@ def export_mjcf(
 
         files.append(write_ranges(distribution, compiled, path, Path(str(fit))))
         if not distribution.fits:
-            remarks.append("the model of the fit does not fit its recordings: its intervals are too narrow")
+            remarks.append("the model of the fit is not shown to fit its recordings: its intervals may be too narrow")
     if result.diverged_at is not None:
         remarks.append(f"MuJoCo's motion diverges at {result.diverged_at:g} s: take a smaller --timestep")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.render.meshes import read_mesh, solid
+from asrsim.render.meshes import main_colour, simplified, smooth
+from asrsim.render.urdf import origin_frame, urdf_of
 from asrsim.robot import Robot
-from asrsim.robot.model import Vector
-from asrsim.robot.poses import frame, rotation_matrix
+from asrsim.robot.meshes import mesh_fault
+from asrsim.robot.poses import frame
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
@@ -46,43 +47,24 @@ class RenderScene:
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
         world = scenario.world
         self.notes: list[str] = []
-        self._base = _rpy_frame(scenario.base_position, scenario.base_rpy)
+        self._base = origin_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
-        self._model = robot_model(scenario, robot)
+        self.model = robot_model(scenario, robot)
         self.parents = {joint.child: joint.parent for joint in robot.joints}
         """Parent of each link but the root."""
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
-        self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}
-        self.parts: list[ScenePart] = []
-        self._read = cache(read_mesh)
-        for link in robot.links:
-            for shape in link.visuals:
-                origin = _rpy_frame(shape.origin, shape.rpy)
-                if shape.kind == "mesh":
-                    self._add_file(link.name, Path(shape.mesh), shape.scale, shape.colour, origin)
-                else:
-                    self._add(link.name, solid(shape.kind, shape.size), shape.colour, origin)
-        for item in world.objects:
-            if item.mesh is not None:
-                self._add_file(item.name, item.mesh, item.size, item.colour, np.eye(4))
-            else:
-                self._add(item.name, solid(item.shape, item.size), item.colour, np.eye(4))
-
-    def _add_file(self, body: str, file: Path, scale: Sequence[float], colour: Sequence[float] | None, origin: Array) -> None:
-        """Add the parts of the mesh in a file, or a note if the file cannot be read."""
-        try:
-            parts = self._read(file)
-        except (OSError, ValueError) as error:
-            self.notes.append(f"a mesh of '{body}' is not drawn: {file.name} {error}")
-            return
-        for mesh, own in parts:
-            self._add(body, mesh, own if colour is None else colour, origin @ np.diag([*scale, 1.0]))
-
-    def _add(self, body: str, mesh: Trimesh, colour: Sequence[float] | Array | None, origin: Array) -> None:
-        placed = mesh.copy().apply_transform(origin)
-        shown = np.clip(GREY if colour is None else colour[:3], 0.0, 1.0)
-        self.parts.append(ScenePart(body=body, mesh=placed, colour=shown))
+        self.objects = {item.name: origin_frame(item.position, item.rpy) for item in world.objects}
+        shapes = {item.name: replace(item.solid, colour=item.colour) for item in world.objects}
+        for name, shape in list(shapes.items()):
+            fault = mesh_fault(Path(shape.mesh)) if shape.kind == "mesh" else None
+            if fault is not None:
+                self.notes.append(f"the mesh of '{name}' is not drawn: {Path(shape.mesh).name} {fault}")
+                del shapes[name]
+        from_base = np.linalg.inv(self._base)
+        self.urdf = urdf_of(robot, [(name, from_base @ self.objects[name], shape) for name, shape in shapes.items()])
+        """Robot and objects in yourdfpy."""
+        self.parts = tuple(_parts(self.urdf.scene))
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
         """Frame (4, 4) of each body in the world.
@@ -90,22 +72,34 @@ class RenderScene:
         positions: position of each joint in rad or m, 0 if missing; poses: pose (x y z, quaternion x y z w) of each object and
         of a floating base.
         """
-        name = self._model.robot.root.name
+        name = self.model.robot.root.name
         root = _pose_frame(poses[name]) if name in poses else self._base
-        frames = self._model.poses([positions.get(joint, 0.0) for joint in self._model.joints], root)
+        frames = self.model.poses([positions.get(joint, 0.0) for joint in self.model.joints], root)
         for name, at_start in self.objects.items():
             frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
         """Axis (3,) of each revolute joint in the world."""
-        turning = [joint for joint in self._model.robot.joints if joint.kind in ("revolute", "continuous")]
+        turning = [joint for joint in self.model.robot.joints if joint.kind in ("revolute", "continuous")]
         return {joint.name: frames[joint.child][:3, :3] @ joint.axis for joint in turning}
 
 
-def _rpy_frame(position: Vector, rpy: Vector) -> Array:
-    """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
-    return frame(np.array(position), rotation_matrix(rpy))
+def _parts(scene: Any) -> Iterator[ScenePart]:
+    """Shapes of each body of a trimesh scene. scene: as yourdfpy makes it: the frame above a shape is that of its body."""
+    from trimesh import Trimesh
+
+    graph, found = scene.graph, defaultdict[str, list[Any]](list)
+    for node in graph.nodes_geometry:
+        body = graph.transforms.parents[node]
+        place, name = graph.get(node, body)
+        mesh = scene.geometry[name]
+        # Meshes without textures, which would be copied with each mesh.
+        found[body].append((Trimesh(mesh.vertices, mesh.faces).apply_transform(place), main_colour(mesh)))
+    for body, shapes in found.items():
+        meshes, colours = zip(*shapes, strict=True)
+        for mesh, colour in zip(simplified(meshes), colours, strict=True):
+            yield ScenePart(body=body, mesh=smooth(mesh), colour=np.array(GREY) if colour is None else colour)
 
 
 def _pose_frame(pose: Array) -> Array:

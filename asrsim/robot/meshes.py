@@ -11,7 +11,9 @@ import numpy as np
 
 from asrsim.errors import Problem
 from asrsim.robot.model import Robot, Shape, Vector
+from asrsim.robot.numbers import plain_number
 from asrsim.robot.packages import Packages, package_name, packages_of
+from asrsim.robot.xmlfile import parse_xml, read_bytes
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -122,6 +124,14 @@ def mesh_parts(path: Path) -> list[Trimesh]:
     if not parts:
         raise ValueError("has no triangle")
     return parts
+
+
+def mesh_unit(path: Path) -> float:
+    """Unit of length of a mesh file, m: that of a COLLADA file; the numbers of other files are in m."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    unit = parse_xml(read_bytes(path), path, large=True).find("{*}asset/{*}unit")
+    return 1.0 if unit is None else plain_number(unit.get("meter", "1"))
 
 
 def convex_hull(path: Path, scale: Vector) -> Trimesh:

@@ -41,13 +41,17 @@ WORLD, MAP = "world", "map"
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
+    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed or ignores wrenches."""
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
-    return entry.make(scenario, robot)
+    engine, warnings = entry.make(scenario, robot)
+    if scenario.wrenches and not engine.takes_wrenches:
+        engine.close()
+        raise SimulationError(f"the engine '{scenario.engine}' takes no wrenches: the scenario's would have no effect")
+    return engine, warnings
 
 
 def _start_fault(drive: SteppedJoint | None, what: str, value: Any) -> str:
