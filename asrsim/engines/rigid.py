@@ -176,6 +176,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
             room.velocity[resting] = 0.0
         length -= part
+    for j in range(count):
+        exchange[piece, j, VELOCITY] = room.velocity[room.joint_v[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
