@@ -30,6 +30,8 @@ LONGEST = 4096
 """Largest number of substeps in a chunk. With five joints, chunks three times as long make a run 4 % slower."""
 LONGEST_NUMBERS = 61_440
 """Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
+LONGEST_WORK = 10_000_000
+"""Largest number of motor substeps, of all joints, in a chunk: about half a second, after which a run can be stopped."""
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""
 KEPT = 4
@@ -194,12 +196,13 @@ def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Ar
     return np.ascontiguousarray(_sampled(signals_of(scenario, drives), time).T)
 
 
-def longest_chunk(joints: int, asked: int | None = None) -> int:
-    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number. Raises InputError
-    if `asked` is below 1."""
+def longest_chunk(joints: int, asked: int | None = None, *, motor_substeps: int = 1) -> int:
+    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number, but for the limit
+    of the work in a chunk. Raises InputError if `asked` is below 1."""
     if asked is not None and not asked >= 1:
         raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
-    return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+    longest = asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+    return max(1, min(longest, LONGEST_WORK // (joints * motor_substeps)))
 
 
 def chunk_at(substep: int, longest: int) -> tuple[int, int]:
