@@ -236,7 +236,7 @@ def _motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float) ->
         if drive.hysteresis is not None:
             _hysteresis(spec, drive, i + 1, *drive.hysteresis)
         if servo:
-            gains = ()
+            gains: tuple[float, ...] = ()
             if drive.mode.controller:
                 gains = drive.proportional[i], drive.integral[i], drive.derivative[i] + electric.lag
             motor = _servo(
