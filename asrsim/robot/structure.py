@@ -281,8 +281,8 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
         findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value, hint=hint)
         return limits
     if lower == upper:
-        hint = EMPTY_LIMIT if lower == 0.0 else None
-        findings.warn("lower and upper limit are equal: the joint cannot move", tag, name, code="locked-joint", hint=hint)
+        empty = EMPTY_LIMIT if lower == 0.0 else None
+        findings.warn("lower and upper limit are equal: the joint cannot move", tag, name, code="locked-joint", hint=empty)
     return limits | {"lower": lower if math.isfinite(lower) else None, "upper": upper if math.isfinite(upper) else None}
 
 
