@@ -5,26 +5,27 @@ of recorded and predicted channels and residuals.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asrsim.identification.judge import ChannelFit
+from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
+from asrsim.identification.folder import FIT
 from asrsim.identification.parameters import numbers_of
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
-from asrsim.plots.output import save_pairs
+from asrsim.plots.charts import save_charts
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
+from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
 
-FIT, SCENARIO = "fit.json", "scenario.yaml"
+SCENARIO = "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
 """Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
@@ -47,12 +48,15 @@ def as_dict(result: Result) -> dict[str, Any]:
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
     about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "attempts", "successes", "evaluations", "seconds")
     data = {
+        "name": result.task.name,
         **{name: getattr(result, name) for name in about},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
+        "correlations": _correlations(result.covariance),
+        "profiles": [{"name": p.name, "values": p.values.tolist(), "rise": p.rise.tolist()} for p in result.profiles],
         "ties": [vars(tie) for tie in result.layout.ties],
         "keys": [rows[i].key for i in drawn],
         "mean": means,
@@ -62,6 +66,14 @@ def as_dict(result: Result) -> dict[str, Any]:
     }
     plain: dict[str, Any] = mapped(data, lambda value: finite_or_none(value) if isinstance(value, float) else value)
     return plain
+
+
+def _correlations(covariance: Array) -> list[list[float]]:
+    """Correlations (n, n) of the estimates' errors; nan for parameters without a standard deviation."""
+    sizes = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: list[list[float]] = np.clip(covariance / np.outer(sizes, sizes), -1.0, 1.0).tolist()
+    return found
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
@@ -149,10 +161,6 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LINES = (("recorded", "0.6", 2.2), ("before", "C1", 0.9), ("after", "C0", 1.0))
-"""Names, colours and widths of the lines in a picture."""
-
-
 def draw(result: Result, folder: Path) -> list[Path]:
     """Write a picture of each recording. Raises OutputError."""
     paths: list[Path] = []
@@ -160,26 +168,12 @@ def draw(result: Result, folder: Path) -> list[Path]:
         channels = [one for one in result.channels if one.track == number]
         # Recordings in different folders may have the same name.
         name = f"overlay_{number + 1}_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
-        paths += save_pairs(folder / f"{name}.png", len(channels), partial(_overlay, channels, end))
+        rows = [channel_charts(channel_curves(one, end)) for one in channels]
+        paths += save_charts(folder / f"{name}.png", rows, title=f"{result.task.name} · {channels[0].recording}")
     return paths
 
 
-def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Any, right: Any) -> None:
-    """Draw a channel and its residuals. end: end of the training part, s."""
-    one = channels[row]
-    time, recorded = one.lines["time"], one.lines["recorded"]
-    for label, colour, width in LINES:
-        if label in one.lines:
-            left.plot(time, one.lines[label], label=label, color=colour, linewidth=width)
-    low, high = float(np.min(recorded)), float(np.max(recorded))
-    left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
-    if "after" in one.lines:
-        right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
-    for axis in (left, right):
-        # Shade the part that was predicted but not fitted.
-        if end < time[-1] - 1e-9:
-            axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
-    if row == 0:
-        left.set_title(one.recording, fontsize="medium")
-        right.set_title("predicted minus recorded", fontsize="medium")
-        left.legend(fontsize="x-small", ncols=4, loc="upper right")
+def write_curves_of(result: Result, folder: Path) -> Path:
+    """Write the curves of all channels for `asrsim report`, and return the file. Raises OutputError."""
+    write_curves(folder / CURVES, [channel_curves(one, result.ends[one.track]) for one in result.channels])
+    return folder / CURVES

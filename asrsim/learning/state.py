@@ -16,6 +16,7 @@ import numpy as np
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
+from asrsim.robot.findings import LARGEST
 from asrsim.samples import Array
 from asrsim.scenario.digest import input_hashes
 from asrsim.versions import numeric_versions
@@ -130,4 +131,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise _fault(path, "its arrays are not those of trials")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
         raise _fault(path, "its trials are not whole")
+    # Only the outputs of a trial that diverged are NaN.
+    if not (np.abs(inputs).max(initial=0.0) <= LARGEST and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST):
+        raise _fault(path, "its numbers are those of no robot")
     return head, inputs, outputs

@@ -35,12 +35,15 @@ class Repetition:
     status: str
     """Status of the repeated run."""
     logged_samples: int
+    """Number of samples in the log; of a partial comparison, those compared."""
     samples: int
     """Number of samples compared."""
     missing: int
     """Number of samples in the log that the repeated run did not reach."""
     differences: tuple[Difference, ...]
     """Differing series, in the order of their first difference."""
+    partial: bool
+    """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
     """Version that wrote the log, and installed version, of each library for which these versions differ."""
     changed: tuple[str, ...] = ()
@@ -49,7 +52,7 @@ class Repetition:
     @property
     def identical(self) -> bool:
         """Whether every logged sample was repeated bit for bit."""
-        return not self.differences and not self.missing and self.samples > 0
+        return not self.differences and not self.missing and self.samples > 0 and not self.partial
 
     def as_dict(self) -> dict[str, Any]:
         """Fields as plain values for JSON."""
@@ -133,6 +136,7 @@ def _repetition(reader: LogReader, run: Run, comparer: Comparer, changed: tuple[
         logged_samples=comparer.samples + missing,
         samples=comparer.samples,
         missing=missing,
+        partial=stopped,
         differences=comparer.differences,
         versions={
             name: (there[name], here[name])

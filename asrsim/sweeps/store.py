@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time as clock
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -73,8 +74,8 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files of the folder that each contain a part of the rows, sorted."""
-    return sorted(folder.glob("part-*.parquet"))
+    """Files of the folder that each contain a part of the rows, sorted. Foreign files with similar names are none."""
+    return sorted(path for path in folder.glob("part-*.parquet") if re.fullmatch(r"part-[0-9]{6,9}\.parquet", path.name))
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
