@@ -51,7 +51,8 @@ class LiveView:
         overwrite: bool = False, settings: Settings | None = None, companions: Sequence[Companion] = (),
         tell: Tell = lambda text: None,
     ) -> None:  # fmt: skip
-        """variant: variant of the first run; out: folder of the log; settings: of the live runs; companions: ghosts."""
+        """variant: variant of the first run; out: folder of the log, or of a folder for each
+        of several variants; settings: of the live runs; companions: ghosts."""
         self._page, self._scenarios, self._tell = page, {one.variant: one for one in scenarios}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
         self._out, self._overwrite, self._companions = out, overwrite, list(companions)
@@ -87,7 +88,9 @@ class LiveView:
 
     def _session(self, wish: Wish) -> Session:
         scenario, robot = tuned_scenario(self._scenarios[wish.variant], wish.tuned)
-        folder = self._out or Path("out") / scenario.name / f"{scenario.variant}_view"
+        folder = Path("out") / scenario.name / f"{scenario.variant}_view"
+        if self._out is not None:
+            folder = self._out / scenario.variant if len(self._scenarios) > 1 else self._out
         settings = replace(self._settings, speed=wish.speed)
         return Session(scenario, folder, settings, robot=robot, overwrite=self._overwrite, tell=self._tell)
 

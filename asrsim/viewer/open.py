@@ -119,7 +119,8 @@ def view(
         lag: Alignment of the recordings' clock, as for `asrsim plot`.
         speed: Simulated seconds per second.
         port: Port of the page; 0: any free port.
-        out: Folder for the log of a live run; None: `out/<scenario>/<variant>_view`.
+        out: Folder for the log of a live run, with a subfolder for each of several variants; None:
+            `out/<scenario>/<variant>_view`.
         overwrite: Replace the results of another run there.
 
     Returns:
