@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time as clock
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,6 +45,7 @@ def view(
     variant: Variant = None,
     speed: Annotated[float, option("Simulated seconds per second.", metavar="FACTOR", min=0.01, max=100.0)] = 1.0,
     port: Annotated[int, option("Port of the page; 0: any free port.", min=0, max=65535)] = PORT,
+    duration: Annotated[float | None, option("Time after which the view ends, s.", min=0.1, default="until Ctrl-C")] = None,
     browser: Annotated[bool, option("Open the page in the browser.", "--browser/--no-browser")] = True,
     overrides: Overrides = None,
     arguments: Arguments = None,
@@ -58,7 +61,7 @@ def view(
     A live run writes a log with all that was done by hand, which `asrsim rerun` repeats. Listens on this machine only.
     Ctrl-C ends the view. Needs the extra `view`.
 
-    Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft
+    Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
     """
     from asrsim.plugins import command_line
     from asrsim.viewer.open import View, maker
@@ -75,7 +78,8 @@ def view(
             complain(line)
         if browser and not quiet:
             open_browser(page.server)
-        summary: Any = page.run(interruption.stop)
+        end = math.inf if duration is None else clock.monotonic() + duration
+        summary: Any = page.run(lambda: interruption.stop() or clock.monotonic() > end)
     if summary is None:
         return Done(data={"ok": True})
 
