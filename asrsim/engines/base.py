@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
 """Columns of an exchange, an array (p, n, 5) with a row for each piece of the kick and each joint. A step reads torque (N m,
 N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece; it writes position (rad, m) and
-velocity (rad/s, m/s) at its end to the rows of the last piece."""
+velocity (rad/s, m/s) at its end to the rows of the last piece. It may also write the velocities after the other pieces to their
+rows; without them, the mean velocity of the kick is logged."""
 ROUNDING = 1e-9
 """Largest rounding error of the sum of the lengths of a kick's pieces."""
 GROUND, ROBOT = "ground", "robot"
@@ -97,8 +98,8 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    The defaults of `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine that has no
-    compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine
+    that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -107,6 +108,8 @@ class Engine(Protocol):
     """Name and version of the engine's library, for the log."""
     state: Any
     """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
+    takes_wrenches: bool = True
+    """Whether the wrenches of a step act on the robot. If not, scenarios with wrenches are refused."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float

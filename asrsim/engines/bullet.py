@@ -46,9 +46,8 @@ from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_for_engine
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import frame, quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
+from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
@@ -106,8 +105,6 @@ class BulletEngine(RigidEngine):
         merged, self.origin = merge_for_engine(robot, fixed_base=scenario.fixed_base)
         self._merged, self.root = merged.robot, merged.robot.root.name
         self._dynamics = BulletDynamics(scenario, merged.robot)
-        self._model = robot_model(scenario, robot)
-        """Model that places the wrenches."""
         count, base = len(self.joints), self._dynamics.free
         self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
@@ -119,41 +116,14 @@ class BulletEngine(RigidEngine):
             x, y, z, w = quaternion(scenario.base_rpy)
             home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ self.origin
             home[3:7] = w, x, y, z
-        super().__init__(room, home)
-
-    @property
-    def _rotation(self) -> Array | None:
-        """Rotation matrix (3, 3) of a floating base at the configuration of the room; None for a fixed base."""
-        if not self._room.free:
-            return None
-        w, *vector = self._room.qpos[3:7].tolist()
-        return rotation_of((*vector, w))
+        super().__init__(room, home, scenario=scenario)
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Fill in mass matrix, bias and generalised forces of the wrenches."""
-        room, dynamics, rotation = self._room, self._dynamics, self._rotation
+        """Fill in mass matrix and bias."""
+        room, dynamics, rotation = self._room, self._dynamics, self.rotation
         positions = dynamics.ordered(room.qpos[self._start :])
         room.matrix[:] = dynamics.matrix(positions, rotation)
         room.bias[:] = dynamics.bias(positions, room.qvel, rotation)
-        for piece, values in enumerate(wrenches if wrenches.size else ()):
-            forces[piece, :, 0] = self._push(values, room.qpos[self._start :], rotation)
-
-    def _push(self, values: Array, positions: Array, rotation: Array | None) -> Array:
-        """Generalised forces (v,) of the wrenches in N m. values: forces (N) and torques (N m) of the wrenches, (w, 6)."""
-        model, total = self._model, np.zeros(self._room.freedoms)
-        # The base's frame is the origin of a floating robot.
-        base = None if rotation is None else frame(-rotation @ self.origin, rotation)
-        for wrench, value in zip(self._scenario.wrenches, values, strict=True):
-            if not value.any():
-                continue
-            at, turned = model.pose(positions, wrench.link, wrench.point, base)
-            force, torque = value.reshape(2, 3) if wrench.frame == "world" else value.reshape(2, 3) @ turned.T
-            jacobian = model.jacobian(positions, wrench.link, wrench.point, base)
-            total[self._dynamics.free :] += np.concatenate([force, torque]) @ jacobian
-            if rotation is not None:
-                total[:3] += force
-                total[3:6] += (torque + np.cross(at, force)) @ rotation
-        return total
 
     def close(self) -> None:
         """Disconnect the physics client."""
@@ -230,7 +200,7 @@ class BulletContacts(BulletEngine):
 
     def _place(self, velocities: Array) -> None:
         """Set the positions of the joints to those in the room, and the velocities (v,) of all degrees of freedom."""
-        positions, rotation = self._room.qpos[self._start :].tolist(), self._rotation
+        positions, rotation = self._room.qpos[self._start :].tolist(), self.rotation
         for index, position, velocity in zip(self._indices, positions, velocities[self._dynamics.free :].tolist(), strict=True):
             self._p.resetJointState(self._body, index, position, velocity)
         if rotation is not None:
@@ -259,8 +229,10 @@ class BulletContacts(BulletEngine):
         now, positions = room.velocity.copy(), room.qpos[self._start :]
         push, load, _, length = self._arrays
         load[0], length[0] = loads, fraction
-        rotation = self._rotation
+        rotation = self.rotation
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
+        if forces.size:
+            self.map_wrenches(forces, self._forces)
         self.look(forces, self._forces)
         self._calculation(*self._arrays)
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[dynamics.free :])

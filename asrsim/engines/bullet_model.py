@@ -5,6 +5,7 @@ Robots and shapes are made from the robot's data, since PyBullet's readers of fi
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -25,6 +26,10 @@ from asrsim.robot.model import Link, Robot, Shape
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+
+SYMMETRIC = 2.0**-6
+"""Largest moment of inertia in Bullet's units: the rounding errors of such a tensor, about 1e-17, pass Bullet's test of
+symmetry."""
 
 
 class Client:
@@ -55,13 +60,15 @@ def _disconnect(p: Any, number: int) -> None:
 
 
 def make_body(
-    p: Client, robot: Robot, *, lift: float = 0.0, mass: float = 0.0, shapes: Mapping[str, int] | None = None, **pose: Any
-) -> int:
+    p: Client, robot: Robot, *, unit: float = 1.0, lift: float = 0.0, mass: float = 0.0,
+    shapes: Mapping[str, int] | None = None, **pose: Any,
+) -> int:  # fmt: skip
     """Bullet's number of a new body that has the links of a robot without fixed joints. Bullet's number of a link is the index
     of its joint in `robot.outward_joints`; the base has the number -1.
 
-    lift: increase of the principal moments of inertia, kg m^2. mass: mass of the base in kg; 0 for a fixed base. shapes:
-    Bullet's number of the shape of each link that has one. pose: arguments `basePosition` and `baseOrientation`.
+    unit: mass in kg that Bullet takes as 1. lift: increase of the principal moments of inertia, kg m^2. mass: mass of the base
+    in kg; 0 for a fixed base. shapes: Bullet's number of the shape of each link that has one. pose: arguments `basePosition`
+    and `baseOrientation`.
     """
     joints, links = robot.outward_joints, {link.name: link for link in robot.links}
     carried = [links[joint.child] for joint in joints]
@@ -75,7 +82,7 @@ def make_body(
         baseCollisionShapeIndex=number_of.get(root.name, -1),
         baseInertialFramePosition=root.centre_of_mass,
         baseInertialFrameOrientation=quaternion(turned),
-        linkMasses=[link.mass or 0.0 for link in carried],
+        linkMasses=[(link.mass or 0.0) / unit for link in carried],
         linkCollisionShapeIndices=[number_of.get(link.name, -1) for link in carried],
         linkVisualShapeIndices=[-1] * len(joints),
         linkPositions=[joint.origin for joint in joints],
@@ -90,7 +97,7 @@ def make_body(
     )
     # Bullet would compute moments of inertia from the shapes.
     for number, principal in enumerate(moments, -1):
-        p.changeDynamics(body, number, localInertiaDiagonal=[moment + lift for moment in principal])
+        p.changeDynamics(body, number, localInertiaDiagonal=[(moment + lift) / unit for moment in principal])
     return body
 
 
@@ -126,6 +133,12 @@ def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
             raise SimulationError(f"{what}: PyBullet cannot make its shape ({error})") from error
 
 
+def _lift(link: Link) -> float:
+    """Increase of the principal moments of a link that makes its inertia possible, kg m^2."""
+    a, b, c = sorted(principal_axes(link)[0])
+    return c - a - b + 1e-9 * c
+
+
 class BulletDynamics:
     """Mass matrix and bias of a robot without fixed joints, computed by PyBullet. Raises RobotError for a robot that PyBullet
     cannot simulate.
@@ -150,7 +163,11 @@ class BulletDynamics:
         self._still = [0.0] * len(ours)
         self._gravity = np.array(scenario.gravity)
         self._set_gravity(rotation_matrix(scenario.base_rpy))
-        self._body = make_body(p, self._robot)
+        largest = max(max(principal_axes(link)[0]) for link in self._robot.links)
+        self._unit = 2.0 ** max(math.ceil(math.log2(largest / SYMMETRIC)), 0) if largest > 0.0 else 1.0
+        """Mass in kg that Bullet takes as 1: Bullet rejects a tensor whose rounding errors exceed 1.1e-15, so that the tensors
+        of heavy links must be small numbers. The results are bitwise the same, since the unit is a power of two."""
+        self._body = make_body(p, self._robot, unit=self._unit)
         self._parts: list[tuple[float, int]] = []
         """Factors and Bullet's numbers of further bodies, whose mass matrix and bias are added to those of the first body."""
         if ours:
@@ -167,15 +184,19 @@ class BulletDynamics:
                 self.matrix(self._still, None)
                 return
             except SystemError:
-                moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
-                lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
-                self._body = make_body(self._p, self._robot, lift=lift)
-                self._parts = [(1.0, self._body), (-1.0, make_body(self._p, self._robot, lift=2.0 * lift))]
+                needs = {link: _lift(link) for link in self._robot.links}
+                worst = max(needs, key=needs.__getitem__)
+                make = partial(make_body, self._p, self._robot, unit=self._unit)
+                self._body = make(lift=needs[worst])
+                self._parts = [(1.0, self._body), (-1.0, make(lift=2.0 * needs[worst]))]
             try:
                 self.matrix(self._still, None)
             except SystemError as error:
-                message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
-                raise RobotError(message, file=self._robot.path, code="engine-load") from error
+                message = "PyBullet cannot compute the dynamics of this link: its inertia is physically impossible"
+                raise RobotError(
+                    message, file=self._robot.path, line=worst.line, key=worst.name, hint="engine: mujoco has no such test",
+                    code="engine-load",
+                ) from error  # fmt: skip
 
     def ordered(self, values: Array) -> list[float]:
         """Values (v,) in Bullet's order. For values (n,) of the joints alone, the values of the base are 0."""
@@ -191,6 +212,8 @@ class BulletDynamics:
         total = np.array(routine(self._body, *arguments))
         for part, body in self._parts:
             total += part * np.array(routine(body, *arguments))
+        if self._unit != 1.0:
+            total *= self._unit
         return total
 
     def matrix(self, positions: Sequence[float], rotation: Array | None) -> Array:

@@ -9,8 +9,9 @@ These functions run as Python or compiled. In one step each degree of freedom is
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
 Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach the stop; in the next step
-the joint rests at the stop. The impulse of the impact is thus divided over two steps, in proportion to the time that each part
-acts, so that the positions of the other joints remain second-order accurate.
+the joint rests at the stop, or is pushed back: `asrsim.engines.rigid` counts the forces from the time of the impact on. The
+impulse of the impact is thus divided over two steps, in proportion to the time that each part acts, so that the positions of
+the other joints remain second-order accurate.
 """
 
 from __future__ import annotations

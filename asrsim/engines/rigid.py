@@ -25,9 +25,11 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, V
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.errors import Problem
 from asrsim.packed import pack
-from asrsim.robot.model import Robot, Vector
-from asrsim.robot.poses import rotation_of
+from asrsim.robot.model import ZERO, Robot, Vector
+from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array
+from asrsim.scenario import robot_model
+from asrsim.scenario.data import Scenario
 
 Numbers = NDArray[Any]
 
@@ -69,6 +71,8 @@ class Room(NamedTuple):
     parent: Numbers
     """Parent (v,) of each degree of freedom: the index of the previous degree of freedom on the path from the base; -1: none.
     The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
+    rebound: Numbers
+    """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
     velocity: Numbers
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
     fields."""
@@ -124,24 +128,39 @@ def plain(record: Any) -> Any:
 
 def aim(room: Any, state: Any) -> None:
     """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias, and the
-    velocity and the states of friction before the kick."""
+    velocity and the states of friction before the kick.
+
+    A joint that has struck its stop in the last drift, after the fraction f of the drift, had its old velocity v_before up to
+    then: f = v / v_before, where v is the velocity that led to the stop. The forces of this kick act on it since the impact,
+    for 1.5 - f steps instead of one; `room.rebound` stores this number, and 1 for all other degrees of freedom.
+    """
     qpos, qvel, scheme, velocity = room.qpos, room.qvel, room.scheme, room.velocity
     first, size = room.coordinates, room.freedoms
     for i in range(first):
         qpos[i] = state[i]
     for i in range(size):
         velocity[i] = state[first + i]
-        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * state[first + size + i]
+        before = state[first + size + i]
+        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
         room.regime[i] = int(state[first + 2 * size + i])
+        room.rebound[i] = 1.0
+        # At rest on a stop, rounding may leave a velocity.
+        if abs(room.regime[i]) == AT_UPPER and velocity[i] * room.regime[i] > ROUNDING * abs(before):
+            room.rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
 
     The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
-    sticks or slides in the other direction.
+    sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
+    have struck them.
     """
     count = room.joints
+    if piece == 0 and _has_impact(room):
+        find_change(room, exchange, piece, 0.0)
+        for i in range(room.freedoms):
+            room.velocity[i] += room.change[i]
     for splits in range(count + 1):
         find_change(room, exchange, piece, length)
         resting = first_standstill(room) if splits < count else -1
@@ -157,6 +176,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
             room.velocity[resting] = 0.0
         length -= part
+    for j in range(count):
+        exchange[piece, j, VELOCITY] = room.velocity[room.joint_v[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -219,9 +240,44 @@ def _reaches_zero(room: Any, i: int) -> bool:
     return room.regime[i] == STICKING or velocity * (velocity + room.change[i]) < 0.0  # type: ignore[no-any-return]
 
 
+def _has_impact(room: Any) -> bool:
+    """Whether a joint has struck its stop in the last drift."""
+    count = 0
+    for i in range(room.freedoms):
+        if room.rebound[i] != 1.0:
+            count += 1
+    return count > 0
+
+
+def _leave_stops(room: Any, state: Any) -> None:
+    """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
+
+    A joint that forces turn round within a step has no velocity from which the time of its impact follows.
+    """
+    old = room.coordinates + room.freedoms
+    for i in range(room.freedoms):
+        room.impulse[i] = room.bound[i] = 0.0
+        room.diagonal[i] = room.matrix[i, i]
+        if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
+            room.rebound[i] = 1.0
+        elif room.rebound[i] != 1.0:
+            # The states of a joint at a stop are those of sliding times two; such a joint gets a given velocity.
+            room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
+            room.regime[i] *= AT_UPPER
+    if not _has_impact(room):
+        return
+    solve_states(room)
+    for i in range(room.freedoms):
+        room.velocity[i] += room.change[i]
+        if room.rebound[i] != 1.0:
+            room.regime[i] //= AT_UPPER
+
+
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
+    if _has_impact(room):
+        _leave_stops(room, state)
     first, size = room.coordinates, room.freedoms
     total = 0.0
     for piece in range(len(lengths)):
@@ -329,7 +385,8 @@ class Calculation:
 class RigidEngine(Engine):
     """The part of an engine for robots without contacts that does not depend on the physics library.
 
-    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`.
+    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`. It
+    sets `robot` before it calls `__init__`.
     """
 
     robot: Robot
@@ -337,12 +394,19 @@ class RigidEngine(Engine):
     """Warnings about parts of the robot that the engine ignores."""
     root: str
     """Name of the base link."""
-    origin: Vector
+    origin: Vector = ZERO
     """Origin of the base's frame in the frame of the base link, m; see `asrsim.robot.merge.merge_for_engine`."""
 
-    def __init__(self, room: Room, home: Array, calculation: Calculation | None = None) -> None:
+    def __init__(
+        self, room: Room, home: Array, calculation: Calculation | None = None, *, scenario: Scenario | None = None
+    ) -> None:
         """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
-        may be compiled; None: kick and drift."""
+        may be compiled; None: kick and drift. scenario: the scenario, whose wrenches act on the robot; None: the engine refuses
+        scenarios with wrenches."""
+        self.takes_wrenches = scenario is not None
+        self._wrenches = scenario.wrenches if scenario else ()
+        self._model = robot_model(scenario, self.robot) if scenario and scenario.wrenches else None
+        """Model that maps wrenches to generalised forces; None without wrenches."""
         self._room, self._home = room, home
         self._state = np.zeros(room.coordinates + 3 * room.freedoms)
         self._plain_room, self._numbers = plain(room), self._state.data
@@ -352,9 +416,42 @@ class RigidEngine(Engine):
         self._calculation = calculation or Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
-        (p, w, 6), if there are any, to `forces` (p, v, 1)."""
+        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`.
+
+        On entry, `forces` (p, v, 1) contains the generalised forces of the wrenches (p, w, 6) in N m, by the Jacobian
+        of `asrsim.robot.dynamics.RobotModel`. An engine may replace them by those of its library.
+        """
         raise NotImplementedError
+
+    def map_wrenches(self, wrenches: Array, forces: Array) -> None:
+        """Write the generalised forces in N m of the wrenches (p, w, 6) at the room's `qpos` to `forces` (p, v, 1)."""
+        room, model = self._room, self._model
+        forces[:] = 0.0
+        if model is None:
+            return
+        positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
+        if rotation is not None:
+            # The base's frame is the origin of a floating robot.
+            base = frame(-rotation @ self.origin, rotation)
+        for index, wrench in enumerate(self._wrenches):
+            if not wrenches[:, index].any():
+                continue
+            at, turned = model.pose(positions, wrench.link, wrench.point, base)
+            jacobian = model.jacobian(positions, wrench.link, wrench.point, base)
+            for total, value in zip(forces[:, :, 0], wrenches[:, index].reshape(-1, 2, 3), strict=True):
+                force, torque = value if wrench.frame == "world" else value @ turned.T
+                total[room.joint_v] += np.concatenate([force, torque]) @ jacobian
+                if rotation is not None:
+                    total[:3] += force
+                    total[3:6] += (torque + np.cross(at, force)) @ rotation
+
+    @property
+    def rotation(self) -> Array | None:
+        """Rotation matrix (3, 3) of a floating base at the configuration of the room; None for a fixed base."""
+        if not self._room.free:
+            return None
+        w, *vector = self._room.qpos[3:7].tolist()
+        return rotation_of((*vector, w))
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
@@ -382,8 +479,17 @@ class RigidEngine(Engine):
         if self._changed:
             aim(self._plain_room, self._numbers)
             self._changed = False
+        if wrenches.size:
+            self.map_wrenches(wrenches, self._forces)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)
+
+    @property
+    def coordinates(self) -> NDArray[np.int64]:
+        """Indices (3, n) of the joints' positions, velocities, and velocities before the last kick in a state."""
+        room = self._room
+        velocities = room.coordinates + room.joint_v
+        return np.stack([room.joint_q, velocities, velocities + room.freedoms]).astype(np.int64)
 
     @property
     def state(self) -> Array:

@@ -12,6 +12,8 @@ from lxml import etree
 from asrsim.document.file import mistaken
 from asrsim.errors import Problem, RobotError, similar_file
 
+_SPACED_TAG = re.compile(r"</?(\w+(?: +\w+)+)\s*>")
+"""Tag whose name has spaces, as figures print them: `<spring a1>`."""
 MAX_BYTES = 64 * 1024 * 1024
 """Largest size of a robot file, bytes."""
 BLANKS = " \t\r\n"
@@ -49,7 +51,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
-        raise _malformed(path, reason, error.lineno or None) from error
+        raise _malformed(path, data, reason, error.lineno or None) from error
     # The check with expat (`_refuse_declarations`) may have missed declarations that lxml finds.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
@@ -94,12 +96,15 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error
     except expat.ExpatError as error:
-        raise _malformed(path, expat.ErrorString(error.code), error.lineno) from error
+        raise _malformed(path, data, expat.ErrorString(error.code), error.lineno) from error
 
 
-def _malformed(path: Path, reason: str, line: int | None) -> RobotError:
+def _malformed(path: Path, data: bytes, reason: str, line: int | None) -> RobotError:
     other = mistaken(path, "robot")
-    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, code="malformed-xml")
+    text = data.splitlines()[line - 1].decode(errors="replace") if line and line <= len(data.splitlines()) else ""
+    spaced = _SPACED_TAG.search(text)
+    hint = f"Names of tags have no spaces: write <{re.sub(' +', '_', spaced[1])}>" if spaced else None
+    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, hint=hint, code="malformed-xml")
     return RobotError([problem])
 
 

@@ -1,5 +1,7 @@
 """A plugin with a physics engine for a pendulum: one joint on a fixed base, in closed form.
 
+The base class maps the scenario's wrenches to the joint, since it is given the scenario.
+
 Import this file, and write `engine: pendulum` in the scenario.
 """
 
@@ -36,7 +38,7 @@ class PendulumEngine(RigidEngine):
         weight = link.mass * stand.T @ np.array(scenario.gravity)
         self.torques = -weight @ arm, -weight @ np.cross(axis, arm)
         places = {"qpos": np.zeros(1), "qvel": np.zeros(1), "joint_q": [0], "joint_v": [0]}
-        super().__init__(make_room(robot, free=False, **places), np.zeros(1))
+        super().__init__(make_room(robot, free=False, **places), np.zeros(1), scenario=scenario)
 
     def look(self, wrenches, forces):
         room, (q,) = self._room, self._room.qpos

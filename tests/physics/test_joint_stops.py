@@ -68,6 +68,30 @@ def test_link_leaves_its_stop_when_the_torque_jumps(engine, compiled, pushed, bo
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_link_that_is_pushed_back_leaves_its_stop_when_it_strikes_it(engine, compiled, friction, side):
+    """A torque of 1 N m slows the link before the impact, and accelerates it from rest from the time of the impact on."""
+    speed, end = 2.0, 0.1
+    slowing, leaving = ((1.0 + friction) / 0.02, (1.0 - friction) / 0.02)
+    for step in STEPS:
+        for late in (0.1, 0.4, 0.6, 0.9):
+            impact = 0.02 + late * step
+            stop = speed * impact - 0.5 * slowing * impact**2
+            there = stop - 0.5 * leaving * (end - impact) ** 2
+            ends = (-2.0, stop) if side > 0.0 else (-stop, 2.0)
+            body = Body(mass=1.0, reach=0.1, inertia=0.01, friction=friction, limits=limit(*ends))
+            result = run(
+                chain(body), engine=engine, gravity=0.0, duration=end, step=step, compiled=compiled,
+                external={"joint_1": Constant(value=-side)}, initial_velocities={"joint_1": side * speed},
+            )  # fmt: skip
+            # The speed at the impact is that of the step before, so its time is known to this part of a step.
+            early = slowing * step / (speed - slowing * impact)
+            assert abs(column(result, "link_position")[-1] - side * there) < leaving * early * step * end
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
 def test_a_sliding_link_reverses_within_a_step(engine, compiled, late):
     """A torque of -1 N m works against 0.3 N m of friction before the reversal, and 0.7 N m accelerate the link after it."""
