@@ -123,7 +123,8 @@ class _Tags:
         known = (*BLOCK_TAGS, *tag_parameters(actuator))
         for name, tag in self.by_name.items():
             if name not in known:
-                close = nearest(name, known)
+                # A tag that the block has already is not what was meant.
+                close = nearest(name, [one for one in known if one not in self.by_name])
                 hint = f"Did you mean <{close}>?" if close else None
                 message = f"unknown tag <{name}>; it has no effect"
                 self.findings.warn(message, tag, f"{self.shown}.{name}", code="unknown-tag", hint=hint)

@@ -30,6 +30,8 @@ from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
+MOST_TICKS = 100
+"""Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
 PLAIN_FIELDS = (
     "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
     "engine", "stepping", "substeps", "motor_substeps", "substep_cap", "compiled", "velocity_cutoff",
@@ -259,12 +261,16 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: delays of sensors and commands that would need too much memory."""
+    """Errors: delays and rates of sensors and commands that would need too much memory."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for name, effects in table.items():
             if effects.delay > MOST_DELAY * scenario.step:
                 message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, the limit"
                 yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
+            if (effects.rate or 0.0) * scenario.step > MOST_TICKS:
+                message = f"has more than {MOST_TICKS} ticks in a step of {scenario.step:g} s, the limit"
+                key, hint = f"effects.{section}.{name}.rate", "Leave the rate out: values are then continuous"
+                yield Problem(message, key=key, value=effects.rate, hint=hint, code="fast-rate")
 
 
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
