@@ -12,7 +12,7 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
-from asrsim.robot.structure import read_joints, read_links
+from asrsim.robot.structure import declare_world, read_joints, read_links
 from asrsim.robot.tree import check_movable, check_tree, without_floating_root
 from asrsim.robot.unread import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
@@ -56,20 +56,20 @@ def read_robot(
     """
     path = Path(path)
     data = read_bytes(path)
-    root = parse_xml(data, path)
     findings = Findings(path)
+    root = parse_xml(data, path, notes=findings.warnings)
     if path.suffix == ".xacro" or _uses_xacro(root):
         from asrsim.robot.expansion import expand_xacro
 
         data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
         findings.warnings += warnings
         findings.expanded = True
-        root = parse_xml(data, path)
+        root = parse_xml(data, path, notes=findings.warnings)
     return _read(root, data, findings)
 
 
 def _read(root: Any, data: bytes, findings: Findings) -> Robot:
-    path = findings.file
+    path, mended = findings.file, bool(findings.warnings)
     if root.tag != "robot":
         what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
         message = f"the root element is <{root.tag}>, not <robot>{what}"
@@ -78,6 +78,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     contact_words = check_words(findings, root)
+    mended |= declare_world(findings, root)
     links = read_links(findings, root)
     joints = read_joints(findings, root, links)
     moving = sum(joint.moves for joint in joints)
@@ -92,7 +93,8 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     whole = not findings.errors
     blocks, unread = read_blocks(root, joints, findings)
     robot = Robot(
-        name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
+        name=root.get("name") or path.stem, path=path, text=_text(data, root, mended=mended), links=links, joints=joints,
+        actuators=blocks,
         unread=unread, contact_words=contact_words,
     )  # fmt: skip
     if whole:
@@ -101,12 +103,12 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     return replace(robot, findings=tuple(findings.warnings), faults=faults)
 
 
-def _text(data: bytes, root: Any) -> str:
+def _text(data: bytes, root: Any, *, mended: bool) -> str:
     """Document as text with a declaration of its actual encoding only."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()
-    if encoding in ("utf-8", "us-ascii", "ascii"):
+    if encoding in ("utf-8", "us-ascii", "ascii") and not mended:
         return data.decode("utf-8-sig", errors="replace")
     text: str = etree.tostring(root.getroottree(), encoding="unicode")
     return text
