@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from asrsim.api import Result
+    from asrsim.viewer import View
 
 WIDTH = 900
 """Width of the picture that a result displays, pixels."""
@@ -41,6 +42,14 @@ def film_strip(result: Result, *, count: int) -> Image:
 
     with _logged(result) as log:
         return strip_of(Film(log), count=count)
+
+
+def page_of(result: Result, beside: Sequence[str | Path], port: int) -> View:
+    """Page that plays the run, as opened by `asrsim view`."""
+    from asrsim.viewer import view
+
+    with _logged(result) as log:
+        return view(log, *beside, port=port)
 
 
 @contextmanager
