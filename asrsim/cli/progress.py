@@ -7,7 +7,8 @@ import sys
 import time as clock
 from typing import TYPE_CHECKING, Any, Self
 
-from asrsim.cli.console import complain, is_terminal, printable
+from asrsim.cli.console import complain, is_terminal
+from asrsim.errors import printable
 
 if TYPE_CHECKING:
     from asrsim.identification import Progress as FitProgress
