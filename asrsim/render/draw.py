@@ -18,6 +18,8 @@ Image = NDArray[np.uint8]
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
 """Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
+NEARER = 1.002
+"""Ratio of inverse distances above which a body lies in front of a point and does not merely touch it."""
 INK = np.array([0.13, 0.15, 0.18])
 """Colour of outlines."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
@@ -69,6 +71,19 @@ class Painter:
         owner[raster.pixels] = self._body[raster.triangles]
         _outline(picture, owner.reshape(fine[::-1]), raster.depth)
         return _averaged(picture, width, height, sharpness)
+
+    def hidden(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int) -> dict[str, float]:
+        """Fraction of the points of each body that other bodies hide from the camera; a small picture is enough."""
+        seen = _projected(self.points(frames), camera, width, height)
+        raster = rasterise(seen[self._triangles], width, height)
+        owner = np.full(width * height, -1, dtype=np.intp)
+        owner[raster.pixels] = self._body[raster.triangles]
+        inside = (seen[:, 2] > 0.0) & (seen[:, :2] >= 0.0).all(axis=1) & (seen[:, :2] < (width, height)).all(axis=1)
+        pixel = np.where(inside, seen[:, 1].clip(0).astype(np.intp) * width + seen[:, 0].clip(0).astype(np.intp), 0)
+        before = inside & (owner[pixel] != self._point_body) & (raster.depth[pixel] > NEARER * seen[:, 2])
+        counts = np.bincount(self._point_body, minlength=len(self.bodies))
+        shares = np.bincount(self._point_body, weights=before, minlength=len(self.bodies)) / np.maximum(counts, 1)
+        return dict(zip(self.bodies, shares.tolist(), strict=True))
 
     def _stacked(self, frames: Mapping[str, Array]) -> tuple[Array, Array]:
         stacked = np.array([frames[body] for body in self.bodies]).reshape(-1, 4, 4)
