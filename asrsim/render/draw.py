@@ -54,13 +54,20 @@ class Painter:
         turn, shift = self._stacked(frames)
         return np.asarray(np.einsum("kij,kj->ki", turn[self._point_body], self._points) + shift[self._point_body])
 
-    def image(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2) -> Image:
-        """Picture (height, width, 3) from the camera. sharpness: factor of oversampling."""
+    def image(
+        self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
+        place: Array | None = None,
+    ) -> Image:  # fmt: skip
+        """Picture (height, width, 3) from the camera.
+
+        sharpness: factor of oversampling; place: points (k, 3) that size the tiles of the ground, equal in all pictures of a
+        film; None: those of this picture.
+        """
         fine = (width * sharpness, height * sharpness)
         points = self.points(frames)
         seen = _projected(points, camera, *fine)[self._triangles]
         raster = rasterise(seen, *fine)
-        picture = self._background(points, camera, *fine, raster.depth)
+        picture = self._background(points, points if place is None else place, camera, *fine, raster.depth)
         turn, _ = self._stacked(frames)
         normals = np.einsum("mij,mkj->mki", turn[self._body], self._normals)
         shades = plane(seen, _light(normals, points[self._triangles], camera))[raster.triangles]
@@ -89,8 +96,10 @@ class Painter:
         stacked = np.array([frames[body] for body in self.bodies]).reshape(-1, 4, 4)
         return stacked[:, :3, :3], stacked[:, :3, 3]
 
-    def _background(self, points: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
-        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground."""
+    def _background(self, points: Array, around: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
+        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground. around: points
+        (k, 3) in whose middle the ground lies.
+        """
         share = np.linspace(0.0, 1.0, height)[:, None]
         sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
         picture = np.repeat(sky[:, None], width, axis=1).reshape(-1, 3)
@@ -103,8 +112,8 @@ class Painter:
         # Each ray has length 1 along the view, so the length factor to the ground is the distance along the view.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
-        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[:2]
-        size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        middle = 0.5 * (around.min(axis=0) + around.max(axis=0))[:2]
+        size = float(np.linalg.norm(np.ptp(around, axis=0)))
         tile = 10.0 ** np.floor(np.log10(size / 2))
         dark = (np.floor(place / tile).sum(axis=1) % 2)[:, None]
         colour = (1 - dark) * TILE_LIGHT + dark * TILE_DARK

@@ -91,6 +91,8 @@ class Film:
         self.camera: Camera
         self.width: int
         self.height: int
+        self.place: Array
+        """Outermost points (k, 3) of the motion, m."""
         share_view([self])
 
     @property
@@ -113,7 +115,7 @@ class Film:
         return Frame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
 
     def _image(self, frames: dict[str, Array]) -> Image:
-        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness)
+        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, place=self.place)
 
     def frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
         """Frame (4, 4) of each body in the world at a sample. values: joint positions instead of the logged ones, rad or m."""
@@ -166,6 +168,8 @@ def share_view(films: Sequence[Film]) -> None:
     cloud = np.concatenate([points for points, _, _ in seen])
     axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
     travel = {f"{number}/{name}": way for number, (_, _, mine) in enumerate(seen) for name, way in mine.items()}
+    for film in films:
+        film.place = cloud
     least, size = math.inf, films[0]._size
     for towards in viewpoints(viewpoint(main_axis(axes, travel))):
         aspect = fitting_aspect(cloud, towards)

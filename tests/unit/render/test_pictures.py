@@ -204,3 +204,11 @@ def test_the_camera_goes_where_nothing_hides_a_moving_body(tmp_path):
     shares = film._painter.hidden(film.frames(0), film.camera, 90, 90)
     moving = [name for name in shares if name not in ("world", "base_link")]
     assert max(shares[name] for name in moving if name != "box") < 0.6
+
+
+def test_the_ground_stands_still_in_a_film(tmp_path):
+    """The box moves away, so that the picture's content grows; the pixels beside it stay as they are."""
+    film = Film(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.5), size=100)
+    film.samples.bodies["box"][-1, 1] += 3.0
+    images = [film.frame(time).image for time in (film.start, film.end)]
+    assert np.mean(np.any(images[0] != images[1], axis=2)) < 0.5
