@@ -81,6 +81,12 @@ class MujocoEngine(RigidEngine):
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
         """MuJoCo body of each link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        gravity = np.array(scenario.gravity)
+        self._floats = [
+            (self._body(link.name), np.array(centre), mass * gravity)
+            for link in merged.robot.links for mass, centre in [link.weightless] if mass
+        ]  # fmt: skip
+        """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -120,14 +126,15 @@ class MujocoEngine(RigidEngine):
         room = make_room(
             self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=[joint.qposadr[0] for joint in joints],
             joint_v=[joint.dofadr[0] for joint in joints], free=self._free, parent=self._m.dof_parentid,
+            reduce=self._scenario.world.empty,
         )  # fmt: skip
-        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places)
+        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats)
 
     def _make_native_record(self) -> Record:
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
-        # All records share the constants that `start` sets.
-        record = record._replace(room=record.room._replace(scheme=self._room.scheme))
+        # All records share the numbers that `start` and `vary` set.
+        record = record._replace(room=record.room._replace(scheme=self._room.scheme, armature=self._room.armature))
         words = pack(record)
         return Record(words.ctypes.data, (words, record, data))
 
@@ -146,7 +153,11 @@ class MujocoEngine(RigidEngine):
 
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
-        if robot.links != self.robot.links:
+        if robot.inertials != self.robot.inertials:
+            armature = [joint.armature for joint in robot.moving_joints]
+            if any(armature) and not self._room.reduced:
+                return False
+            self._room.armature[:] = armature
             merged, origin = merge_for_engine(robot, fixed_base=self._scenario.fixed_base)
             if origin != self.origin:
                 return False

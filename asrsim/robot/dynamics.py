@@ -66,6 +66,14 @@ class RobotModel:
         self._inertias = np.zeros((len(joints) + 1, 4, 4))
         for link in chain.links:
             self._inertias[bodies[link.name]] = _pseudo_inertia(link)
+        self._floats = np.zeros((len(joints) + 1, 4, 4))
+        """Pseudo-inertias of the masses on which gravity does not act; only their mass and first moments are used."""
+        for link in chain.links:
+            mass, centre = link.weightless
+            self._floats[bodies[link.name]] = mass * np.outer([*centre, 1.0], [*centre, 1.0])
+        self._armature = np.zeros(len(joints))
+        self._armature[self._at] = [joint.armature for joint in moving]
+        self.couplings = robot.couplings
         self._places = {
             name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
         }
@@ -128,7 +136,8 @@ class RobotModel:
             motions.append(motions[parent] @ step + poses[-1] @ rate)
         moving, places = np.array(motions), np.array(poses)[..., :3, :]
         kinetic = 0.5 * np.einsum("b...ij,bjk,b...ik->...", moving, self._inertias, moving)
-        potential = -np.einsum("b...ij,bj,i->...", places, self._inertias[..., 3], self._gravity)
+        kinetic = kinetic + 0.5 * np.square(self._all(velocities)) @ self._armature
+        potential = -np.einsum("b...ij,bj,i->...", places, (self._inertias - self._floats)[..., 3], self._gravity)
         return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:
@@ -163,11 +172,17 @@ class RobotModel:
             changes.append(back @ changes[parent] @ step + boost + twist @ rate - rate @ twist)
         bodies = zip(twists, changes, self._inertias, strict=True)
         loads = [(change + twist @ twist) @ inertia for twist, change, inertia in bodies]
+        if self._floats.any():
+            # The acceleration of the base that replaces gravity, along the axes of each body.
+            rises = [changes[0]]
+            for parent, step, back in zip(self._parents, steps, np.linalg.inv(steps), strict=True):
+                rises.append(back @ rises[parent] @ step)
+            loads = [load - rise @ mass for load, rise, mass in zip(loads, rises, self._floats, strict=True)]
         torques = np.zeros(np.broadcast_shapes(positions.shape, velocities.shape, accelerations.shape))
         for k in range(len(steps) - 1, -1, -1):
             torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
             loads[self._parents[k]] = loads[self._parents[k]] + steps[k] @ loads[k + 1] @ np.swapaxes(steps[k], -1, -2)
-        return torques
+        return torques + self._armature * accelerations if self._armature.any() else torques
 
 
 def with_base_joints(robot: Robot) -> Robot:

@@ -10,7 +10,9 @@ from typing import Any
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
+from asrsim.robot.mechanics import read_mechanics
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import with_rotors
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import read_joints, read_links
 from asrsim.robot.tree import check_movable, check_tree, without_floating_root
@@ -79,7 +81,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     check_words(findings, root)
     links = read_links(findings, root)
-    joints = read_joints(findings, root, links)
+    links, joints = read_mechanics(findings, root, links, read_joints(findings, root, links))
     moving = sum(joint.moves for joint in joints)
     if moving > MAX_MOVING:
         message = f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}"
@@ -98,7 +100,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     if whole:
         check_movable(findings, robot)
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
-    return replace(robot, findings=tuple(findings.warnings), faults=faults)
+    return with_rotors(replace(robot, findings=tuple(findings.warnings), faults=faults), {})
 
 
 def _text(data: bytes, root: Any) -> str:
