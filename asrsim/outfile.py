@@ -7,6 +7,9 @@ import io
 import json
 import os
 import re
+import stat
+import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,6 +42,8 @@ MARKS = {
     "schema": rb'"title": "asrsim scenario"',
 }
 """Mark at the start or end of each kind of file, by which files written by asrsim are recognised."""
+ABANDONED = 60.0
+"""Age in s from which an unfinished file that nobody has locked counts as left by a killed process."""
 _LOOKED_AT = 1 << 16
 """Number of bytes at the start and the end of a file that are searched for the mark."""
 
@@ -96,14 +101,46 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
         return
     # A random name and exclusive creation: no existing link or file is followed or overwritten.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
+    _remove_abandoned(path.parent)
     try:
         with _with_output_error(path):
             with part.open("xb") as stream:
+                with suppress(OSError):  # file systems without locks keep what a killed process leaves
+                    lock(stream.fileno())
                 yield stream
             part.replace(path)
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def lock(file: int) -> None:
+    """Lock an open file until it is closed, or until the process ends. Raises OSError if it is locked elsewhere."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        # flock locks the open file, not the process, so that two threads exclude each other too.
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove unfinished files of killed processes from the folder: files that nobody has locked for a minute."""
+    if sys.platform == "win32":  # there, an open file cannot be removed
+        return
+    for part in folder.glob(".asrsim-" + "[0-9a-f]" * 16 + ".part"):
+        with suppress(OSError):
+            file = os.open(part, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+            try:
+                about = os.fstat(file)
+                if stat.S_ISREG(about.st_mode) and time.time() - about.st_mtime > ABANDONED:
+                    lock(file)
+                    part.unlink()
+            finally:
+                os.close(file)
 
 
 @contextmanager

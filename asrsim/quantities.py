@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 
@@ -20,32 +20,41 @@ class Quantity:
     """Whether the quantity belongs to an optional model and has a separate topic, outside the common messages."""
 
 
+MOST_MOTORS = 8
+"""Largest number of motors of an actuator."""
+
+
+def _each(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> Iterator[Quantity]:
+    """A quantity of each motor, with {} for its number. The toolbox's messages have two motors; other motors are apart."""
+    for i in range(1, MOST_MOTORS + 1):
+        yield Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
+
+
 QUANTITIES: dict[str, Quantity] = {
     quantity.name: quantity
     for quantity in (
         Quantity("link_position", "rad", "$q$", "position of the link"),
         Quantity("link_velocity", "rad/s", r"$\dot q$", "velocity of the link"),
         Quantity("link_torque", "N m", r"$\tau_q$", "torque of the actuator on the link, after the effort limit"),
-        Quantity("elastic_torque_1", "N m", r"$\tau_{el,1}$", "torque of spring 1 on motor 1"),
-        Quantity("elastic_torque_2", "N m", r"$\tau_{el,2}$", "torque of spring 2 on motor 2"),
+        *_each("elastic_torque_{}", "N m", r"$\tau_{el,{}}$", "torque of spring {0} on motor {0}"),
         Quantity("stiffness", "N m/rad", "$k$", "stiffness seen by the link at fixed motors"),
-        Quantity("motor_1_position", "rad", r"$\theta_1$", "position of motor 1, at the link's side of the gear"),
-        Quantity("motor_1_velocity", "rad/s", r"$\dot\theta_1$", "velocity of motor 1"),
-        Quantity("motor_1_torque", "N m", r"$\tau_{m,1}$", "torque of motor 1, after its limit"),
-        Quantity("motor_2_position", "rad", r"$\theta_2$", "position of motor 2 (AwAS-II: the adjuster's sigma, in m)"),
-        Quantity("motor_2_velocity", "rad/s", r"$\dot\theta_2$", "velocity of motor 2"),
-        Quantity("motor_2_torque", "N m", r"$\tau_{m,2}$", "torque of motor 2, after its limit"),
-        Quantity("reference_1", "", "$r_1$", "first reference; its meaning and unit follow from the operation mode"),
-        Quantity("reference_2", "", "$r_2$", "second reference; its meaning and unit follow from the operation mode"),
+        *(
+            quantity
+            for motor in zip(
+                _each("motor_{}_position", "rad", r"$\theta_{}$", "position of motor {} behind its gear; of an adjuster, in m"),
+                _each("motor_{}_velocity", "rad/s", r"$\dot\theta_{}$", "velocity of motor {}"),
+                _each("motor_{}_torque", "N m", r"$\tau_{m,{}}$", "torque of motor {}, after its limit"),
+                strict=True,
+            )
+            for quantity in motor
+        ),
+        *_each("reference_{}", "", "$r_{}$", "reference {}; its meaning and unit follow from the operation mode"),
         Quantity("external_torque", "N m", r"$\tau_{ext}$", "external torque on the link"),
         Quantity("damping_torque", "N m", r"$\tau_d$", "torque of the link's viscous damping"),
-        Quantity("friction_torque_1", "N m", r"$\tau_{f,1}$", "friction torque on motor 1"),
-        Quantity("friction_torque_2", "N m", r"$\tau_{f,2}$", "friction torque on motor 2"),
-        *(
-            Quantity(f"motor_{i}_{name}", unit, rf"${symbol}_{i}$", f"{name} of motor {i}, where it is electric", apart=True)
-            for i in (1, 2)
-            for name, unit, symbol in (("voltage", "V", "u"), ("current", "A", "i"))
-        ),
+        *_each("friction_torque_{}", "N m", r"$\tau_{f,{}}$", "friction torque on motor {}"),
+        *_each("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, where it is electric", apart=True),
+        *_each("motor_{}_current", "A", "$i_{}$", "current of motor {}, where it is electric", apart=True),
+        *_each("sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `effects` of commands", apart=True),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy stored in the springs"),
         Quantity(

@@ -21,7 +21,7 @@ from typing import Any
 import asrsim
 
 sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
-from tables import markdown_table, measure_table, problem_tables, scenario_tables
+from tables import markdown_table, measure_table, problem_tables, scenario_tables, word_tables
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
@@ -39,6 +39,7 @@ def parts() -> dict[str, str]:
     return {
         **scenario_tables(),
         **problem_tables(),
+        **word_tables(),
         "measures": measure_table(),
         "commands": commands(),
         "options": options(),

@@ -14,6 +14,7 @@ from asrsim.document.block import Block
 from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf
 from asrsim.metrics.measures import MEASURES
 from asrsim.recordings.reading import READING, TIME
+from asrsim.robot.vocabulary import PLUGINS, WORDS
 from asrsim.scenario.data import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
 from asrsim.signals.parse import block_of
@@ -115,6 +116,21 @@ def measure_table() -> str:
         unit = {"series": "of the series", "1": "-"}.get(found.unit, found.unit)
         rows.append((f"`{name}`", NEEDS[found.needs], unit, found.doc, ", ".join(options)))
     return markdown_table(("measure", "of", "unit", "definition", "options"), rows)
+
+
+def word_tables() -> dict[str, str]:
+    """What asrsim does with each word of a robot file, by parent: words with equal meaning share a row."""
+    rows = []
+    for parent, words in WORDS.items():
+        groups: dict[tuple[str, str], list[str]] = {}
+        for name, word in words.items():
+            groups.setdefault((word.use, word.doc if word.use == "left out" else ""), []).append(f"`{name}`")
+        rows += [(f"`{parent}`", ", ".join(names), use, doc) for (use, doc), names in groups.items()]
+    plugins = [(", ".join(f"`{part}`" for part in parts), word.use, word.doc) for parts, word in PLUGINS]
+    return {
+        "words": markdown_table(("in", "words", "use", "warning"), rows),
+        "word-plugins": markdown_table(("file name contains", "use", "warning"), plugins),
+    }
 
 
 SAID = ("document", "recordings", "robot", "scenario", "signals")

@@ -27,9 +27,6 @@ from typing import ClassVar
 
 from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, numbered
 
-MOST_MOTORS = 8
-"""Largest number of motors of an actuator."""
-
 
 class Actuator:
     """Base of all actuators. Subclasses are declarations: they have no state and are never instantiated."""

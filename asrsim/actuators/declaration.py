@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.actuators import Actuator
-from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import Problem
+from asrsim.quantities import MOST_MOTORS
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:

@@ -163,6 +163,8 @@ def _report_error(error: BaseException) -> int:
     elif isinstance(error, OSError):
         what = f"{error.filename}: " if error.filename else ""
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
+    elif isinstance(error, MemoryError):
+        complain("asrsim: this needs more memory than there is")
     else:
         import traceback
 

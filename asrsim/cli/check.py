@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +19,7 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 def check(
     files: Annotated[Files, argument("[FILE]...", "URDF, xacro and scenario files.")] = None,
     actuator: Annotated[str | None, option("Check this actuator's laws instead of files.")] = None,
+    strict: Annotated[bool, option("Take warnings for errors: exit code 1 if there is any.", "--strict")] = False,
     arg: Arguments = None,
     package: Packages = None,
     *,
@@ -27,6 +28,8 @@ def check(
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
 
     Example: asrsim check examples/urdf/dof2_vertical.urdf examples/scenarios/sine_2dof.yaml
+
+    Example: asrsim check --strict examples/urdf/dof2_vertical.urdf
 
     Example: asrsim check --actuator my_vsa --plugin examples/plugins/my_vsa.py
     """
@@ -50,6 +53,8 @@ def check(
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)
         for path in files
     ]
+    if strict:
+        reports = [replace(report, errors=(*report.errors, *report.warnings), warnings=()) for report in reports]
     good = not any(report.errors for report in reports)
     return Done(
         data={"ok": good, "files": reports},

@@ -68,8 +68,7 @@ def identify(
     accept: Annotated[
         bool,
         option(
-            "Write the robot although the model does not fit, if it explains 90 % of the variance. Intervals are as wide "
-            "as the spread of estimates from tenths of the recording.",
+            "Write the robot although the model does not fit, if it explains 90 % of the variance.",
             "--accept",
         ),
     ] = False,
@@ -131,7 +130,7 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED
-    return result, 0 if result.fits and result.status != "unfinished" else 1
+    return result, 0 if result.fits or result.status == "checked" else 1
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:

@@ -14,7 +14,7 @@ from asrsim.cli.interrupt import Interruption
 from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, into_folder, option
 
 
-@command()
+@command("Print errors and warnings only.")
 def live(
     scenario: Scenario,
     variant: Variant = None,

@@ -77,7 +77,12 @@ class RunBar(Bar):
         """Show that the run has reached the simulated time `simulated`, s."""
         speed = simulated / max(clock.perf_counter() - self._began, 1e-9)
         note = f"{simulated:.2f} of {self._duration:g} s, {speed:.3g} x real time"
-        self.draw(simulated / self._duration, note, f"{self._title}, {self._part}" if self._part else None)
+        # The log of a killed run may contain no time at all.
+        self.draw(
+            simulated / self._duration if self._duration > 0.0 else 1.0,
+            note,
+            f"{self._title}, {self._part}" if self._part else None,
+        )
 
     def update_part(self, part: str, simulated: float) -> None:
         """Show that another run of the scenario, named `part`, has reached the simulated time `simulated`, s."""

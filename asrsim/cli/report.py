@@ -13,8 +13,8 @@ from asrsim.summary.table import difference_columns, headline, limit_columns, li
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
     """Print summary, claims, warnings and files of a run.
 
-    quiet: print only failed claims and a divergence. printed: warnings that were printed for earlier runs; they are only
-    counted here, and the warnings of this run are added to the set.
+    quiet: print only failed claims, a divergence and warnings. printed: warnings that were printed for earlier runs; they are
+    only counted here, and the warnings of this run are added to the set.
     """
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:
@@ -38,9 +38,9 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
             say(f"{styled('pass', 'green')} {claim.text}")
     _print_certificate(summary, quiet=quiet)
     _print_cross_check(summary, quiet=quiet)
+    _print_warnings(summary, printed=set() if printed is None else printed)
     if quiet:
         return
-    _print_warnings(summary, printed=set() if printed is None else printed)
     if summary.replaced:
         say(f"replaced {counted(len(summary.replaced), 'file')} of an earlier run")
     _print_files(summary)

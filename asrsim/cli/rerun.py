@@ -37,6 +37,7 @@ def rerun(
     Example: asrsim rerun out/step_2dof/soft/log.mcap
     """
     from asrsim.cli.progress import RunBar
+    from asrsim.errors import counted
     from asrsim.log import open_log
     from asrsim.runs.folder import find_logs
     from asrsim.runs.repeat import repeat
@@ -53,6 +54,8 @@ def rerun(
             if not json:
                 _print(repetition, quiet=quiet)
             if interruption.requested:
+                if len(repetitions) < len(logs) and not json:
+                    complain(f"stopped: {counted(len(logs) - len(repetitions), 'log')} not compared")
                 break
     different = not all(repetition.identical for repetition in repetitions)
     return Done(
@@ -68,11 +71,23 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
         complain(f"differs: {len(repetition.differences) - SHOWN} series more")
     if repetition.missing:
         complain(f"the repeated run ended ({repetition.status}) {repetition.missing} samples before the log", "red")
-    if not repetition.identical:
+    for name in repetition.changed:
+        complain(f"the mesh {name} has changed since the run", "yellow")
+    if not repetition.identical and not repetition.partial:
         for name, (there, here) in repetition.versions.items():
             complain(f"the log was written with {name} {there}, this is {here}", "yellow")
-    if quiet:
-        return
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
-    verdict = "identical, bit for bit" if repetition.identical else "different" if repetition.samples else "nothing to compare"
-    say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
+    line = f"{repetition.path}: {repetition.samples} samples compared{part}: {_verdict(repetition)}"
+    if not quiet:
+        say(line, "" if repetition.identical else "bold")
+    elif not repetition.identical:
+        # A command that fails always says why.
+        complain(line)
+
+
+def _verdict(repetition: Repetition) -> str:
+    if not repetition.samples:
+        return "nothing to compare"
+    if repetition.differences or repetition.missing:
+        return "different"
+    return "identical so far; stopped before the end of the log" if repetition.partial else "identical, bit for bit"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from asrsim.runs.execute import Executed
 
 
-@command("Print errors and failed claims only.")
+@command("Print errors, warnings and failed claims only.")
 def run(
     scenario: Scenario,
     variant: Variants = None,

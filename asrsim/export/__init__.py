@@ -115,7 +115,7 @@ def export_mjcf(
 
         files.append(write_ranges(distribution, compiled, path, Path(str(fit))))
         if not distribution.fits:
-            remarks.append("the model of the fit does not fit its recordings: its intervals are too narrow")
+            remarks.append("the model of the fit is not shown to fit its recordings: its intervals may be too narrow")
     if result.diverged_at is not None:
         remarks.append(f"MuJoCo's motion diverges at {result.diverged_at:g} s: take a smaller --timestep")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}

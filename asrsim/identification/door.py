@@ -54,8 +54,7 @@ class Door:
         faster = ENGINES.get(scenario.engine).faster
         if faster and scenario.world.empty and ENGINES.get(faster).available:
             scenario = replace(scenario, engine=faster)
-        self.scenario, self.given = scenario, robot
-        self._prepared = prepare(scenario, robot)
+        self.scenario, self._prepared = scenario, prepare(scenario, robot)
         self.robot, self.drives = self._prepared.robot, self._prepared.drives
         self.joints = tuple(drive.name for drive in self.drives)
         self.positions, self.velocities = self._prepared.initial_positions, self._prepared.initial_velocities
@@ -69,8 +68,9 @@ class Door:
         if found is None:
             prepared = self._prepared
             if substeps != self.substeps:
-                scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
-                prepared = prepare(scenario, self.given)
+                # The substeps suit the estimates. With the start values, springs may be too stiff for them.
+                resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
+                prepared = replace(prepared, resolution=resolution).vary({})
             found = Worlds(
                 prepared, AT_ONCE, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False,
                 expected_substeps=OFTEN, threads=AT_ONCE,

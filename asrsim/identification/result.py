@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from asrsim.identification.combinations import UNKNOWN, Combination, combinations, percent, relative
+from asrsim.identification.combinations import UNKNOWN, Combination, combinations, relative
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
@@ -29,9 +29,7 @@ parameters are fixed; if only the other free parameters make its interval so wid
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 FAR = 4.0
-"""Largest factor between start and estimate of an identified mass or inertia, and of all parameters of a model that does not
-fit: wrong parameters absorb effects that the model lacks.
-"""
+"""Largest factor between start and estimate of an identified mass or inertia."""
 VANISHED = 0.01
 """A positive parameter without effect counts as vanished below this fraction of its start value."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
@@ -67,23 +65,20 @@ class Estimate:
         return not math.isnan(self.low)
 
 
-def doubted(known: Sequence[Estimate], missed: float, channel: str, otherwise: Mapping[str, float]) -> Iterator[Estimate]:
-    """Estimates in which identified parameters become weak if there are doubts: the model leaves more than 5 % of a channel's
-    standard deviation unexplained, a suspected cause changes the parameter by more than 5 %, or the parameter is far from its
-    start. Masses and inertias of a robot file are known, so their start counts even if the model fits.
+def doubted(known: Sequence[Estimate], *, fits: bool, otherwise: Mapping[str, float]) -> Iterator[Estimate]:
+    """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
+    absorb what it lacks; or a mass or inertia is far from its start, which the robot file states.
 
-    missed: unexplained fraction of the standard deviation of `channel`, 0 if the model fits; otherwise: estimates with the
-    suspected causes, by name.
+    otherwise: estimates of a model with the suspected causes, by name; the intervals of a model that does not fit contain them.
     """
     for one in known:
-        other = otherwise.get(one.name, one.value)
         ratio = one.value / one.start if one.start else 1.0
-        reason = ""
-        if missed > CLOSE:
-            reason = f"the model misses {percent(missed)} of {channel}"
-        elif not one.is_place and abs(other - one.value) > CLOSE * abs(one.value):
-            reason = f"with the suspected causes it would be {other:.4g}"
-        elif not 1.0 / FAR <= ratio <= FAR and (missed or one.key.rpartition(".")[2] in ("mass", *INERTIAS)):
+        reason, other = "", otherwise.get(one.name, one.value)
+        if not fits:
+            one = replace(one, low=min(one.low, other), high=max(one.high, other)) if one.has_interval else one
+            moved = not one.is_place and abs(other - one.value) > CLOSE * abs(one.value)
+            reason = f"with the suspected causes it would be {other:.4g}" if moved else "the model is not shown to fit"
+        elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
 
@@ -150,6 +145,8 @@ def _reason(entry: Parameter, norm: float, track: Track) -> str:
     return f"no compared channel depends on it{modes.get(entry.key.partition('.')[0], '')}"
 
 
+COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
+"""Status of a fit: judged; its time was over; the user stopped it; only the sensitivities were computed."""
 ACCEPTABLE = 0.9
 """Explained fraction of every channel's variance above which a model that does not fit may be accepted."""
 
@@ -178,7 +175,7 @@ class Result:
     successes: int
     """Number of starts from which the search reached the smallest error."""
     status: str
-    """Status of the fit: complete, unfinished (time limit reached), interrupted or checked."""
+    """Status of the fit: `COMPLETE` and so on."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
@@ -188,16 +185,16 @@ class Result:
     whole: bool = False
     """Whether the estimates are from whole recordings, including the held-out parts."""
     accepted: bool = False
-    """Whether a model that does not fit was accepted. Intervals then show the spread between estimates from tenths of the
-    recording.
-    """
+    """Whether a model that does not fit was accepted."""
     played: Mapping[str, str] = field(default_factory=dict)
     """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
 
     @property
-    def fits(self) -> bool:
-        """Whether the model explains the recordings within the noise."""
-        return not self.misfit
+    def fits(self) -> bool | None:
+        """Whether the model explains the recordings within the noise; None if this was not judged, since the fit is not
+        complete.
+        """
+        return not self.misfit if self.status == COMPLETE else None
 
     @property
     def explained(self) -> float:

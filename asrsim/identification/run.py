@@ -19,7 +19,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
-from asrsim.identification.result import ACCEPTABLE, Result, doubted, estimates
+from asrsim.identification.result import ACCEPTABLE, CHECKED, COMPLETE, INTERRUPTED, UNFINISHED, Result, doubted, estimates
 from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -48,8 +48,6 @@ SEARCH, AFTERWARDS = 12, 40
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
 """
-UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
-"""Status of a fit that reached its time limit, or that the user stopped."""
 
 
 @dataclass
@@ -128,8 +126,7 @@ def identify(
         progress: Called about five times a second.
         stop: Called between evaluations; True ends the search, and the best fit so far is judged.
         check: Compute only the sensitivities at the start.
-        accept: If the model does not fit but explains 90 % of the variance of every channel, give intervals that show the
-            spread of estimates from tenths of the recording.
+        accept: Accept a model that does not fit but explains 90 % of the variance of every channel: its robot is written.
         seconds: Time limit of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
@@ -146,7 +143,7 @@ def identify(
         if any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        watch.best, watch.stop, status = Best(problem, start), stop, "checked" if check else "complete"
+        watch.best, watch.stop, status = Best(problem, start), stop, CHECKED if check else COMPLETE
         try:
             with watch.in_time():
                 if not check:
@@ -167,7 +164,7 @@ def identify(
 def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
-    problem, trained, complete = best.problem, best.x, status == "complete"
+    problem, trained, complete = best.problem, best.x, status == COMPLETE
     fits = channel_fits(problem, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else [], list[str]()
     otherwise: dict[str, float] = {}
@@ -183,10 +180,10 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(final, x) if complete else ()
     accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
-    found = found.of_a_block if accepted else found
+    found = found.of_a_block if misfit else found
     known, combined = estimates(final, x, found)
-    missed, channel = max((1.0 if one.diverges else max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
-    known = list(doubted(known, missed if misfit else 0.0, channel, otherwise))
+    if status != CHECKED:
+        known = list(doubted(known, fits=complete and not misfit, otherwise=otherwise))
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
@@ -221,8 +218,8 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
 
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty]:
     """Problem, estimate and uncertainty, from whole recordings if the fit is complete and explains them."""
-    if status != "complete":
-        return problem, trained, uncertainty(problem, trained, foreseen=status == "checked", quick=status == INTERRUPTED)
+    if status != COMPLETE:
+        return problem, trained, uncertainty(problem, trained, foreseen=status == CHECKED, quick=status == INTERRUPTED)
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
         x = min((refined(whole, x, 20), x), key=lambda there: mean_square(whole, there))

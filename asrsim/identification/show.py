@@ -64,13 +64,13 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.fits:
         yield from ((text, "green") for text in praise(result.channels))
         return
-    yield "model does not fit: the intervals are valid only if the model is right", "bold red"
+    yield "model does not fit: the intervals show the spread of estimates from tenths of the recording", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
     share = min(100.0 * result.explained, 99.99)
     yield f"  it explains at least {share:.4g} % of the variance of each channel", "red"
     if result.accepted:
-        yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
+        yield "  accepted", "yellow"
     if not result.causes:
         yield "  no missing effect was found; look at the residuals in the picture", "red"
 

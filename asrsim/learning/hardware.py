@@ -20,7 +20,7 @@ from asrsim.learning.plant import Plant
 from asrsim.learning.prepared import PreparedLearning, learning_model, prepare_learning
 from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data, write_inputs, write_playback
-from asrsim.learning.state import State, digest_of, load_state, motion_basis, save_state
+from asrsim.learning.state import State, load_state, motion_basis, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
 from asrsim.learning.twin import LearningTwin, fit_twin
 from asrsim.outfile import write_json
@@ -28,6 +28,7 @@ from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
+from asrsim.scenario.digest import digest_of
 
 WORSE = 1.2
 """Ratio of a trial's largest error to that of the best trial so far, above which the trial counts as worse."""

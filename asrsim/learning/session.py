@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, log10
+from math import ceil, floor, isfinite, log10
 from pathlib import Path
 from typing import Any
 
@@ -207,7 +207,9 @@ def write_playback(
             "against": os.path.relpath(desired, folder), "options": {"lag": "off"},
         }  # fmt: skip
         data["expect"] = [
-            {"joint": joint, "value": rounded_up(error), **claim} for joint, error in zip(plant.joints, largest, strict=True)
+            {"joint": joint, "value": rounded_up(error), **claim}
+            for joint, error in zip(plant.joints, largest, strict=True)
+            if isfinite(error)  # a joint of a simulation that diverged has no error
         ]
     text = f"# Plays what `asrsim ilc` found; the inputs are in {inputs.name}.\n"
     write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True), "learned scenario")

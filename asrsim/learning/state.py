@@ -13,13 +13,12 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS
-from asrsim.actuators.declaration import file_of
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
-from asrsim.robot.meshes import usable_shapes
+from asrsim.robot.findings import LARGEST
 from asrsim.samples import Array
+from asrsim.scenario.digest import input_hashes
 from asrsim.versions import numeric_versions
 
 if TYPE_CHECKING:
@@ -31,15 +30,6 @@ STOPPING = ("tolerance", "max_iterations", "patience")
 """Keys of `ilc:` that only end learning. They may change before simulated learning is resumed."""
 
 
-def digest_of(path: Path) -> str:
-    """Hash of a file, or of all files in a folder. Raises InputError if a file cannot be read."""
-    files = sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
-    try:
-        return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
-
-
 def motion_basis(problem: LearningProblem) -> dict[str, str]:
     """Hash of the motion. Trials of the real robot stay valid if the model of the robot or the law changes."""
     digest = hashlib.sha256(json.dumps(problem.joints).encode())
@@ -49,20 +39,10 @@ def motion_basis(problem: LearningProblem) -> dict[str, str]:
 
 
 def simulation_basis(plant: Plant) -> dict[str, str]:
-    """Hashes of everything that determines simulated trials: scenario, robot, versions, and the files that these use."""
-    scenario = plant.scenario
-    learning = {key: value for key, value in (scenario.resolved.get("ilc") or {}).items() if key not in STOPPING}
-    parts = {
-        "the scenario": json.dumps({**scenario.resolved, "ilc": learning}, sort_keys=True, default=str),
-        str(plant.robot.path.resolve()): plant.robot.text,
-        "the version of asrsim or a library": json.dumps(numeric_versions()),
-    }
-    shaped, _ = usable_shapes(plant.robot, package_paths=scenario.package_paths)
-    meshes = [Path(shape.mesh) for link in shaped.links for shape in link.collisions if shape.mesh]
-    laws = [file_of(ACTUATORS.get(drive.actuator.name)) for drive in plant.prepared.drives if drive.actuator]
-    files = filter(None, (*scenario.attachments.values(), *meshes, *laws))
-    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in parts.items()}
-    return hashes | {str(path.resolve()): digest_of(path) for path in files}
+    """Hashes of everything that determines simulated trials: the versions, and all inputs."""
+    versions = hashlib.sha256(json.dumps(numeric_versions()).encode()).hexdigest()
+    inputs = input_hashes(plant.scenario, plant.robot, without={"ilc": STOPPING})
+    return {"the version of asrsim or a library": versions, **inputs}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,4 +131,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise _fault(path, "its arrays are not those of trials")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
         raise _fault(path, "its trials are not whole")
+    # Only the outputs of a trial that diverged are NaN.
+    if not (np.abs(inputs).max(initial=0.0) <= LARGEST and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST):
+        raise _fault(path, "its numbers are those of no robot")
     return head, inputs, outputs

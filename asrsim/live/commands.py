@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
 from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_names
 from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
 from asrsim.log.topics import topic_paths
+from asrsim.robot.findings import LARGEST
 from asrsim.samples import JointInfo
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
@@ -38,12 +38,21 @@ class Motion:
         times, values, velocities = self.times, self.values, self.velocities
         if times[0] > 0.0:
             times, values, velocities = [0.0, *times], [start, *values], [0.0, *velocities] if velocities else ()
-        if not velocities or len(times) == 1:
-            return lambda time: float(np.interp(time, times, values))
-        from scipy.interpolate import CubicHermiteSpline
 
-        spline = CubicHermiteSpline(times, values, velocities)
-        return lambda time: float(spline(min(time, times[-1])))
+        def value(time: float) -> float:
+            after = bisect_right(times, time)
+            if after in (0, len(times)):
+                return values[0 if after == 0 else -1]
+            # Without divisions by the interval except in the share, which is 0 to 1: finite for points at any distance.
+            length, rise = times[after] - times[after - 1], values[after] - values[after - 1]
+            share = (time - times[after - 1]) / length
+            if not velocities:
+                return values[after - 1] + share * rise
+            slopes = (1.0 - share) * velocities[after - 1], share * velocities[after]
+            bend = (1.0 - share) * slopes[0] - share * slopes[1]
+            return values[after - 1] + share * share * (3.0 - 2.0 * share) * rise + share * length * bend
+
+        return value
 
 
 _Input = tuple[LiveTopic, Mapping[str, Target | None]]
@@ -105,7 +114,7 @@ class CommandInput:
             fault = f"a message that is not a {topic.message}"
         elif not fault and counts != {len(targets)}:
             fault = f"{max(counts)} values where {len(targets)} are expected"
-        elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] < math.inf):
+        elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] <= LARGEST):
             fault = "points that are not in the order of time"
         if fault:
             self._refuse(topic, fault)
@@ -122,6 +131,8 @@ class CommandInput:
                 continue
             elif not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(topic, "a value that is not finite")
+            elif received.points and max(map(abs, (*values, *velocities))) > LARGEST:
+                self._refuse(topic, f"a value larger than {LARGEST:g}, which no robot has")
             else:
                 self.taken += 1
                 moving = velocities if len(velocities) == len(times) else ()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import secrets
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +18,11 @@ from asrsim.live.origin import OriginProxy
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
 from asrsim.log.topics import schema_name, schema_text
 
-WAITING = 5000
-"""Largest number of received messages that wait for the simulation. Of more messages, the oldest are dropped and counted."""
+WAITING, WAITING_BYTES = 5000, 1 << 24
+"""Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. Of more messages,
+the oldest are dropped and counted."""
+LARGEST_MESSAGE = 1 << 20
+"""Largest size of a message in bytes. A decoded message takes up to a hundred times as much memory."""
 MOST = 1000
 """Largest number of channels that clients may advertise, and of latched topics that wait to be sent again."""
 
@@ -33,9 +37,12 @@ class FoxgloveTransport:
 
         # Keep a reference to the context: the channels exist only as long as their context.
         self._context = context = Context()
-        self._messages: deque[tuple[int, bytes]] = deque(maxlen=WAITING)
-        self._lost: list[int] = []
-        """Number of the input topic for each dropped message."""
+        self._messages: deque[tuple[int, bytes]] = deque()
+        self._size = 0
+        """Sum of the sizes of the waiting messages, bytes."""
+        self._lock = Lock()
+        self._lost: Counter[tuple[int, str]] = Counter()
+        """Number of dropped messages, by the number of their input topic and the reason."""
         self._subscribed: deque[str] = deque(maxlen=MOST)
         """Latched topics with new subscribers."""
         self._advertised: dict[tuple[int, int], int] = {}
@@ -89,10 +96,18 @@ class FoxgloveTransport:
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
         """Queue a client's message."""
         number = self._advertised.get((client.id, client_channel_id))
-        if number is not None:
-            if len(self._messages) == WAITING:
-                self._lost.append(number)
+        if number is None:
+            return
+        with self._lock:
+            if len(data) > LARGEST_MESSAGE:
+                self._lost[number, f"a message of more than {LARGEST_MESSAGE} bytes"] += 1
+                return
             self._messages.append((number, bytes(data)))
+            self._size += len(data)
+            while len(self._messages) > WAITING or self._size > WAITING_BYTES:
+                oldest, dropped = self._messages.popleft()
+                self._size -= len(dropped)
+                self._lost[oldest, "more messages than the run can take"] += 1
 
     # -- called by the simulation's thread --------------------------------------------------------------------------
 
@@ -107,12 +122,14 @@ class FoxgloveTransport:
         while self._subscribed:
             channel, message = self._latched[self._subscribed.popleft()]
             channel.log(message)
-        lost, self._lost = self._lost, []
-        for number in lost:
-            yield Received(number, fault="more messages than the run can take")
-        for _ in range(len(self._messages)):
-            number, data = self._messages.popleft()
-            yield decoded(number, data)
+        with self._lock:
+            lost, self._lost = self._lost, Counter()
+            messages, self._messages, self._size = self._messages, deque(), 0
+        for (number, why), count in lost.items():
+            for _ in range(count):
+                yield Received(number, fault=why)
+        while messages:
+            yield decoded(*messages.popleft())
 
     def close(self) -> None:
         """Implements `Transport.close`."""

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from asrsim.actuators import MODES
 from asrsim.live.transport import LiveTopic, prefix_of
 from asrsim.log.cdr import CdrBuilder, MessageColumn
 from asrsim.log.frames import FrameMessages
-from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, Topic, joint_state, robot_topics, topic_paths
+from asrsim.log.topics import DESCRIPTION_TOPIC, Topic, joint_state, reference_topics, robot_topics, topic_paths
+from asrsim.quantities import MOST_MOTORS
 from asrsim.samples import JointInfo, Samples
 from asrsim.simulation.drives import EXTERNAL_TORQUE, Range, ranges_of
 from asrsim.simulation.simulation import Simulation
@@ -94,7 +96,7 @@ class Publisher:
 
 def reference_names(joint: JointInfo) -> tuple[str, ...]:
     """Topic names of a joint's references, as in the toolbox."""
-    return REFERENCE_TOPICS.get(joint.mode, ())[: 1 if joint.motors == 1 else None]
+    return reference_topics(joint.mode, joint.motors)
 
 
 def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
@@ -106,7 +108,7 @@ def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
     }
     builder = CdrBuilder().header().strings([*applied]).float64s([*applied.values()]).float64s([]).float64s([])
     yield Topic(name=APPLIED, message="sensor_msgs/JointState", template=builder.build())
-    hidden = {"time", "details", *(name for names in REFERENCE_TOPICS.values() for name in names)}
+    hidden = {"time", "details", *(name for mode in MODES for name in reference_topics(mode, MOST_MOTORS))}
     yield from (topic for topic in robot_topics(joints, external=False) if topic.name.rpartition("/")[2] not in hidden)
     for joint, path in zip(joints, topic_paths(joints), strict=True):
         if "stiffness" in joint.quantities:

@@ -65,7 +65,7 @@ def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
                 raise ValueError("the time stamp is out of range")
             return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=seconds, sent=sent)
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]), sent=sent)
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError, RecursionError) as error:
         return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
 
 

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.vectorised import over_arrays
+from asrsim.quantities import MOST_MOTORS
 from asrsim.samples import Array, JointInfo, Samples
 
 _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and not mode.motor)

@@ -149,6 +149,11 @@ def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> Non
         position += length
     if summary and position != end:
         raise ValueError("a record has a wrong length")
+    latest = 0
+    for chunk in structure.chunks:
+        if not latest <= chunk.start <= chunk.end:
+            raise ValueError(f"its times decrease: a chunk lasts from {chunk.start * 1e-9:g} to {chunk.end * 1e-9:g} s")
+        latest = chunk.start
 
 
 def _listed_chunks(summary: bytes) -> dict[int, tuple[ChunkPlace, int]]:

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
-from asrsim.quantities import QUANTITIES
+from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.samples import JointInfo
 
 LINK_STATE_FIELDS: dict[str, str] = {
@@ -26,10 +26,10 @@ LINK_STATE_FIELDS: dict[str, str] = {
 
 _OWN_TOPICS = {
     *LINK_STATE_FIELDS.values(),
-    *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity", "torque")),
-    "elastic_torque_1",
-    "elastic_torque_2",
+    *(f"motor_{i}_{what}" for i in range(1, MOST_MOTORS + 1) for what in ("position", "velocity", "torque")),
+    *(f"elastic_torque_{i}" for i in range(1, MOST_MOTORS + 1)),
 }
+"""Quantities of the toolbox's messages about a joint, which have one topic for each motor."""
 
 DETAIL_FIELDS: tuple[str, ...] = tuple(
     name for name, quantity in QUANTITIES.items() if name not in _OWN_TOPICS and not quantity.apart
@@ -110,6 +110,16 @@ REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
 """Operation mode -> names of its reference topics: the toolbox's names, or asrsim's names for modes that the toolbox lacks."""
 
 
+def reference_topics(mode: int | None, motors: int) -> tuple[str, ...]:
+    """Names of the reference topics of a joint with this number of motors. Modes with a reference for each motor have a topic
+    for each motor.
+    """
+    names = REFERENCE_TOPICS.get(mode, ())
+    per_motor = len(names) > 1 and names[1] == names[0].replace("1", "2")
+    more = [names[0].replace("1", str(i)) for i in range(3, motors + 1)] if per_motor else []
+    return (*names, *more)[: 1 if motors == 1 else None]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Topic:
     """Topic of a log."""
@@ -143,14 +153,16 @@ def robot_topics(
             topics += _numbers(f"{path}/state", joint, SAMPLE_FIELDS, "asrsim_msgs/JointSample")
         else:
             topics += _joint_topics(joint, path, external=external)
+        known = {*SAMPLE_FIELDS} if compact else {*SAMPLE_FIELDS} | _OWN_TOPICS
         for quantity in joint.quantities:
-            if quantity not in SAMPLE_FIELDS:
+            if quantity not in known:
                 topics += _numbers(path + _ros_path(quantity), joint, [quantity])
     # The toolbox's manager publishes arrays with one entry for each joint with an actuator.
     for namespace in dict.fromkeys(joint.namespace for joint in joints if arrays and not compact):
         members = [joint for joint in joints if joint.namespace == namespace and joint.mode is not None]
-        for name, part in (("robot_state", "link"), ("motor_1_state", "motor_1"), ("motor_2_state", "motor_2")):
-            topics += _states(f"{_ros_path(namespace)}/{name}", members, part)
+        topics += _states(f"{_ros_path(namespace)}/robot_state", members, "link")
+        for i in range(1, max((joint.motors for joint in members), default=0) + 1):
+            topics += _states(f"{_ros_path(namespace)}/motor_{i}_state", members, f"motor_{i}")
     return (*topics, *_states("/joint_states", joints, "link"))
 
 
@@ -193,12 +205,15 @@ def _numbers(
 
 def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[Topic]:
     yield from _numbers(f"{path}/link_state", joint, LINK_STATE_FIELDS.values(), "asrsim_msgs/LinkState")
-    for part in ("motor_1", "motor_2"):
-        yield from _states(f"{path}/{part}_state", [joint], part, canonical=True)
-    for index in (1, 2):
-        yield from _numbers(f"{path}/torque_el{index}_state", joint, [f"elastic_torque_{index}"])
-    for index, name in enumerate(REFERENCE_TOPICS.get(joint.mode, ()), start=1):
-        yield from _numbers(f"{path}/{name}", joint, [f"reference_{index}"], canonical=False)
+    motors = range(1, joint.motors + 1)
+    for i in motors:
+        yield from _states(f"{path}/motor_{i}_state", [joint], f"motor_{i}", canonical=True)
+    for i in motors:
+        yield from _numbers(f"{path}/torque_el{i}_state", joint, [f"elastic_torque_{i}"])
+    for i, name in enumerate(reference_topics(joint.mode, joint.motors), start=1):
+        # Commands are published as they were sent.
+        sent = f"sent_reference_{i}"
+        yield from _numbers(f"{path}/{name}", joint, [sent if sent in joint.quantities else f"reference_{i}"], canonical=False)
     if external:
         yield from _numbers(f"{path}/external_torque", joint, ["external_torque"], canonical=False)
     yield from _numbers(f"{path}/details", joint, DETAIL_FIELDS, "asrsim_msgs/JointDetails")

@@ -15,11 +15,11 @@ from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.outfile import write_text
-from asrsim.plots.curves import available, stored
+from asrsim.plots.curves import available
 from asrsim.plots.decimate import BINS, Curve, decimate
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, band, compare
-from asrsim.recordings.align import Alignment, LagChoice, align_recording
+from asrsim.recordings.align import Alignment, LagChoice, align_recording, simulated_sources
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
 
@@ -111,7 +111,7 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    samples = reader.read(quantities=stored(common, infos), joints=paired).samples
+    samples = reader.read(quantities=simulated_sources(common, infos), joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):
         if {*pairing.values()} & {*paired}:

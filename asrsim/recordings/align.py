@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -43,7 +43,7 @@ def align_recording(
     known = {info.name: info for info in infos if info.quantities}
     best: tuple[str, Array, Array, Column] | None = None
     for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
-        stored = recorded_sources([quantity], [known[joint]]) if joint in known else [quantity]
+        stored = simulated_sources([quantity], [known[joint]]) if joint in known else [quantity]
         if not stored:
             continue
         samples = read(stored, (joint,))
@@ -89,10 +89,22 @@ def comparable(
     return found, wrong
 
 
+def simulated_sources(names: Iterable[str], joints: Sequence[JointInfo]) -> list[str]:
+    """Quantities that the joints of a run record, from which `simulated` takes the named quantities."""
+    return recorded_sources([one for name in names for one in (f"sent_{name}", name)], joints)
+
+
 def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
-    """Values (n,) of a joint's quantity in a simulation; None if it is not recorded. Derived quantities need `infos`."""
+    """Values (n,) that a simulation has for a recorded quantity of a joint; None if they are not recorded.
+
+    A recorded reference is the command that was sent, before delays and other effects of the simulated commands. Derived
+    quantities need `infos`.
+    """
     index = samples.joints.index(joint)
-    if quantity in samples.values:
+    sent = samples.values.get(f"sent_{quantity}")
+    if sent is not None and not np.all(np.isnan(sent[:, index])):
+        values = sent[:, index]
+    elif quantity in samples.values:
         values = samples.values[quantity][:, index]
     elif quantity in DERIVED and infos:
         values = DERIVED_FUNCTIONS[quantity](samples, infos)[:, index]

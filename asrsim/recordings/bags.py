@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, counted, printable
-from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
-from asrsim.quantities import QUANTITIES
+from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS, reference_topics
+from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable, unique
 from asrsim.recordings.reading import Reading
 
@@ -28,9 +29,13 @@ _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torqu
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
     **{name: name for name in QUANTITIES},
-    **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in (1, 2)},
-    **{name: f"reference_{i}" for names in REFERENCE_TOPICS.values() for i, name in enumerate(names, start=1)},
-}
+    **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in range(1, MOST_MOTORS + 1)},
+    **{f"sent_reference_{i}": f"reference_{i}" for i in range(1, MOST_MOTORS + 1)},
+    **{
+        name: f"reference_{i}"
+        for mode in REFERENCE_TOPICS for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
+    },
+}  # fmt: skip
 """Quantity carried by a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
@@ -93,7 +98,8 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
     if kind.endswith("/JointState") and name in _JOINT_STATE:
         if any(word in topic.lower() for word in _COMMANDS):
             return joint, "reference_1" if name == "position" else None
-        side = next((side for side in ("motor_1", "motor_2") if side in topic.lower()), "link")
+        motor = re.search(r"motor_([1-8])(?!\d)", topic.lower())
+        side = motor[0] if motor else "link"
         return joint, f"{side}_{_JOINT_STATE[name]}"
     if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]

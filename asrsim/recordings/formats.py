@@ -23,8 +23,10 @@ from asrsim.recordings.sheets import read_excel, read_json
 from asrsim.recordings.text import read_text
 from asrsim.registry import Registry
 
-SECONDS = 300.0
-"""Time limit for reading a binary format, s of wall clock."""
+SECONDS, RATE = 60.0, 1e6
+"""Time limit for reading a binary format: s of wall clock, and bytes of the file for each further second."""
+MEMORY, RATIO = 2**30, 32
+"""Memory limit for reading a binary format: bytes, and further bytes per byte of the file. The libraries' code takes half."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +105,10 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
         "reading": pickle.dumps(reading).hex(),
     }  # fmt: skip
+    size = sum(file.stat().st_size for file in ([path, *path.iterdir()] if path.is_dir() else [path]))
+    limits = {"seconds": round(SECONDS + size / RATE), "memory": MEMORY + RATIO * size}
     try:
-        return unpack(run_confined(Path(__file__).with_name("reader_child.py"), request, seconds=SECONDS))
+        return unpack(run_confined(Path(__file__).with_name("reader_child.py"), request, **limits))
     except ConfinedError as error:
         raise RecordingError(f"cannot be read: its reader {error}", code="damaged") from None
 
@@ -117,6 +121,9 @@ def answer_of(request: dict[str, str]) -> bytes:
         answer = READERS.get(request["reader"]).read(Path(request["path"]), reading)
     except InputError as error:
         answer = error.problems
+    except MemoryError:
+        message = "needs far more memory than a recording of its size"
+        answer = [Problem(message, hint="If the file is not damaged, record it in shorter parts", code="memory")]
     except Exception as error:  # on damaged files libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()

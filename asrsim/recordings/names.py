@@ -9,8 +9,8 @@ from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.data import RawColumn
 from asrsim.recordings.units import Unit, fits, split_header
 
-KNOWN = {**QUANTITIES, **DERIVED}
-"""All quantities that a column may contain, by name."""
+KNOWN = {name: one for name, one in (QUANTITIES | DERIVED).items() if not name.startswith("sent_")}
+"""All quantities that a column may contain, by name. A recorded reference is a command as it was sent."""
 ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
     "reference": "reference_1", "stiffness_preset": "reference_2", "motor_position": "motor_1_position",

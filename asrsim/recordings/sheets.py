@@ -19,6 +19,9 @@ from asrsim.recordings.data import Content
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
 
+MOST_CELLS = 10_000_000
+"""Largest number of cells of a workbook; a few repeated cells in a file may stand for billions."""
+
 
 def read_json(path: Path, reading: Reading) -> Content:
     """Tables of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
@@ -101,6 +104,9 @@ def read_excel(path: Path, reading: Reading) -> Content:
     if reading.sheet is not None and reading.sheet not in book.sheet_names:
         raise RecordingError("there is no such sheet", key=reading.sheet, choices=tuple(book.sheet_names), meant=reading.sheet)
     names = book.sheet_names if reading.sheet is None else [reading.sheet]
+    cells = sum(sheet.total_height * sheet.total_width for sheet in map(book.get_sheet_by_name, names))
+    if cells > MOST_CELLS:
+        raise RecordingError(f"has {cells} cells; at most {MOST_CELLS:g} are read", code="too-many-cells")
     tables = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in names}
     full = [name for name, rows in tables.items() if sum(any(isinstance(cell, float) for cell in row) for row in rows) > 1]
     if not full:

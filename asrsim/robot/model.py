@@ -207,6 +207,8 @@ class Robot:
     """Warnings of the reader about the text of the file."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
+    contact_words: tuple[str, ...] = ()
+    """Words of the file that only act where bodies touch; asrsim does not read them."""
     unread: frozenset[str] = frozenset()
     """Joints whose actuator or mode is unknown, because the file states it wrongly."""
 

@@ -16,7 +16,7 @@ from asrsim.robot.mounting import with_rotors
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import read_joints, read_links
 from asrsim.robot.tree import check_movable, check_tree, without_floating_root
-from asrsim.robot.vocabulary import check_words
+from asrsim.robot.unread import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
 MAX_LINKS = 2000
@@ -79,7 +79,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
-    check_words(findings, root)
+    contact_words = check_words(findings, root)
     links = read_links(findings, root)
     links, joints = read_mechanics(findings, root, links, read_joints(findings, root, links))
     moving = sum(joint.moves for joint in joints)
@@ -95,7 +95,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     blocks, unread = read_blocks(root, joints, findings)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
-        unread=unread,
+        unread=unread, contact_words=contact_words,
     )  # fmt: skip
     if whole:
         check_movable(findings, robot)

@@ -1,98 +1,257 @@
-"""Elements and attributes of the URDF format. Unknown and repeated elements or attributes get a warning."""
+"""Every word (element or attribute) of a robot file that asrsim knows, and what asrsim does with it.
+
+The table `WORDS` is the only list of these words. A word is read, or has no physics, or acts only where bodies touch, or is
+left out: then the file gets one warning that says what the word would do, with its number. A value that changes nothing (0,
+false) gets no warning. To add a word, add it to its parent in `WORDS`; the documentation's page follows.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
-from asrsim.errors import nearest
-from asrsim.robot.findings import Findings
 from asrsim.robot.model import INERTIAS
-from asrsim.robot.xmlfile import elements, name_of
+from asrsim.robot.numbers import plain_number
+from asrsim.robot.xmlfile import elements, name_of, text_of
 
-Words = dict[str, tuple[tuple[str, ...], tuple[str, ...]]]
+Use = Literal["read", "no physics", "contacts", "left out"]
 
-_SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
-VOCABULARY: Words = {
-    "robot": (("name", "version"), ("link", "joint", "material", "gazebo", "transmission", "sensor")),
-    "link": (("name", "type"), ("inertial", "visual", "collision", "sensor")),
-    "inertial": ((), ("origin", "mass", "inertia")),
-    "mass": (("value",), ()),
-    "inertia": (INERTIAS, ()),
-    "visual": (("name",), ("origin", "geometry", "material")),
-    "collision": (("name",), ("origin", "geometry")),
-    "geometry": ((), _SHAPES),
-    "box": (("size",), ()),
-    "sphere": (("radius",), ()),
-    "cylinder": (("radius", "length"), ()),
-    "capsule": (("radius", "length"), ()),
-    "mesh": (("filename", "scale"), ()),
-    "material": (("name",), ("color", "texture")),
-    "color": (("rgba",), ()),
-    "texture": (("filename",), ()),
-    "joint": (
-        ("name", "type"),
-        ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"),
+class Effect(NamedTuple):
+    """What a word would do that is left out."""
+
+    text: str
+    size: float = 0.0
+    """Size of its number: of several uses in a file, the warning shows the largest."""
+
+
+Law = Callable[[Any, str], Effect | None]
+"""Function of an element and the text of its value: effect of the word, or None if this value changes nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Word:
+    """Meaning of an element or attribute below one parent."""
+
+    use: Use
+    effect: Law | None = None
+    """Effect of a word that is left out."""
+    doc: str = ""
+    """What the word would do, for the documentation."""
+    hint: str | None = None
+    inside: str | None = None
+    """Parent under which the children and attributes of this element stand in `WORDS`; None: they are not examined."""
+
+
+READ, SILENT, CONTACT = Word(use="read"), Word(use="no physics"), Word(use="contacts", doc="acts where bodies touch")
+
+
+def number_of(text: str) -> float | None:
+    """Number in the text; None if there is none."""
+    try:
+        value = plain_number(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def left(message: str, *, neutral: float | None = 0.0, hint: str | None = None) -> Word:
+    """Word that is left out. message: warning in which `{}` stands for the value; neutral: number that changes nothing."""
+
+    def effect(_element: Any, text: str) -> Effect | None:
+        value = number_of({"true": "1", "false": "0"}.get(text.lower(), text))
+        if neutral is not None and value == neutral:
+            return None
+        return Effect(message.replace("{}", text), abs(value or 0.0))
+
+    return Word(use="left out", effect=effect, doc=message.replace("{}", "..."), hint=hint)
+
+
+def special(effect: Law, doc: str, *, hint: str | None = None) -> Word:
+    """Word that is left out, with a warning whose numbers come from several elements."""
+    return Word(use="left out", effect=effect, doc=doc, hint=hint)
+
+
+def _words(word: Word, names: str) -> dict[str, Word]:
+    return dict.fromkeys(names.split(), word)
+
+
+def _within(*parents: str) -> dict[str, Word]:
+    """Elements that are read, and whose parts are examined as those of a parent with the same name."""
+    return {parent: Word(use="read", inside=parent) for parent in parents}
+
+
+# -- effects with numbers from several elements ------------------------------------------------------------------------
+
+
+def _soft_limits(tag: Any, _text: str) -> Effect | None:
+    limits = elements(tag.getparent(), "limit")
+    soft = [number_of(tag.get(f"soft_{side}_limit", "0")) or 0.0 for side in ("lower", "upper")]
+    hard = [number_of(limits[0].get(side, "0")) or 0.0 for side in ("lower", "upper")] if limits else soft
+    beyond = max(soft[0] - hard[0], hard[1] - soft[1]) if limits else 0.0
+    if soft[0] >= soft[1] or (limits and beyond <= 0.0):
+        return None
+    return Effect(f"soft limits from {soft[0]:g} to {soft[1]:g} are not enforced: the joint moves up to its <limit>", beyond)
+
+
+def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
+    """Inertia of a transmission's motor as it acts on the joint: the motor's, times the square of the reduction."""
+    inertia = _of_actuator(actuator, ("motorInertia", "rotor_inertia")) or 0.0
+    ratio = _of_actuator(actuator, ("mechanicalReduction", "gear_ratio")) or 1.0
+    at_joint = inertia * ratio**2
+    shown = f"rotor inertia of {at_joint:.3g} kg m^2 at the joint ({inertia:g} x {ratio:g}^2) is left out"
+    return Effect(shown, at_joint) if at_joint else None
+
+
+def _of_actuator(actuator: Any, names: Collection[str]) -> float | None:
+    """Number in a child of an `<actuator>` or its `<transmission>` with one of the names, in any name space."""
+    for tag in (*elements(actuator), *elements(actuator.getparent())):
+        if tag.tag.rpartition("}")[2] in names:
+            return number_of(tag.get("value") or text_of(tag))
+    return None
+
+
+def _gravity_off(tag: Any, text: str) -> Effect | None:
+    off = ("true", "1") if tag.tag.endswith("Off") else ("false", "0")
+    message = "gravity is off for this link in the file; here the link falls with 9.81 m/s^2 (the scenario's gravity)"
+    return Effect(message) if text.lower() in off else None
+
+
+def _spring(tag: Any, text: str) -> Effect | None:
+    stiffness = number_of(text)
+    return Effect(f"a spring of {text} N m/rad (N/m) is left out", abs(stiffness)) if stiffness else None
+
+
+def _loop(tag: Any, _text: str) -> Effect:
+    ends = [f"'{name_of(one, 'link')}'" for one in elements(tag) if one.tag in ("link1", "link2")]
+    return Effect(f"the loop between the links {' and '.join(ends)} stays open: both move freely")
+
+
+def _mimic_plugin(plugin: Any, _text: str) -> Effect:
+    texts = {tag.tag: text_of(tag) for tag in elements(plugin)}
+    follower, master, ratio = texts.get("mimicJoint"), texts.get("joint"), texts.get("multiplier", "1")
+    if follower and master:
+        return Effect(
+            f"the plugin couples joint '{follower}' to {ratio} times joint '{master}'; here '{follower}' moves freely"
+        )
+    return Effect("the plugin couples joints; here they move freely")
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+
+_SPRING = special(
+    _spring, "a spring of ... N m/rad is left out",
+    hint="Gazebo and asrsim read springs from <gazebo reference='JOINT'> <springStiffness>, <springReference>",
+)  # fmt: skip
+_STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
+_SDF = left("<gazebo> changes it by SDF's words; this has no effect here", neutral=None)
+
+WORDS: Mapping[str, Mapping[str, Word]] = {
+    "robot": {
+        **_words(READ, "@name"), **_words(SILENT, "@version @type @verbose verbose sensor group gripper @gripper_name"),
+        **_within("link", "joint", "material", "gazebo", "transmission", "ros2_control", "mujoco"),
+        "self_collision_checking": CONTACT, "drake:collision_filter_group": CONTACT,
+        "loop_joint": special(_loop, "the loop stays open: its links move freely"),
+        "drake:ball_constraint": left("the constraint is left out: its links move freely", neutral=None),
+        "drake:tendon_constraint": left("the constraint is left out: its joints move freely", neutral=None),
+        "drake:linear_spring_damper": left("the spring between two links is left out", neutral=None),
+        "drake:linear_bushing_rpy": left("the bushing between two links is left out", neutral=None),
+        "drake:joint": left("the joint is left out", neutral=None),
+    },
+    "link": {
+        **_words(READ, "@name"), **_words(SILENT, "@type @verbose verbose sensor"),
+        **_within("inertial", "visual", "collision"),
+        **_words(CONTACT, "contact inertia_scaling self_collision_checking collision_checking"),
+        "gravity": special(_gravity_off, "gravity is off for the link in the file; here it falls"),
+    },
+    "inertial": _within("origin", "mass", "inertia"),
+    "mass": _words(READ, "@value"),
+    "inertia": _words(READ, " ".join(f"@{name}" for name in INERTIAS)),
+    "visual": {**_words(SILENT, "@name"), **_within("origin", "geometry", "material"),
+               **_words(SILENT, "drake:perception_properties")},
+    "collision": {
+        **_words(SILENT, "@name @group verbose"), **_within("origin", "geometry"),
+        **_words(CONTACT, "contact_coefficients material max_contacts drake:proximity_properties"),
+    },
+    "geometry": {**_within("box", "sphere", "cylinder", "capsule", "mesh"), "drake:capsule": READ, "drake:ellipsoid": READ},
+    "box": _words(READ, "@size"),
+    "sphere": _words(READ, "@radius"),
+    "cylinder": _words(READ, "@radius @length"),
+    "capsule": _words(READ, "@radius @length"),
+    "mesh": {**_words(READ, "@filename @scale"), "drake:declare_convex": SILENT},
+    "material": {**_words(READ, "@name"), **_within("color"), "texture": SILENT, **_words(SILENT, "drake:diffuse_map")},
+    "color": _words(READ, "@rgba"),
+    "joint": {
+        **_words(READ, "@name @type"), **_words(SILENT, "calibration hardwareInterface"),
+        **_within("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+        "safety_controller": special(_soft_limits, "soft limits are not enforced: the joint moves up to its <limit>"),
+        "limits_soft": left("soft limits are not enforced: the joint moves up to its <limit>", neutral=None),
+        "joint_properties": Word(use="read", inside="joint_properties"),
+        "drake:screw_thread_pitch": left("a screw of pitch {} is no screw here: it turns without a shift"),
+    },
+    "origin": _words(READ, "@xyz @rpy"),
+    "parent": _words(READ, "@link"),
+    "child": _words(READ, "@link"),
+    "axis": _words(READ, "@xyz"),
+    "limit": {
+        **_words(READ, "@lower @upper @effort @velocity"),
+        **_words(SILENT, "@acceleration @drake:acceleration @jerk @deceleration @has_velocity_limits @has_position_limits"
+                         " @has_acceleration_limits @has_effort_limits"),
+    },
+    "dynamics": {
+        **_words(READ, "@damping @friction"),
+        "@armature": left("rotor inertia of {} kg m^2 (kg) at the joint is left out"),
+        "@spring_stiffness": _SPRING, "@spring_reference": SILENT,
+    },
+    "joint_properties": {
+        "@damping": left("damping of {} is left out", hint="Write it as <dynamics damping='...'/>"),
+        "@friction": left("friction of {} is left out", hint="Write it as <dynamics friction='...'/>"),
+    },
+    "mimic": _words(READ, "@joint @multiplier @offset"),
+    "transmission": {
+        **_words(SILENT, "@name @type type leftActuator rightActuator joint"
+                         " flexJoint rollJoint gap_joint use_simulated_gripper_joint"
+                         " passive_joint compensator robotNamespace simulated_reduction mechanicalReduction"
+                         " motorInertia motorTorqueConstant screw_reduction init_joint_size final_joint_size"
+                         " drake:rotor_inertia drake:gear_ratio"),
+        "actuator": special(_rotor_inertia, "rotor inertia of the motor at the joint (inertia x reduction^2) is left out"),
+    },
+    "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
+    "mujoco": {
+        **_words(SILENT, "compiler size visual asset statistic"),
+        **{word: left("MuJoCo's options have no effect: the scenario states step, gravity and engine", neutral=None)
+           for word in ("option", "default")},
+    },
+    "gazebo": {
+        "@reference": READ, "plugin": Word(use="read", inside="plugin"),
+        **_words(SILENT, "@name @xmlns @version sensor controller material laserRetro provideFeedback disableFixedJointLumping"
+                         " preserveFixedJoint implicitSpringDamper visual pose light include frame ignition:model"
+                         " stopCfm stopErp cfmDamping fudgeFactor physics canonicalBody @parent audio_sink"
+                         " audio_source projector rendering script_url genTexCoord transparency mass inertial_precision"),
+        **_words(CONTACT, "mu mu1 mu2 kp kd maxVel minDepth fdir1 maxContacts max_contacts selfCollide self_collide"
+                          " surface collision slip1 slip2 soft_cfm soft_erp restitution_coefficient threshold"),
+        **_words(READ, "springStiffness springReference stribeckFriction stribeckVelocity loadFriction"),
+        **_words(special(_gravity_off, "gravity is off for the link in the file; here it falls"), "turnGravityOff gravity"),
+        **_words(left(_STOP), "stopKp stopKd"),
+        "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; here it moves without this loss"),
+        "velocity_decay": left("Gazebo slows the link in every step; here it moves without this loss", neutral=None),
+        "static": left("Gazebo holds the whole robot in place (static); here it moves"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); here it moves under them"),
+        "enable_wind": left("wind does not act here"),
+        **_words(_SDF, "inertial axis limit joint link model"),
+    },
+}  # fmt: skip
+"""Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`)."""
+
+PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
+    (("mimic",), special(_mimic_plugin, "the plugin couples joints: here they move freely")),
+    (
+        ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
+         "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "force",
+         "joint_damp", "spring", "gearbox", "disable"),
+        left("the plugin acts on the robot in Gazebo; here it has no effect", neutral=None),
     ),
-    "origin": (("xyz", "rpy"), ()),
-    "parent": (("link",), ()),
-    "child": (("link",), ()),
-    "axis": (("xyz",), ()),
-    "limit": (("lower", "upper", "effort", "velocity"), ()),
-    "dynamics": (("damping", "friction"), ()),
-    "mimic": (("joint", "multiplier", "offset"), ()),
-    "calibration": (("rising", "falling", "reference_position"), ()),
-    "safety_controller": (("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), ()),
-}
-"""Attributes and child elements of each element in the URDF format."""
-SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
-"""Elements that may be repeated, or whose repetition is reported elsewhere."""
-OPAQUE = ("gazebo", "transmission", "sensor")
-"""Elements whose content other programs define."""
-FOREIGN = {
-    "robot": ("ros2_control", "mujoco", "loop_joint", "self_collision_checking", "group", "gripper", "verbose"),
-    "link": ("contact", "inertia_scaling", "self_collision_checking", "collision_checking", "verbose", "gravity"),
-    "collision": ("verbose", "contact_coefficients", "material", "max_contacts"),
-    "joint": ("hardwareInterface", "motor", "limits_soft"),
-    "limit": ("acceleration", "jerk", "deceleration", "has_velocity_limits"),
-    "dynamics": ("armature", "spring_stiffness", "spring_reference"),
-}
-"""Children and attributes of each element that other programs add, without effect in asrsim and without a warning."""
-
-
-def check_words(findings: Findings, root: Any) -> None:
-    """Warn about unknown attributes and elements of the URDF format. Names in other name spaces are ignored."""
-    _check(findings, root, "robot", "")
-
-
-def _check(findings: Findings, element: Any, kind: str, place: str) -> None:
-    attributes, children = VOCABULARY[kind]
-    foreign = FOREIGN.get(kind, ())
-    for name in map(str, element.attrib):
-        if name not in attributes and name not in foreign and not _namespaced(name):
-            _warn(findings, element, "attribute", name, attributes, f"{place}.{name}" if place else name, "'{}'")
-    seen = set()
-    for child in elements(element):
-        name = child.tag
-        inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
-        if name in seen:
-            message = f"a second <{name}> of one <{kind}>; only the first has an effect"
-            findings.warn(message, child, place, code="repeated-element")
-        if name in children:
-            seen |= {name} - SEVERAL
-            if name not in OPAQUE:
-                _check(findings, child, name, inner)
-        elif name not in foreign and not _namespaced(name) and kind != "geometry":
-            _warn(findings, child, "element", name, children, f"{place}.{name}" if place else name, "<{}>")
-
-
-def _warn(findings: Findings, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
-    close = nearest(name.lower(), known)
-    findings.warn(
-        f"unknown {what} {form.format(name)}; it has no effect", element, place, code=f"unknown-{what}",
-        hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
-    )  # fmt: skip
-
-
-def _namespaced(name: str) -> bool:
-    return name.startswith("{") or ":" in name
+)  # fmt: skip
+"""Plugins of Gazebo that move or couple bodies, by a part of their file's name. Other plugins publish, measure or control."""

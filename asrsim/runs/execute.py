@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import DivergenceError
+from asrsim.errors import DivergenceError, InputError
 from asrsim.log import LogWriter
 from asrsim.outfile import write_json
 from asrsim.quantities import LIMITS
@@ -18,6 +18,7 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.digest import input_hashes
 from asrsim.simulation import accuracy
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.run import Run, simulate
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 PLUGINS = "plugins/"
 """Prefix of users' actuator files among the attachments of a log."""
+INPUTS = "inputs"
+"""Metadata key under which a log stores the hashes of all inputs, as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +150,8 @@ def write_summary(executed: Executed) -> Executed:
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
     """Metadata of the log on the end of the run. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
+    with suppress(InputError):  # a file was removed during the run
+        metadata[INPUTS] = json.dumps(input_hashes(run.scenario, run.robot))
     if error is not None:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
     counts = run.counts

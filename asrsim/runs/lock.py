@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from asrsim.errors import OutputError
-from asrsim.outfile import make_folder
+from asrsim.outfile import lock, make_folder
 
 LOCK = ".asrsim.lock"
 
@@ -45,7 +45,7 @@ def _locked(path: Path) -> int:
         except OSError as error:
             raise OutputError(f"{path.parent}: cannot be written: {error.strerror or error}") from error
         try:
-            _lock(file)
+            lock(file)
             if _still_there(path, file):
                 return file
         except OSError as error:
@@ -55,18 +55,6 @@ def _locked(path: Path) -> int:
             message = "another run is writing to it; nothing was written. Wait for it, or choose another folder with --out"
             raise OutputError(f"{path.parent}: is in use: {message}") from error
         os.close(file)
-
-
-def _lock(file: int) -> None:
-    if sys.platform == "win32":
-        import msvcrt
-
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-    else:
-        import fcntl
-
-        # flock locks the open file, not the process, so that two threads exclude each other too.
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _still_there(path: Path, file: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -16,9 +17,10 @@ from asrsim.plain import one_or_more
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
-from asrsim.runs.execute import PLUGINS
+from asrsim.runs.execute import INPUTS, PLUGINS
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
+from asrsim.scenario.digest import mesh_hashes
 from asrsim.simulation.run import Run, simulate
 
 
@@ -33,19 +35,24 @@ class Repetition:
     status: str
     """Status of the repeated run."""
     logged_samples: int
+    """Number of samples in the log; of a partial comparison, those compared."""
     samples: int
     """Number of samples compared."""
     missing: int
     """Number of samples in the log that the repeated run did not reach."""
     differences: tuple[Difference, ...]
     """Differing series, in the order of their first difference."""
+    partial: bool
+    """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
     """Version that wrote the log, and installed version, of each library for which these versions differ."""
+    changed: tuple[str, ...] = ()
+    """Meshes that have changed since the run; all other inputs are in the log."""
 
     @property
     def identical(self) -> bool:
         """Whether every logged sample was repeated bit for bit."""
-        return not self.differences and not self.missing and self.samples > 0
+        return not self.differences and not self.missing and self.samples > 0 and not self.partial
 
     def as_dict(self) -> dict[str, Any]:
         """Fields as plain values for JSON."""
@@ -57,6 +64,7 @@ class Repetition:
             **plain,
             "differences": [difference.as_dict() for difference in self.differences],
             "versions": {name: list(pair) for name, pair in self.versions.items()},
+            "changed": list(self.changed),
         }
 
 
@@ -109,10 +117,13 @@ def repeat(
             if not isinstance(error.run, Run):
                 raise
             run = error.run
-    return _repetition(reader, run, comparer)
+    before = json.loads(reader.metadata.get(INPUTS, "{}"))
+    now = mesh_hashes(scenario, robot) if before else {}
+    changed = tuple(name for name, digest in now.items() if before.get(name) != digest)
+    return _repetition(reader, run, comparer, changed)
 
 
-def _repetition(reader: LogReader, run: Run, comparer: Comparer) -> Repetition:
+def _repetition(reader: LogReader, run: Run, comparer: Comparer, changed: tuple[str, ...]) -> Repetition:
     """Result of the comparison."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
@@ -125,12 +136,14 @@ def _repetition(reader: LogReader, run: Run, comparer: Comparer) -> Repetition:
         logged_samples=comparer.samples + missing,
         samples=comparer.samples,
         missing=missing,
+        partial=stopped,
         differences=comparer.differences,
         versions={
             name: (there[name], here[name])
             for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
+        changed=changed,
     )
 
 

@@ -12,14 +12,15 @@ from contextlib import suppress
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Problem
+from asrsim.errors import Problem, listed
 from asrsim.robot import Robot
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.names import shadowed_entries
-from asrsim.scenario.signal_checks import ROUNDING, extremes, reference_key, signals_of, wanted_positions
+from asrsim.scenario.signal_checks import ROUNDING, extremes, over_run, reference_key, signals_of, wanted_positions
+from asrsim.signals.base import Signal
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -152,6 +153,30 @@ def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> It
         yield Problem(message, key=key, value=f"{ends[0]:g} to {ends[1]:g}", code="reference-limits")
 
 
+def _sudden_turns(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings: positions of joints without limits that jump by more than a turn, since they are probably degrees."""
+    found: dict[str, tuple[str, Signal]] = {}
+    for block in robot.actuators:
+        mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
+        several = "reference_1" in mode.references and actuator.motors > 1
+        names = mode.references_of(actuator.motors)[: actuator.motors if several else 1]
+        for name in names if mode.units[0] == "rad" else ():
+            if name in given:
+                found[reference_key(scenario, block, name)] = block.joint, given[name]
+    for section, table in wanted_positions(scenario).items():
+        found |= {f"{section}.{name}": (name, signal) for name, signal in table.items() if name != "*"}
+    for key, (name, signal) in found.items():
+        joint = robot.joint(name)
+        if joint.kind == "prismatic" or all(map(math.isfinite, joint.stops)):
+            continue
+        _, values = over_run(scenario, signal)
+        jump = float(np.abs(np.diff(values, prepend=for_joint(scenario.initial_positions, name, 0.0))).max())
+        if jump > math.tau + ROUNDING:
+            message = f"jumps by {jump / math.tau:.3g} turns of '{name}'; positions are in rad"
+            hint = f"{jump:.4g} degrees are {math.radians(jump):.4g} rad" if jump < 1e4 else None
+            yield Problem(message, key=key, value=f"{jump:g} rad", hint=hint, code="reference-turns")
+
+
 def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Warnings: references without effect, and missing references."""
     common = scenario.references.get("*", {})
@@ -192,6 +217,12 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
 
 
+def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    if robot.contact_words and not scenario.world.empty:
+        message = "words of the robot's file that act in contacts are not read; robots have a friction coefficient of 1"
+        yield Problem(message, key="world", value=listed(robot.contact_words, 6), code="contact-words")
+
+
 # -- toolbox stepping --------------------------------------------------------------------------------------------------
 
 
@@ -212,6 +243,6 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _missing_references,
-    _released,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _sudden_turns,
+    _missing_references, _contact_words, _released,
 )  # fmt: skip

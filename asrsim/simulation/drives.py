@@ -12,7 +12,7 @@ from asrsim.actuators.electric import largest_command
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import LinkDamping, Scenario, for_joint
+from asrsim.scenario.data import Effects, LinkDamping, Scenario, for_joint
 from asrsim.simulation.effects import Noise, Sensor
 from asrsim.simulation.steppings import Stepping
 
@@ -43,6 +43,8 @@ class SteppedJoint:
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
+    command_effects: Effects | None = None
+    """Imperfections of the joint's commands; None: the commands act as they are sent."""
     sensor: Sensor | None = None
     """Encoders of the joint's controllers; None: the controllers use the true values."""
     block: ActuatorBlock | None = None
@@ -148,6 +150,7 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
     drives = []
     for joint in robot.moving_joints:
         block = blocks.get(joint.name)
+        effects = for_joint(scenario.command_effects, joint.name)
         drives.append(
             SteppedJoint(
                 joint=joint,
@@ -158,6 +161,7 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
                 motor_positions=for_joint(scenario.initial_motor_positions, joint.name, ()),
                 motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name, ()),
                 link_damping=for_joint(scenario.link_damping, joint.name) if block else None,
+                command_effects=effects if effects is not None and effects.active else None,
                 block=block,
             )
         )

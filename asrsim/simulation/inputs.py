@@ -30,6 +30,8 @@ LONGEST = 4096
 """Largest number of substeps in a chunk. With five joints, chunks three times as long make a run 4 % slower."""
 LONGEST_NUMBERS = 61_440
 """Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
+LONGEST_WORK = 10_000_000
+"""Largest number of motor substeps, of all joints, in a chunk: about half a second, after which a run can be stopped."""
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""
 KEPT = 4
@@ -44,7 +46,8 @@ class Given(NamedTuple):
     """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample, and
     the noise); shape (sets, rows, joints, columns)."""
     references: Array
-    """External torques and references before the reference map; shape (sets, rows, joints, columns)."""
+    """External torques and references before the reference map, and, if commands have effects, the references as they were
+    sent, without effects; shape (sets, rows, joints, columns)."""
     wrenches: Array
     """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
@@ -72,6 +75,12 @@ class Inputs:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
         self._signals = signals_of(scenario, drives)
+        sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
+        affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
+        self._goals = len(self._signals[0])
+        """Number of columns of the external torque and the references that act."""
+        self._recorded = [row + own for row, own in zip(self._signals, sent, strict=True)] if affected else self._signals
+        """Signals in the columns of `Given.references`, by joint."""
 
     def _map(self, inputs: Array, references: Array) -> None:
         """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of
@@ -95,10 +104,10 @@ class Inputs:
             begin = end
         lengths = np.concatenate(pieces)
         time = np.concatenate(times)
-        references, wrenches = _sampled(self._signals, time)[None], _sampled(self._wrenches, time, 6)[None]
-        goals = references.shape[-1]
+        references, wrenches = _sampled(self._recorded, time)[None], _sampled(self._wrenches, time, 6)[None]
+        goals = self._goals
         inputs = np.empty((*references.shape[:-1], goals + self._sensed))
-        inputs[..., :goals], inputs[..., goals:] = references, 0.0
+        inputs[..., :goals], inputs[..., goals:] = references[..., :goals], 0.0
         self._map(inputs, references)
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
@@ -125,9 +134,12 @@ class Inputs:
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given
-        references = np.where(np.isnan(held[:, None]), given.references, held[:, None])
+        # A reference that is set from outside has no effects: it acts as it was sent.
+        sent = given.references.shape[-1] > self._goals
+        wanted = np.concatenate([held, held[..., GOALS:]], axis=-1)[:, None] if sent else held[:, None]
+        references = np.where(np.isnan(wanted), given.references, wanted)
         inputs = np.repeat(given.inputs, len(held), axis=0)
-        inputs[..., : references.shape[-1]] = references
+        inputs[..., : self._goals] = references[..., : self._goals]
         self._map(inputs, references)
         return given._replace(references=references, inputs=inputs)
 
@@ -174,10 +186,9 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
     signal = scenario.references_of(drive.name).get(names[slot], rest)
-    effects = for_joint(scenario.command_effects, drive.name)
-    if effects is None or not effects.active:
+    if drive.command_effects is None:
         return signal
-    return Imperfect(of=signal, effects=effects, step=scenario.step, seed=(scenario.seed, j, slot))
+    return Imperfect(of=signal, effects=drive.command_effects, step=scenario.step, seed=(scenario.seed, j, slot))
 
 
 def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Array) -> Array:
@@ -185,12 +196,13 @@ def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Ar
     return np.ascontiguousarray(_sampled(signals_of(scenario, drives), time).T)
 
 
-def longest_chunk(joints: int, asked: int | None = None) -> int:
-    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number. Raises InputError
-    if `asked` is below 1."""
+def longest_chunk(joints: int, asked: int | None = None, *, motor_substeps: int = 1) -> int:
+    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number, but for the limit
+    of the work in a chunk. Raises InputError if `asked` is below 1."""
     if asked is not None and not asked >= 1:
         raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
-    return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+    longest = asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+    return max(1, min(longest, LONGEST_WORK // (joints * motor_substeps)))
 
 
 def chunk_at(substep: int, longest: int) -> tuple[int, int]:

@@ -26,7 +26,9 @@ def columns_of(motors: int) -> dict[str, int]:
 
 def inputs_of(motors: int) -> dict[str, int]:
     """Column of an input row for each quantity."""
-    return {EXTERNAL_TORQUE: EXTERNAL, **{f"reference_{i + 1}": GOALS + i for i in range(motors)}}
+    references = {f"reference_{i + 1}": GOALS + i for i in range(motors)}
+    sent = {f"sent_{name}": column + motors for name, column in references.items()}
+    return {EXTERNAL_TORQUE: EXTERNAL, **references, **sent}
 
 
 def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
@@ -38,7 +40,8 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     if drive.drive is None:
         return tuple(names)
     sprung = drive.drive.mode.spring
-    names += [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
+    references = [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
+    names += [*references, *(f"sent_{name}" for name in references if drive.command_effects)]
     if sprung:
         names += [f"elastic_torque_{i}" for i in range(1, drive.motors + 1)] + ["stiffness"]
         names += [f"motor_{i}_position" for i in range(1, drive.placed + 1)]

@@ -20,6 +20,7 @@ from asrsim.errors import UnresolvedSpringError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.load import MAX_STEPS
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
@@ -51,6 +52,8 @@ limits the step."""
 RINGING = 0.5
 """Largest allowed ratio of the amplitudes in successive steps, for a strongly damped motion that changes its sign in every
 step."""
+MOST_MOTOR_SUBSTEPS = 10_000
+"""Largest number of motor substeps in a substep. The motor of a real drive needs some ten."""
 STANDING = 1e-3
 """Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 
@@ -198,13 +201,13 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
     ]
     omega, shape = _fastest(masses, gains)
     frequency, stiffest = math.sqrt(omega), drives[int(np.argmax(np.abs(shape)))].name
-    needed = max(1, math.ceil(frequency * step / TARGET - 1e-9))
+    needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
     if substeps is None:
         if needed > scenario.substep_cap:
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
-                f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is "
+                f"cannot be resolved, since a step of {step:g} s would need {needed:.12g} substeps and the cap is "
                 f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit its deflection "
                 "(max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
             )
@@ -212,19 +215,36 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0).tolist()
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
-        substeps = max(needed, min(scenario.substep_cap, math.ceil(STEEPEST * max(growths) * step / FADING - 1e-9)))
+        substeps = int(max(needed, min(scenario.substep_cap, _count(STEEPEST * max(growths) * step / FADING))))
     h = step / substeps
     if frequency * h >= UNSTABLE and not stepping.released:
         raise UnresolvedSpringError(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
-            f"{frequency * h:.3g}, the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
+            f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
     decay = h * _fastest(masses, [_damping(drive, k) for drive, k in zip(drives, limited, strict=True)])[0]
     frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
-    motor_substeps = 1 if stepping.released else scenario.motor_substeps
-    if motor_substeps is None:
-        rates = max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING
-        motor_substeps = max(1, math.ceil(max(rates) * h - 1e-9))
+    rates = max(max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING)
+    motor_substeps = 1 if stepping.released else scenario.motor_substeps or _count(rates * h)
+    if motor_substeps > MOST_MOTOR_SUBSTEPS:
+        fastest = max(
+            range(len(drives)), key=lambda j: max(frequencies[j] / MOTOR_TARGET, STEEPEST * motor_growths[j] / FADING)
+        )
+        own, whose = drives[fastest].drive, f"the motors of joint '{drives[fastest].name}'"
+        if own is not None:
+            whose += f" (inertia {min(own.motor_inertia):.4g} kg m^2)"
+        raise UnresolvedSpringError(
+            f"{whose} cannot be resolved: they would need {motor_substeps:.4g} motor substeps in a substep of {h:g} s, and at "
+            f"most {MOST_MOTOR_SUBSTEPS} are possible. Correct the motor's inertia (mot_J), gains or friction, or lower the "
+            "step"
+        )
+    total = float(scenario.steps) * substeps * motor_substeps
+    if total > MAX_STEPS:
+        raise UnresolvedSpringError(
+            f"the run would need {total:.4g} steps, counting {substeps} substeps and {motor_substeps} motor substeps; at most "
+            f"{MAX_STEPS:g} are possible. Shorten the duration, or soften the stiffest spring, of joint '{stiffest}'"
+        )
+    motor_substeps = int(motor_substeps)
     return Resolution(
         substeps=substeps,
         motor_substeps=motor_substeps + 1 - motor_substeps % 2,
@@ -233,6 +253,11 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
         stiffness=tuple(stiffness),
         link_implicitness=_implicitness(decay, 0.0 if stepping.implicitness == 0.0 else 0.5),
     )
+
+
+def _count(ratio: float) -> float:
+    """Smallest whole number of substeps, at least 1; infinite where a ratio of damaged numbers is infinite or NaN."""
+    return max(1, math.ceil(ratio - 1e-9)) if ratio < math.inf else math.inf
 
 
 def _damping(drive: SteppedJoint, stiffness: float) -> float:

@@ -108,7 +108,7 @@ class Worlds:
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
         self.joints = tuple(drive.name for drive in scenario.drives)
-        self.chunk = longest_chunk(len(self.joints) * count, chunk)
+        self.chunk = longest_chunk(len(self.joints) * count, chunk, motor_substeps=scenario.resolution.motor_substeps)
         self._options = names, watched
         engine, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
         try:

@@ -135,10 +135,11 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         for joint in _joints_of(claim, joints):
             wanted |= dict.fromkeys((name, joint.name) for name in _needed(claim, joint)[0])
         if claim.against is not None:
-            from asrsim.recordings.align import ALIGN_ON
+            from asrsim.recordings.align import ALIGN_ON, simulated_sources
 
             # A recording may be aligned by any quantity that varies in run and recording, of any recorded joint.
-            wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in recorded_sources(ALIGN_ON, [joint]))
+            names = (*ALIGN_ON, claim.quantity)
+            wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in simulated_sources(names, [joint]))
     return tuple(wanted), any(claim.body is not None for claim in claims)
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.log.derived import recorded_sources
-from asrsim.recordings.align import Reader, align_recording
+from asrsim.recordings.align import Reader, align_recording, simulated_sources
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
@@ -39,7 +38,7 @@ class RecordedSeries:
         if key not in self._lags:
             lag = options.get("lag", "auto")
             self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
-        samples = self._read(recorded_sources([claim.quantity], [joint]), (joint.name,))
+        samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
         found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
         return found.series[0]
 

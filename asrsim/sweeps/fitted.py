@@ -105,14 +105,15 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
     return Joint(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
-        low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)),
+        low=low, high=high, fits=data.get("fits", True) is True, ties=tuple(_followers(keys, ties)),
         warnings=tuple(_warnings(data, keys, covariance)),
     )  # fmt: skip
 
 
 def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array) -> Iterator[str]:
-    if data.get("fits") is False:
-        yield "the model of the fit does not fit its recordings: the intervals of the draws are too narrow"
+    if data.get("fits", True) is not True:
+        why = "does not fit its recordings" if data["fits"] is False else "was not compared with its recordings"
+        yield f"the model of the fit {why}: the intervals of the draws may be too narrow"
     verdicts = {one["key"]: one["verdict"] for one in data.get("estimates") or ()}
     fixed = {key for key, variance in zip(keys, np.diag(covariance), strict=True) if variance == 0.0}
     kept = [f"{key} ({verdict})" for key, verdict in verdicts.items() if key not in keys]

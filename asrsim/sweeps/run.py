@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,6 +15,7 @@ from asrsim.extras import library
 from asrsim.plugins import check_named
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
+from asrsim.scenario.digest import input_hashes
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
 from asrsim.sweeps.rows import Row, Runner, row_of
@@ -132,11 +132,11 @@ def manifest(payload: Payload) -> dict[str, Any]:
     left = ("scenario", "plugins")
     return {
         "generator": f"asrsim {__version__}",
-        "format": 3,
+        "format": 4,
         "scenario": str(study.scenario.absolute()),
         "plugins": [str(path.absolute()) for path in study.plugins],
         "study": {field.name: getattr(study, field.name) for field in fields(study) if field.name not in left},
-        "inputs": _inputs_digest(payload),
+        "inputs": _input_hashes(payload),
         "versions": numeric_versions(),
         "runs": len(study),
         "columns": payload.columns,
@@ -145,16 +145,10 @@ def manifest(payload: Payload) -> dict[str, Any]:
     }
 
 
-def _inputs_digest(payload: Payload) -> str:
-    """Digest of the scenarios, robots, files named in them, and plugins."""
-    digest = sha256()
-    for case in payload.cases.values():
-        digest.update(repr(case.resolved).encode() + case.robot.text.encode())
-        for name in sorted(case.files):
-            digest.update(case.files[name].read_bytes())
-    for plugin in payload.study.plugins:
-        digest.update(plugin.read_bytes())
-    return digest.hexdigest()[:16]
+def _input_hashes(payload: Payload) -> dict[str, dict[str, str]]:
+    """Hashes of all inputs, by variant."""
+    plugins = payload.study.plugins
+    return {name: input_hashes(case.scenario({}), case.robot, plugins=plugins) for name, case in payload.cases.items()}
 
 
 def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str] = ()) -> RunSummary:

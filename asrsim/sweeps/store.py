@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time as clock
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -31,7 +32,8 @@ GROUP = 20_000
 PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 SAME = {
-    "study": "its study varies other keys", "inputs": "its scenario, robot or other files have changed",
+    "format": "it was written by another version of asrsim",
+    "study": "its study varies other keys", "inputs": "its inputs have changed",
     "versions": "it was done with other versions",
 }  # fmt: skip
 """Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry."""
@@ -72,8 +74,8 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files of the folder that each contain a part of the rows, sorted."""
-    return sorted(folder.glob("part-*.parquet"))
+    """Files of the folder that each contain a part of the rows, sorted. Foreign files with similar names are none."""
+    return sorted(path for path in folder.glob("part-*.parquet") if re.fullmatch(r"part-[0-9]{6,9}\.parquet", path.name))
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
@@ -181,6 +183,12 @@ class Store:
             raise OutputError(f"{error}; {count} rows are kept; continue with --resume") from error
 
 
+def _changed(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Names of the inputs that differ in any variant, without the variants."""
+    pairs = [(before.get(variant, {}), hashes) for variant, hashes in now.items()]
+    return list(dict.fromkeys(name for old, new in pairs for name in {**old, **new} if old.get(name) != new.get(name)))
+
+
 def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overwrite: bool) -> Store:
     """Store of a study in its folder. Raises InputError if the folder contains rows and neither `resume` nor `overwrite` is
     given, or rows of another study.
@@ -199,9 +207,10 @@ def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overw
     if going_on:
         before, now = read_manifest(folder), json.loads(json.dumps(manifest, default=str))
         for key, difference in SAME.items():
-            if before[key] != now[key]:
+            if before.get(key) != now.get(key):
                 hint = "Start again with --overwrite, or choose another folder with --out"
-                message = f"cannot be continued: {difference}"
+                changed = f": {', '.join(_changed(before[key], now[key]))}" if key == "inputs" else ""
+                message = f"cannot be continued: {difference}{changed}"
                 raise InputError(Problem(message, file=folder, hint=hint, code="sweep-resume"))
     make_folder(folder)
     left = [*folder.glob(".part-*.new"), *([] if going_on else [*parts_of(folder), folder / ROWS])]

@@ -157,3 +157,12 @@ def test_scenarios_are_recognised_by_their_content(tiny, asrsim_command, name):
     assert "duration" in outcome.out + outcome.err
     robot = tiny.robot.rename(tiny.folder / f"robot_of_{Path(name).stem}")
     assert "elbow" in asrsim_command("check", robot.name).out
+
+
+def test_strict_makes_errors_of_warnings(runner, good):
+    assert runner.invoke(app, ["check", str(good)]).exit_code == 0
+    result = runner.invoke(app, ["check", "--strict", str(good)])
+    assert result.exit_code == 1
+    assert "1 error, 0 warnings" in result.stdout
+    good.write_text(GOOD.replace("<sprang>1</sprang>", ""))
+    assert runner.invoke(app, ["check", "--strict", str(good)]).exit_code == 0

@@ -67,20 +67,17 @@ def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path):
         assert not any("to which it is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
 
 
-def test_a_model_that_misses_5_percent_identifies_nothing(tmp_path):
-    """A joint with five times the friction of the model; only the spring is free."""
+def test_a_model_that_does_not_fit_identifies_nothing(tmp_path):
+    """A joint with five times the friction of the model, of which only the spring is free. Its interval contains the estimate
+    with the suspected friction.
+    """
     true = SEA.scaled(lambda name: 5.0 if name == "friction" else 1.0)
     recording = record(true, tmp_path / "a.csv", seed=0)
-    guess, free = SEA.write(tmp_path), ["joint_1.spring_stiffness"]
-    result, accepted = (identify(guess, [recording], free=free, starts=1, accept=way) for way in (False, True))
-    assert not result.fits
-    # The intervals of an accepted robot show the spread of estimates from tenths of the recording.
-    assert (result.accepted, accepted.accepted) == (False, True)
-    widths = [one.high - one.low for one in (*result.estimates, *accepted.estimates)]
-    assert widths[1] > 1.5 * widths[0]
-    assert min(one.explained for one in result.channels) < 1.0 - 0.05**2
+    result = identify(SEA.write(tmp_path), [recording], free=["joint_1.spring_stiffness"], starts=1)
+    assert result.fits is False
     (one,) = result.estimates
-    assert one.verdict != "identified"
+    assert one.verdict == "weak"
+    assert one.low < SEA.keys[one.key] < one.high
 
 
 INERTIA = Estimate(
@@ -90,22 +87,22 @@ STIFFNESS = replace(INERTIA, key="joint_1.spring_stiffness", name="joint_1.sprin
 
 
 @pytest.mark.parametrize(
-    ("one", "missed", "otherwise", "reason"),
+    ("one", "fits", "otherwise", "reason"),
     [
-        (STIFFNESS, 0.38, {}, "the model misses 38 % of q"),
-        (STIFFNESS, 0.04, {}, ""),
-        (STIFFNESS, 0.04, {"joint_1.spring_stiffness": 1.6}, "with the suspected causes it would be 1.6"),
-        (STIFFNESS, 0.04, {"joint_1.spring_stiffness": 1.55}, ""),
-        (replace(STIFFNESS, value=0.2), 0.04, {}, "it is 0.2 times its start"),
-        (replace(STIFFNESS, value=0.2), 0.0, {}, ""),
-        (INERTIA, 0.0, {}, r"it is 10.8 times its start; if this is right, begin there \(--free link_1.izz=10.8\)"),
-        (replace(INERTIA, start=10.0), 0.0, {}, ""),
+        (STIFFNESS, False, {}, "the model is not shown to fit"),
+        (STIFFNESS, True, {}, ""),
+        (STIFFNESS, False, {"joint_1.spring_stiffness": 1.6}, "with the suspected causes it would be 1.6"),
+        (STIFFNESS, False, {"joint_1.spring_stiffness": 1.55}, "the model is not shown to fit"),
+        (replace(STIFFNESS, value=0.2), True, {}, ""),
+        (INERTIA, True, {}, r"it is 10.8 times its start; if this is right, begin there \(--free link_1.izz=10.8\)"),
+        (replace(INERTIA, start=10.0), True, {}, ""),
     ],
 )
-def test_doubtful_estimates_are_weak_and_say_why(one, missed, otherwise, reason):
-    (found,) = doubted([one], missed, "q", otherwise)
+def test_doubtful_estimates_are_weak_and_say_why(one, fits, otherwise, reason):
+    (found,) = doubted([one], fits=fits, otherwise=otherwise)
     assert found.verdict == ("weak" if reason else "identified")
     assert re.match(reason, found.reason)
+    assert found.high >= otherwise.get(one.name, one.high)
 
 
 @pytest.mark.slow

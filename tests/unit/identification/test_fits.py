@@ -88,6 +88,15 @@ def test_a_simulated_log_is_explained_completely(tmp_path, reference, substeps):
     assert result.fits, result.misfit
 
 
+def test_a_start_may_need_more_substeps_than_the_estimate(tmp_path):
+    """With the substeps of the estimate, the spring of the start would be unstable."""
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    lab = write(tmp_path, "lab", {**SEA, "tags": "<spring_k>4000</spring_k>"})
+    lab.write_text(f"{lab.read_text()}step: 0.01\n")
+    found = identify(lab, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert found.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=2e-3)
+
+
 def test_delay_and_offset_are_found(tmp_path):
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     record(true, tmp_path / "a.csv", offset=0.05, late=6)
@@ -314,6 +323,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     free = ["joint_1.damping", "joint_1.friction"]
     result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=free), stop=stop, progress=told.append)
     assert (result.status, bool(asked)) == ("interrupted", True)
+    assert result.fits is as_dict(result)["fits"] is None
     assert result.evaluations - asked[0] < 12
     assert len(result.estimates) == 2
 
@@ -324,6 +334,7 @@ def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     result = identify(task, seconds=1e-3, progress=told.append)
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
+    assert all(one.verdict != "identified" for one in result.estimates)
     assert [text for text, _ in judgement(result)][-1] == "unfinished: the best fit so far"
 
 

@@ -10,12 +10,12 @@ from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
 from asrsim.identification.data import computed_columns, read_data
 from asrsim.identification.problem import solve
-from asrsim.identification.uncertainty import Uncertainty
+from asrsim.identification.uncertainty import Uncertainty, uncertainty
 from asrsim.recordings.data import Column
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from support import soft_arm
-from support.identify_files import CHIRP, SEA, prepared, record, write
+from support.identify_files import CHIRP, SEA, modelled, prepared, record, write
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
 """s."""
@@ -83,6 +83,22 @@ def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():
     # Two blocks do not show a spread.
     few = replace(known, scores=100.0 * known.scores[:2], firsts=np.zeros(1, np.intp))
     assert few.deviations(np.eye(1))[0] == pytest.approx(1.0)
+
+
+def test_each_recording_has_blocks_of_its_own():
+    """Two recordings whose gradients are opposite in each tenth, so that only tenths of the same recording disagree."""
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], 400)
+    apart = 0.4 * np.repeat(np.tile([1.0, -1.0], 5), 40)
+    first, second = (modelled(lambda x, way=way: signs * (x[0] + way * apart), 1, 400) for way in (1.0, -1.0))  # type: ignore[misc]
+    both = replace(
+        first, tracks=first.tracks + second.tracks, weights=first.weights + second.weights, ends=first.ends + second.ends
+    )
+    found = uncertainty(both, np.zeros(1))
+    # Twenty blocks of 40 samples give estimates of 0.4 or -0.4, whose mean has this deviation.
+    assert found.deviation[0] == pytest.approx(0.4 / np.sqrt(20 - 1), rel=1e-3)
+    assert list(found.firsts) == [0, 10]
+    # A later recording of half the length has ten blocks, too.
+    assert np.bincount(replace(both, ends=(1.0, 0.5)).blocks(10)).tolist() == [40] * 10 + [20] * 10
 
 
 def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):

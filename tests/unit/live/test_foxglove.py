@@ -18,7 +18,7 @@ from support.paths import ROOT
 pytest.importorskip("foxglove")
 
 from asrsim.errors import InputError
-from asrsim.live.foxglove import WAITING, FoxgloveTransport, decoded
+from asrsim.live.foxglove import LARGEST_MESSAGE, WAITING, WAITING_BYTES, FoxgloveTransport, decoded
 from asrsim.live.origin import origin_of
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
@@ -111,6 +111,20 @@ def test_commands_that_are_lost_are_counted(transport):
     received = list(transport.poll())
     assert [bool(one.fault) for one in received] == [True] * 3 + [False] * WAITING
     assert received[-1].values == [WAITING + 2]
+    assert not list(transport.poll())
+
+
+def test_waiting_messages_are_limited_by_their_bytes(transport):
+    client, channel = SimpleNamespace(id=1), SimpleNamespace(id=2, topic="/go")
+    transport.on_client_advertise(client, channel)
+    large = b'{"data": 1' + b" " * (LARGEST_MESSAGE - 11) + b"}"
+    transport.on_message_data(client, channel.id, large + b" ")
+    count = 3 + WAITING_BYTES // LARGEST_MESSAGE
+    for _ in range(count):
+        transport.on_message_data(client, channel.id, large)
+    received = list(transport.poll())
+    assert [one.fault.split()[1] for one in received if one.fault] == ["message", *["messages"] * 3]
+    assert sum(not one.fault for one in received) == count - 3
     assert not list(transport.poll())
 
 

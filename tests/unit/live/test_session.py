@@ -241,6 +241,8 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
         (["joint_1"], [(0.1, [0.1, 0.2], [])], "2 values where 1 are expected"),
         (["joint_1"], [(0.2, [0.1], []), (0.1, [0.2], [])], "order of time"),
         (["joint_1"], [(0.1, [math.nan], [])], "not finite"),
+        (["joint_1"], [(0.1, [1e308], [-1e308]), (0.2, [-1e308], [1e308])], "which no robot has"),
+        (["joint_1"], [(1e308, [0.1], [])], "order of time"),
         (["nobody"], [(0.1, [0.1], [])], "does not take commands"),
     ],
 )
@@ -249,6 +251,16 @@ def test_a_wrong_trajectory_is_refused(tmp_path, names, points, why):
     (reason,) = summary.live["dropped"]
     assert why in reason
     assert summary.live["applied"] == 0
+
+
+@pytest.mark.parametrize("velocities", [[], [1e12], [-1e12]])
+def test_points_that_nearly_coincide_give_finite_references(tmp_path, velocities):
+    points = [(5e-324, [1e12], velocities), (1e-300, [-1e12], velocities), (0.05, [0.2], velocities)]
+    run_live(
+        tmp_path / "run", Script([("/joint_trajectory", [], ["joint_1"], points)]), scenario=arm(references=STILL), duration=0.1
+    )
+    samples = read_log(tmp_path / "run" / "log.mcap").samples
+    assert np.isfinite(samples.values["reference_1"]).all()
 
 
 def test_a_killed_run_is_repeated_up_to_its_end(tmp_path, tiny):

@@ -44,6 +44,24 @@ def test_the_lag_is_found_and_removed(tmp_path):
     assert "rise" in {row.measure for row in read_metrics(tmp_path / "out" / "metrics.csv")}
 
 
+@pytest.mark.parametrize("header", [("elbow_cmd",), ("elbow_cmd", "elbow_pos")])
+def test_a_late_command_is_not_taken_for_a_late_clock(tiny, asrsim_command, header):
+    """The robot recorded itself, with commands as they were sent and a clock that is .21 s late."""
+    sine = "elbow: {equilibrium_position: {sinusoid: {amplitude: 0.4, frequency: 1.3}}}"
+    text = f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\neffects: {{commands: {{elbow: {{delay: 0.034}}}}}}\n"
+    tiny.scenario.write_text(text)
+    assert asrsim_command("run", tiny.scenario, "--quiet").code == 0
+    log = tiny.folder / "out" / "step" / "default" / "log.mcap"
+    samples = read_log(log).samples
+    columns = {"elbow_cmd": 0.4 * np.sin(2 * np.pi * 1.3 * samples.time), "elbow_pos": samples.values["link_position"][:, 0]}
+    table = np.column_stack([samples.time + 0.21, *(columns[name] for name in header)])
+    recording = tiny.folder / "lab.csv"
+    np.savetxt(recording, table, delimiter=",", comments="", header=",".join(("time", *header)))
+    (compared,) = plot(PlotJob(logs=(log,), folder=tiny.folder, experiments=(str(recording),))).compared
+    assert compared.alignments[str(recording)].lag == pytest.approx(0.21, abs=1e-4)
+    assert {key: pair.rmse < 2e-4 for key, pair in compared.pairs.items()} == dict.fromkeys(compared.pairs, True)
+
+
 def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))

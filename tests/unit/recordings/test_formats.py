@@ -219,7 +219,7 @@ def test_an_archive_larger_than_the_memory_is_refused(tmp_path):
     header = b"\x93NUMPY\x01\x00F\x00" + str({"descr": "<f8", "fortran_order": False, "shape": (2**29,)}).encode().ljust(70)
     with zipfile.ZipFile(tmp_path / "lab.npz", "w", zipfile.ZIP_DEFLATED) as target:
         target.writestr("q.npy", header + bytes(10**7))
-    with pytest.raises(RecordingError, match=r"lab\.npz: cannot be read as numpy: MemoryError"):
+    with pytest.raises(RecordingError, match=r"lab\.npz: needs far more memory"):
         read_recording(tmp_path / "lab.npz")
 
 

@@ -56,10 +56,64 @@ def test_what_other_programs_add_is_no_slip(tiny):
     robot = changed(
         tiny,
         ("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:drake="http://drake.mit.edu" '),
-        ("</robot>", "<drake:x/><transmission><anything/></transmission><ros2_control/></robot>"),
-        ("</inertial>", "</inertial><contact/><drake:y/>"),
+        ("</robot>", "<drake:collision_filter_group/><transmission><type/></transmission><ros2_control/></robot>"),
+        ("</inertial>", "</inertial><contact/>"),
     )
     assert not [problem for problem in robot.warnings if problem.code.startswith("unknown-")]
+    assert "contact" in robot.contact_words
+
+
+LEFT_OUT = {
+    # word with a value that acts; the same with a value that changes nothing; number in the warning
+    "armature": ('<dynamics armature="0.25" damping', '<dynamics armature="0.0" damping', "0.25"),
+    "spring": ('<dynamics spring_stiffness="10" damping', '<dynamics spring_stiffness="0" damping', "10"),
+    "soft limits": (
+        '<safety_controller soft_lower_limit="-0.2" soft_upper_limit="0.2" k_velocity="1"/><dynamics damping',
+        '<safety_controller soft_lower_limit="-3" soft_upper_limit="3" k_velocity="1"/><dynamics damping',
+        "-0.2 to 0.2",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LEFT_OUT)
+def test_words_with_physics_are_left_out_with_a_number_unless_they_are_neutral(case, tiny):
+    acting, neutral, number = LEFT_OUT[case]
+    (found,) = [problem for problem in changed(tiny, ("<dynamics damping", acting)).warnings if problem.code == "left-out"]
+    assert number in found.message
+    assert found.line == 1 + tiny.robot.read_text().split(acting)[0].count("\n")
+    assert "left-out" not in codes(changed(tiny, (acting, neutral)).warnings)
+
+
+def test_a_rotor_behind_a_gear_counts_with_the_square_of_the_reduction(tiny):
+    transmission = (
+        '<transmission name="t"><joint name="elbow"/><actuator name="m"><mechanicalReduction>50</mechanicalReduction>'
+        "{}</actuator></transmission></robot>"
+    )
+    inertia = "<motorInertia>1e-4</motorInertia>"
+    (found,) = [one for one in changed(tiny, ("</robot>", transmission.format(inertia))).warnings if one.code == "left-out"]
+    assert "0.25 kg m^2" in found.message
+    assert "left-out" not in codes(changed(tiny, (inertia, "")).warnings)
+
+
+def test_a_word_of_many_joints_is_warned_of_once_with_its_largest_value(read):
+    links = "".join(
+        f'<link name="l{i}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>' for i in range(4)
+    )
+    joints = "".join(
+        f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<dynamics armature="{value}"/></joint>'
+        for i, value in enumerate((0.01, 0.3, 0.02))
+    )
+    robot = read(f'<robot name="r">{links}{joints}</robot>')
+    (found,) = [problem for problem in robot.warnings if problem.code == "left-out"]
+    assert (found.key, "0.3 kg m^2" in found.message, "2 other places" in found.message) == ("j1.dynamics", True, True)
+
+
+@pytest.mark.parametrize("ground", [True, False])
+def test_words_of_contacts_are_told_of_in_worlds_with_contacts_only(ground, tiny, asrsim_command):
+    changed(tiny, ("</robot>", '<gazebo reference="arm"><mu1>0.2</mu1></gazebo></robot>'))
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}\nworld: {{ground: {str(ground).lower()}}}\n")
+    assert ("mu1" in asrsim_command("check", tiny.scenario, "-q").out) == ground
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------

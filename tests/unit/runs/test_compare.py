@@ -14,6 +14,7 @@ from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run
 from asrsim.runs.compare import Comparer, Difference
+from asrsim.runs.execute import execute
 from asrsim.runs.folder import find_logs, new_log, open_folder
 from asrsim.runs.repeat import repeat
 from asrsim.samples import Samples
@@ -164,3 +165,15 @@ def test_only_results_of_the_same_file_and_variant_are_replaced(tiny):
         left = {one.name for one in folder.iterdir()}
         assert left == {"log.mcap", "notes.txt"} | ({"summary.json"} if stop else set())
     assert (folder / "log.mcap").read_bytes() == new
+
+
+def test_a_repeated_run_names_the_meshes_that_changed(tiny):
+    mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision></link>'
+    tiny.robot.write_text(tiny.robot.read_text().replace("</link>", mesh))
+    part = tiny.folder / "part.obj"
+    part.write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
+    (tiny.folder / "out").mkdir()
+    execute(load_scenario(tiny.scenario)[0], tiny.folder / "out")
+    assert repeat(tiny.folder / "out" / "log.mcap").changed == ()
+    part.write_text(part.read_text().replace("0.1", "0.11"))
+    assert repeat(tiny.folder / "out" / "log.mcap").changed == ("part.obj",)

@@ -20,6 +20,7 @@ from asrsim.sweeps.store import Store, open_store
 from asrsim.workers import Lost
 from support.edits import edits
 from support.paths import ROOT
+from support.tiny import PENDULUM
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -245,6 +246,26 @@ def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     assert asrsim.sweep(other, out=tmp_path / "s", workers=1, overwrite=True, stop=lambda: True).missing == 3
 
 
+@pytest.mark.parametrize("changed", ["arm.urdf", "part.obj", "push.csv", "law.py"])
+def test_a_study_is_not_resumed_after_an_input_changed(tmp_path, changed):
+    """Inputs: robot, meshes, files of signals, plugins."""
+    mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision></link>'
+    (tmp_path / "arm.urdf").write_text(PENDULUM.replace("</link>", mesh))
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
+    (tmp_path / "push.csv").write_text("time [s],torque [N m]\n0,0.1\n2,0.1\n")
+    (tmp_path / "law.py").write_text((ROOT / "examples" / "plugins" / "my_vsa.py").read_text())
+    push = "external_torques: {elbow: {playback: {file: push.csv, column: torque}}}"
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text(f"robot: arm.urdf\nduration: 0.01\n{push}\n")
+    study = make_study(scenario, {"arm.mass": [0.3, 0.4]}, plugins=[tmp_path / "law.py"])
+    asrsim.sweep(study, out=tmp_path / "out", workers=1)
+    asrsim.sweep(study, out=tmp_path / "out", workers=1, resume=True)
+    text = (tmp_path / changed).read_text()
+    (tmp_path / changed).write_text(text + "# 1\n" if changed == "law.py" else text.replace("0.1", "0.11"))
+    with pytest.raises(InputError, match=rf"inputs have changed: {changed}\. Start again"):
+        asrsim.sweep(study, out=tmp_path / "out", workers=1, resume=True)
+
+
 def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
     store = Store(tmp_path, [("run", "int", "")], 10)
     store.add([(0,), (1,)])
@@ -262,7 +283,7 @@ def manifest_of(runs, *floats, **study):
     columns = [("run", "int", ""), ("variant", "text", ""), ("status", "text", ""), *((name, "float", "") for name in floats)]
     return {
         "generator": "asrsim test", "scenario": "a.yaml", "plugins": [], "study": {"name": "a", "variants": ["a"], **study},
-        "inputs": "y", "versions": {}, "runs": runs, "columns": columns, "claims": {"a": []}, "substeps": {"a": {}},
+        "inputs": {}, "versions": {}, "runs": runs, "columns": columns, "claims": {"a": []}, "substeps": {"a": {}},
     }  # fmt: skip
 
 

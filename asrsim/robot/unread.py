@@ -1,0 +1,127 @@
+"""Warns about the words of a robot file that asrsim does not read: one warning for each word and file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from asrsim.errors import counted, nearest
+from asrsim.robot.findings import Findings
+from asrsim.robot.vocabulary import PLUGINS, WORDS, Effect, Word
+from asrsim.robot.xmlfile import elements, name_of, text_of
+
+SEVERAL = {
+    "link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor", "ros2_control",
+    "actuator", "plugin",
+}  # fmt: skip
+"""Elements that may be repeated, or whose repetition is reported elsewhere."""
+OPEN = ("gazebo", "transmission", "ros2_control", "mujoco")
+"""Elements with the words of other programs, which may repeat words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Use:
+    """Use of a word in a file."""
+
+    effect: Effect
+    element: Any
+    place: str
+    """Dotted path in messages."""
+    hint: str | None
+
+
+def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
+    """Warn about words that are unknown, repeated, or left out although they would change the motion.
+
+    Returns the words that only act where bodies touch, and have no effect here.
+    """
+    uses: dict[tuple[str, str], list[_Use]] = {}
+    contact: dict[str, None] = {}
+    for parent, name, word, element, place in _walk(findings, root, "robot", ""):
+        effect = word.effect(element, value_of(element, name)) if word.effect else None
+        if effect is not None:
+            use = _Use(effect=effect, element=element, place=place, hint=word.hint)
+            uses.setdefault((parent, name), []).append(use)
+        if word.use == "contacts":
+            contact[name.removeprefix("@")] = None
+    for found in uses.values():
+        worst = max(found, key=lambda use: use.effect.size)
+        more = f" (and at {counted(len(found) - 1, 'other place')})" if len(found) > 1 else ""
+        findings.warn(worst.effect.text + more, worst.element, worst.place, code="left-out", hint=worst.hint)
+    return tuple(contact)
+
+
+def value_of(element: Any, name: str) -> str:
+    """Value of a word as text: of an attribute (`@name`), or the `value` or text of an element."""
+    text: str = element.get(name[1:], "") if name.startswith("@") else element.get("value") or text_of(element)
+    return text.strip()
+
+
+def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[tuple[str, str, Word, Any, str]]:
+    """Known words below an element: parent, name, word, element, place. Unknown and repeated words get warnings."""
+    known = WORDS[kind]
+    for attribute in element.attrib:
+        name = f"@{_local(element, str(attribute))}"
+        if name in known:
+            yield kind, name, known[name], element, place
+        else:
+            shown = name.removeprefix("@")
+            _unknown(findings, element, "attribute", shown, kind, f"{place}.{shown}" if place else shown)
+    seen = set()
+    for child in elements(element):
+        name = _local(element, child.tag)
+        inner = _place(child, name, kind, place)
+        if name in seen:
+            message = f"a second <{name}> of one <{kind}>; only the first has an effect"
+            findings.warn(message, child, place, code="repeated-element")
+        if name not in known:
+            if kind != "geometry":
+                _unknown(findings, child, "element", name, kind, f"{place}.{name}" if place else name)
+            continue
+        word = known[name]
+        seen |= set() if kind in OPEN else {name} - SEVERAL
+        if word.inside == "plugin":
+            plugin = _plugin(child)
+            if plugin is not None:
+                yield kind, name_of(child, "filename"), plugin, child, name_of(child) or "plugin"
+        elif word.inside is not None:
+            yield from _walk(findings, child, word.inside, inner)
+        else:
+            yield kind, name, word, child, inner
+
+
+def _place(element: Any, name: str, kind: str, place: str) -> str:
+    if kind == "robot":
+        return name_of(element) or name_of(element, "reference") or name
+    return f"{place}.{name}"
+
+
+def _plugin(element: Any) -> Word | None:
+    """Word of a plugin that moves or couples bodies in Gazebo; None for other plugins."""
+    filename = name_of(element, "filename").lower()
+    return next((word for parts, word in PLUGINS if any(part in filename for part in parts)), None)
+
+
+def _unknown(findings: Findings, element: Any, what: str, name: str, kind: str, place: str) -> None:
+    attribute = what == "attribute"
+    known = tuple(
+        word.removeprefix("@")
+        for word, entry in WORDS[kind].items()
+        if entry.use == "read" and word.startswith("@") == attribute
+    )
+    close = nearest(name.lower(), known)
+    shown, meant = (f"'{name}'", f"'{close}'") if attribute else (f"<{name}>", f"<{close}>")
+    findings.warn(
+        f"unknown {what} {shown}; it has no effect", element, place, code=f"unknown-{what}",
+        hint=f"Did you mean {meant}?" if close else None, choices=() if close or kind in OPEN else known,
+    )  # fmt: skip
+
+
+def _local(element: Any, name: str) -> str:
+    """Name as the file writes it: with the prefix of its name space."""
+    if not name.startswith("{"):
+        return name
+    space, _, local = name[1:].partition("}")
+    prefix = next((prefix for prefix, uri in element.nsmap.items() if uri == space and prefix), None)
+    return f"{prefix}:{local}" if prefix else local
