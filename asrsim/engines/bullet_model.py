@@ -180,7 +180,9 @@ class BulletDynamics:
         if ours:
             self._set_up()
         floats = tuple(_weightless(link) for link in self._robot.links)
-        self._floats = make_body(p, replace(self._robot, links=floats), unit=self._unit) if any(one.mass for one in floats) else None
+        self._floats = (
+            make_body(p, replace(self._robot, links=floats), unit=self._unit) if any(one.mass for one in floats) else None
+        )
         """Bullet's number of a body that consists of the masses on which gravity does not act."""
 
     def _set_up(self) -> None:
@@ -257,7 +259,7 @@ class BulletDynamics:
         if rotation is not None:
             self._set_gravity(rotation)
         states = positions, self._still, self._still
-        lift = self._unit * np.array(self._p.calculateInverseDynamics(self._floats, *states))[self._from_bullet]
+        lift: Array = self._unit * np.array(self._p.calculateInverseDynamics(self._floats, *states))[self._from_bullet]
         if rotation is not None:
             lift[:3] = rotation @ lift[:3]
         return lift

@@ -154,6 +154,8 @@ class MujocoEngine(RigidEngine):
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
         if robot.inertials != self.robot.inertials:
+            if any(link.weightless[0] for link in (*robot.links, *self.robot.links)):
+                return False
             armature = [joint.armature for joint in robot.moving_joints]
             if any(armature) and not self._room.reduced:
                 return False
@@ -205,7 +207,7 @@ class MujocoContacts(MujocoEngine):
         kick = fraction * step
         lagging = state[first : first + size].copy()
         damping = loads[:, DAMPING]
-        m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
+        m.dof_armature[room.joint_v] = room.armature + room.scheme[IMPLICITNESS] * kick * damping
         # Friction may vary from step to step. MuJoCo makes a constraint of friction only where the friction is not 0.
         m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
         d.qpos[:] = state[:first]
@@ -219,11 +221,16 @@ class MujocoContacts(MujocoEngine):
         d.qvel[:] = lagging
         mj.mj_referenceConstraint(m, d)
         self._aim_at_stops(kick, step)
+        self._couple(kick, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[room.joint_v] = loads[:, TORQUE] - damping * lagging[room.joint_v]
         if forces.size:
             bound(mujoco_step.push)(self._record, forces, 0)
-            d.qfrc_applied += room.force
+            d.qfrc_applied += room.full_force
+        if self._floats:
+            room.full_bias[:] = 0.0
+            bound(mujoco_step.carry)(self._record)
+            d.qfrc_applied -= room.full_bias
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
@@ -242,6 +249,12 @@ class MujocoContacts(MujocoEngine):
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
+
+    def _couple(self, kick: float, step: float) -> None:
+        """Make couplings of joints exact: at the end of the step, each follower is where its master puts it."""
+        d = self._d
+        rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        d.efc_aref[rows] = -(d.efc_pos[rows] / step + d.efc_vel[rows]) / kick
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces."""

@@ -74,8 +74,8 @@ def make_record(
     vectors = np.zeros((3, 3))
     return Record(
         room=room, model=model._address, data=data._address, at_matrix=room.full_matrix.ctypes.data,
-        at_bias=room.full_bias.ctypes.data, at_force=room.full_force.ctypes.data, at_vectors=vectors.ctypes.data, vectors=vectors,
-        xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
+        at_bias=room.full_bias.ctypes.data, at_force=room.full_force.ctypes.data,
+        at_vectors=vectors.ctypes.data, vectors=vectors, xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
         wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
         wrench_point=np.array(points).reshape(len(wrenches), 3),
         wrench_turn=np.array([turn for _, _, turn in pushed]).reshape(len(wrenches), 3, 3),

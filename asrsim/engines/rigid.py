@@ -153,8 +153,9 @@ def make_room(
     whole = {"matrix": np.zeros((w, w)), "bias": np.zeros(w), "force": np.zeros(w)} if reduced else square
     fields |= {
         **square, **{f"full_{name}": array for name, array in whole.items()},
-        "joints": len(joints), "freedoms": size, "speeds": w, "coordinates": len(qpos), "scheme": np.zeros(4), "free": int(free),
-        "reduced": int(reduced), "qpos": qpos, "qvel": qvel, "regime": np.zeros(size, dtype=np.int64), "parent": tree,
+        "joints": len(joints), "freedoms": size, "speeds": w, "coordinates": len(qpos), "scheme": np.zeros(4),
+        "free": int(free), "reduced": int(reduced), "qpos": qpos, "qvel": qvel,
+        "regime": np.zeros(size, dtype=np.int64), "parent": tree,
         "square": np.zeros((size, size)), "slowest": np.full(size, -inf), "fastest": np.full(size, inf),
         "owner": owner.astype(np.int64), "factor": factor, "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": at,
         "joint_z": owner[at].astype(np.int64), "master": couplings.master if reduced else np.arange(len(joints)),

@@ -28,6 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
+from asrsim.scenario.starts import start_positions
 
 if TYPE_CHECKING:
     from asrsim.actuators.drive import Drive
@@ -107,7 +108,7 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, from the position of its references to the position of rest."""
     model, time = robot_model(scenario, robot), _instants(scenario, blocks)
-    wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
+    wanted = np.tile([*start_positions(scenario, robot).values()], (len(time), 1))
     springs: dict[int, tuple[Drive, Array, float]] = {}
     """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
     for block in blocks:
@@ -115,20 +116,23 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         goals, goal = goals_of(scenario, block, time)
         springs[column] = drive_of(block), goals, joint.most_effort
         wanted[:, column] = np.clip(goal, *joint.stops)
+    couplings = model.couplings
+    wanted = couplings.expand(wanted)
 
     columns, (drives, references, efforts) = [*springs], zip(*springs.values(), strict=True)
 
     def pulls(positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        place = positions[..., columns]
+        place = couplings.expand(positions)[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return found
+        return couplings.fold(found)
 
-    movable = np.isin(np.arange(len(model.joints)), list(springs))
+    movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
+    positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
     found = []
     for column, (drive, goals, effort) in springs.items():

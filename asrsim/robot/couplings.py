@@ -56,12 +56,28 @@ class Couplings:
         values = np.asarray(torques, dtype=float)
         return values @ self.spread if self else values
 
+    def fold_sizes(self, torques: ArrayLike) -> Array:
+        """Bounds (n,) of the torques on the joints that follow none, from bounds of the torques on all joints."""
+        values = np.asarray(torques, dtype=float)
+        return values @ np.abs(self.spread) if self else values
+
+    def fold_gains(self, gains: ArrayLike) -> Array:
+        """Stiffnesses or dampings (n,) that act on the joints that follow none, equivalent to those of all joints; 0 for
+        followers."""
+        values = np.asarray(gains, dtype=float)
+        return values @ np.square(self.spread) if self else values
+
     def fold_matrix(self, matrix: Array) -> Array:
-        """Mass matrix (..., r, r) of the r joints that follow none."""
+        """Mass matrix (..., n, n) of the joints that follow none; the rows of followers are those of the unit matrix."""
         if not self:
             return matrix
-        spread = self.spread[:, self.free]
-        return np.asarray(spread.T @ matrix @ spread)
+        spread = self.spread
+        return np.asarray(spread.T @ matrix @ spread + np.diag(self.master != np.arange(len(self.master))))
+
+
+def uncoupled(count: int) -> Couplings:
+    """Couplings of joints of which none follows another."""
+    return Couplings(master=np.arange(count), ratio=np.ones(count), offset=np.zeros(count))
 
 
 def couplings_of(robot: Robot) -> Couplings:

@@ -31,7 +31,11 @@ BASE = 6
 
 class RobotModel:
     """Rigid-body model of a robot on its base. Arrays of joints (..., n) are in the order of `joints`; leading axes count
-    postures."""
+    postures.
+
+    Coupled joints stand and move as their masters make them, whatever the arrays say about them. Torques, Jacobians and mass
+    matrices are those of the masters: 0 for the joints that follow, and rows of the unit matrix in the mass matrix.
+    """
 
     def __init__(
         self,
@@ -101,19 +105,21 @@ class RobotModel:
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
             body = self._parents[body - 1]
-        return jacobian[..., self._at]
+        return self.couplings.fold(jacobian[..., self._at])
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
         unit, at, free = np.eye(len(self._parents)), self._at, slice(self._free)
         matrix = self._torques(self._all(positions)[..., None, :], np.zeros_like(unit), unit, np.zeros(3))
         own, base, cross = matrix[..., at[:, None], at], matrix[..., free, free], matrix[..., free, at]
-        return np.asarray(own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross) if self._free else own)
+        if self._free:
+            own = own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross)
+        return self.couplings.fold_matrix(own)
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""
-        q, v, a = map(self._all, (positions, velocities, accelerations))
-        return self._torques(q, v, a, self._gravity)[..., self._at]
+        q, v, a = self._all(positions), self._all_rates(velocities), self._all_rates(accelerations)
+        return self.couplings.fold(self._torques(q, v, a, self._gravity)[..., self._at])
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
@@ -127,7 +133,8 @@ class RobotModel:
 
     def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
         """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
-        rates = np.moveaxis(self._all(velocities)[..., None, None] * self._twists, -3, 0)
+        speeds = self._all_rates(velocities)
+        rates = np.moveaxis(speeds[..., None, None] * self._twists, -3, 0)
         steps = self._steps(self._all(positions))
         # The pose of each body, and the derivative of the pose with respect to time.
         poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
@@ -136,13 +143,19 @@ class RobotModel:
             motions.append(motions[parent] @ step + poses[-1] @ rate)
         moving, places = np.array(motions), np.array(poses)[..., :3, :]
         kinetic = 0.5 * np.einsum("b...ij,bjk,b...ik->...", moving, self._inertias, moving)
-        kinetic = kinetic + 0.5 * np.square(self._all(velocities)) @ self._armature
+        kinetic = kinetic + 0.5 * np.square(speeds) @ self._armature
         potential = -np.einsum("b...ij,bj,i->...", places, (self._inertias - self._floats)[..., 3], self._gravity)
         return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:
-        """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""
-        own = np.asarray(values, dtype=float)
+        """Positions (..., joints) of all joints, from positions (..., n) of the robot's joints; 0 for the base."""
+        return self._with_base(self.couplings.expand(values))
+
+    def _all_rates(self, values: ArrayLike) -> Array:
+        """Velocities or accelerations (..., joints) of all joints; 0 for the base."""
+        return self._with_base(self.couplings.expand_rates(values))
+
+    def _with_base(self, own: Array) -> Array:
         everything = np.zeros((*own.shape[:-1], len(self._parents)))
         everything[..., self._at] = own
         return everything

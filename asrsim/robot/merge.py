@@ -96,7 +96,9 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
 
 def _weightless(members: Sequence[tuple[Link, Pose]]) -> tuple[float, Vector]:
     """Mass in kg on which gravity does not act, and its centre in m."""
-    parts = [(mass, pose.position + pose.rotation @ centre) for link, pose in members for mass, centre in [link.weightless] if mass]
+    parts = [
+        (mass, pose.position + pose.rotation @ centre) for link, pose in members for mass, centre in [link.weightless] if mass
+    ]
     total = sum(mass for mass, _ in parts)
     centre = sum((mass * place for mass, place in parts), np.zeros(3)) / total if total else np.zeros(3)
     return total, _vector(centre)

@@ -151,17 +151,17 @@ class Joint:
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
     mimic: str = ""
-    """Joint that this joint follows: its position is `multiplier` times that joint's, plus `offset`; empty for other joints. The
-    followed joint follows no other joint."""
+    """Joint that this joint follows: its position is `multiplier` times that joint's, plus `offset`; empty for other joints.
+    The followed joint follows no other joint."""
     multiplier: float = 1.0
     offset: float = 0.0
     """Position of this joint where the joint that it follows is at 0, rad or m."""
     rotor_inertia: float = 0.0
-    """Inertia of the rotors that the file states for the joint, as felt at the joint: times the square of the gear ratio, kg m^2
-    (kg)."""
+    """Inertia of the rotors that the file states for the joint, as felt at the joint: times the square of the gear ratio,
+    kg m^2 (kg)."""
     armature: float = 0.0
-    """Inertia of rotors that moves with the link, kg m^2 (kg): `rotor_inertia`, or the scenario's `armature`; without a scenario's
-    value 0 behind a spring, where the actuator's motors have inertias of their own."""
+    """Inertia of rotors that moves with the link, kg m^2 (kg): the scenario's `armature`; without it, `rotor_inertia`, but 0
+    behind a spring, where the actuator's motors have inertias of their own."""
     start: float | None = None
     """Position at the start that the file states, rad or m."""
     line: int | None = None

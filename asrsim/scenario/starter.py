@@ -291,8 +291,9 @@ def write_starter(
         robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
+        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or ("*" in given and not joint.mimic)),
     )
+    starter = _sized(starter, _rotors(starter))
     for _ in range(ROUNDS if given else 0):
         # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
         starter = _sized(starter, strengthened(starter.scenario(out.parent), starter.robot))
@@ -305,7 +306,7 @@ def write_starter(
         message = f"its joints have too little damping, so the arm would oscillate for {lasts:.2g} s after a step"
         hint = "`link_damping` in the scenario damps it" if given else f"`link_damping: {damped}` would damp it"
         notes.append(Problem(message, file=robot, hint=hint, code="swings-on"))
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
+    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
     starter = replace(
         starter,
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
@@ -317,6 +318,16 @@ def write_starter(
     write_new(out, starter.text(), force=force)
     write_text(schema, schema_text(), "schema")
     return (out, schema), tuple(notes)
+
+
+def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
+    """Inertias of the motors of actuators that the scenario gives, from the rotors in the robot's file."""
+    found = {}
+    for block in starter.robot.actuators:
+        rotor, motors = starter.robot.joint(block.joint).rotor_inertia, ACTUATORS.get(block.actuator).motors
+        if rotor and MODES[block.mode].motor and block.joint in starter.given:
+            found[block.joint] = {f"motor_{i}_inertia": _rounded(rotor / motors) for i in range(1, motors + 1)}
+    return found
 
 
 def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
