@@ -117,3 +117,15 @@ def unit_of(name: str, *, prismatic: bool = False) -> str:
     """SI unit of a quantity, recorded or derived; "" if the unit depends on the operation mode."""
     unit = (QUANTITIES | DERIVED)[name].unit
     return linear_unit(unit) if prismatic else unit
+
+
+def shown(value: float, unit: str = "", digits: int = 3) -> str:
+    """Number and unit for people: `0.075 mm` for 7.5e-05 m. A small number takes a smaller unit instead of a power of ten."""
+    if unit in _PREFIXED and 0.0 < abs(value) < 1e-2:
+        scale, prefix = (1e3, "m") if abs(value) >= 1e-5 else (1e6, "µ")
+        value, unit = value * scale, prefix + unit
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+_PREFIXED = ("m", "rad", "N", "N m", "N·m", "J", "s", "V", "A", "W")
+"""Units that may take a prefix."""

@@ -10,10 +10,14 @@ import numpy as np
 from asrsim.design.run import WANTED, Design
 from asrsim.design.search import DESIGN
 from asrsim.outfile import csv_text, write_text
-from asrsim.plots.output import save_figure, styled
+from asrsim.plots import style
+from asrsim.plots.chart import Chart, Line
+from asrsim.plots.charts import save_charts
+from asrsim.samples import Array
 from asrsim.scenario.starter import relocated
 
 MARK = "# asrsim design: references of an experiment"
+LIMITS = "range of the reference"
 
 
 def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
@@ -27,7 +31,9 @@ def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
     scenario = path.with_suffix(".yaml")
     text = yaml.safe_dump(_scenario(found, path, scenario), sort_keys=False, allow_unicode=True)
     write_text(scenario, f"# Plays the experiment that `asrsim design` found.\n{text}", "designed scenario")
-    return [path, scenario, *(_draw(found, time, path) if plot else [])]
+    title = f"{found.scenario.name} · designed experiment of {found.seconds:g} s"
+    pictures = save_charts(path.with_suffix(".png"), charts(found), title=title, width=6.0) if plot else []
+    return [path, scenario, *pictures]
 
 
 def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
@@ -49,21 +55,25 @@ def columns(found: Design) -> list[tuple[str, list[str], bool]]:
     return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
 
 
-def _draw(found: Design, time: Any, path: Path) -> list[Path]:
-    with styled(mathematics=False):
-        from matplotlib.figure import Figure
-
-        panels = len(found.references) + 1
-        figure = Figure(figsize=(9.0, 1.8 * panels + 1.0), layout="constrained")
-        *axes, last = figure.subplots(panels)
-        for axis, one, values in zip(axes, found.references, found.found.motion, strict=True):
-            axis.plot(time, values, linewidth=1.0)
-            axis.hlines((one.low, one.high), 0.0, time[-1], color="0.6", linestyle="--", linewidth=0.8)
-            axis.set(xlabel="time [s]", ylabel=f"{one.joint}\n{one.name} [{one.unit}]")
-        for name, halves in found.intervals.items():
-            last.semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
-        last.set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
-        last.yaxis.set_major_formatter("{x:g}")
-        last.set(ylabel="95 % interval [± %]", xlim=(-0.5, len(found.keys) - 0.5))
-        last.legend(fontsize="x-small")
-        return save_figure(figure, path.parent, path.stem, ("png",))
+def charts(found: Design) -> list[list[Chart]]:
+    """Rows of charts: each reference with its range, and the interval that each motion promises for each parameter."""
+    time: Array = found.step * np.arange(float(found.found.motion.shape[1]))
+    ends = time[[0, -1]]
+    rows = []
+    for one, values in zip(found.references, found.found.motion, strict=True):
+        limits = [
+            Line(label=LIMITS, x=ends, y=np.full(2, edge), colour=style.colour("limit"), width=0.9, dash=1)
+            for edge in (one.low, one.high)
+        ]
+        motion = Line(label="designed motion", x=time, y=values, colour=style.BLUE)
+        words = one.name.replace("_", " ")
+        rows.append([Chart(head=one.joint, words=words, unit=one.unit, lines=[*limits, motion])])
+    intervals = [
+        Line(label=name, x=100.0 * halves, y=np.arange(float(len(halves))), colour=style.variant_colour(n), kind="points")
+        for n, (name, halves) in enumerate(found.intervals.items())
+    ]
+    names = [style.in_words(key) for key in found.keys]
+    promised = "half width of the 95 % interval"
+    chart = Chart(words="", across=promised, across_unit="%", lines=intervals, places=names, logarithmic="x")
+    rows.append([chart])
+    return rows

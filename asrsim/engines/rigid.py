@@ -596,6 +596,13 @@ class RigidEngine(Engine):
         self._calculation(self._state, exchange, self._forces, lengths)
 
     @property
+    def coordinates(self) -> NDArray[np.int64]:
+        """Indices (3, n) of the joints' positions, velocities, and velocities before the last kick in a state."""
+        room = self._room
+        velocities = room.coordinates + room.joint_v
+        return np.stack([room.joint_q, velocities, velocities + room.freedoms]).astype(np.int64)
+
+    @property
     def state(self) -> Array:
         """The state as a vector; the docstring of the module lists its parts."""
         return self._state.copy()

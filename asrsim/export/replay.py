@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import SimulationError
 from asrsim.export.mjcf import motor_name
-from asrsim.plots.output import save_pairs
+from asrsim.plots import style
+from asrsim.plots.chart import Chart, Line
+from asrsim.plots.charts import save_charts
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.worlds import Worlds
@@ -103,17 +104,24 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     )  # fmt: skip
 
 
+def charts(found: Replay) -> list[list[Chart]]:
+    """Rows of charts, one for each joint: both motions, and their difference."""
+    rows = []
+    for j, joint in enumerate(found.joints):
+        unit = found.units[j]
+        both = [
+            Line(label="asrsim", x=found.time, y=found.ours[:, j], colour=style.LIGHT, width=style.WIDE),
+            Line(label="MuJoCo", x=found.time, y=found.theirs[:, j], colour=style.VERMILION),
+        ]
+        error = Line(label="MuJoCo minus asrsim", x=found.time, y=found.error[:, j], colour=style.PURPLE)
+        rms = f"RMS {found.rms[j]:.3g} {unit}"
+        rows.append([
+            Chart(head=joint, words="link position", unit=unit.removeprefix("m") if unit != "mm" else "m", lines=both),
+            Chart(words="difference", unit=unit, lines=[error], note=rms),
+        ])  # fmt: skip
+    return rows
+
+
 def draw(found: Replay, path: Path) -> list[Path]:
     """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
-
-    def row(j: int, left: Any, right: Any) -> None:
-        unit = found.units[j]
-        left.plot(found.time, found.ours[:, j], linewidth=2.2, color="0.7", label="asrsim")
-        left.plot(found.time, found.theirs[:, j], linewidth=0.9, label="MuJoCo")
-        left.set_ylabel(f"{found.joints[j]}\nlink [{unit.removeprefix('m')}]")
-        left.legend(fontsize="x-small", loc="upper right")
-        right.plot(found.time, found.error[:, j], linewidth=0.9)
-        right.set_ylabel(f"MuJoCo - asrsim\n[{unit}]")
-        right.set_title(f"rms {found.rms[j]:.3g} {unit}", fontsize="small", loc="right")
-
-    return save_pairs(path.with_suffix(".png"), len(found.joints), row)
+    return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in plain MuJoCo")

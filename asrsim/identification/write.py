@@ -5,8 +5,8 @@ of recorded and predicted channels and residuals.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,14 @@ from asrsim.identification.parameters import numbers_of
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
-from asrsim.plots.output import save_pairs
+from asrsim.plots import style
+from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.charts import save_charts
+from asrsim.quantities import shown
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
+from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
 
@@ -149,8 +153,13 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LINES = (("recorded", "0.6", 2.2), ("before", "C1", 0.9), ("after", "C0", 1.0))
-"""Names, colours and widths of the lines in a picture."""
+LOOKS: dict[str, dict[str, Any]] = {
+    "recorded": {"colour": style.LIGHT, "width": style.WIDE},
+    "before": {"colour": style.BLUE, "width": 0.9},
+    "after": {"colour": style.VERMILION},
+}
+"""Looks of the lines of a channel, by name."""
+NAMES = {"recorded": "recorded", "before": "simulated at the start", "after": "simulated after the fit"}
 
 
 def draw(result: Result, folder: Path) -> list[Path]:
@@ -160,26 +169,42 @@ def draw(result: Result, folder: Path) -> list[Path]:
         channels = [one for one in result.channels if one.track == number]
         # Recordings in different folders may have the same name.
         name = f"overlay_{number + 1}_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
-        paths += save_pairs(folder / f"{name}.png", len(channels), partial(_overlay, channels, end))
+        rows = [channel_charts(one, end) for one in channels]
+        title = f"{result.task.name} · {channels[0].recording}"
+        paths += save_charts(folder / f"{name}.png", rows, title=title)
     return paths
 
 
-def _overlay(channels: Sequence[ChannelFit], end: float, row: int, left: Any, right: Any) -> None:
-    """Draw a channel and its residuals. end: end of the training part, s."""
-    one = channels[row]
+def channel_charts(one: ChannelFit, end: float) -> list[Chart]:
+    """Charts of a channel: recording over simulations, and residuals. end: end of the training part, s."""
     time, recorded = one.lines["time"], one.lines["recorded"]
-    for label, colour, width in LINES:
-        if label in one.lines:
-            left.plot(time, one.lines[label], label=label, color=colour, linewidth=width)
+    owner, _, quantity = one.key.rpartition(".")
+    words, unit = quantity.replace("_", " "), one.unit.replace("N m", "N·m")
+    lines: list[Line] = []
+    for name, look in LOOKS.items():
+        if name in one.lines:
+            lines.append(Line(label=NAMES[name], x=time, y=one.lines[name], **look))
     low, high = float(np.min(recorded)), float(np.max(recorded))
-    left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
-    if "after" in one.lines:
-        right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
-    for axis in (left, right):
-        # Shade the part that was predicted but not fitted.
-        if end < time[-1] - 1e-9:
-            axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
-    if row == 0:
-        left.set_title(one.recording, fontsize="medium")
-        right.set_title("predicted minus recorded", fontsize="medium")
-        left.legend(fontsize="x-small", ncols=4, loc="upper right")
+    room = 0.35 * (high - low) or 1.0
+    chart = Chart(head=owner, words=words, unit=unit, lines=lines, span=(low - room, high + room))
+    if "after" not in one.lines:
+        return [chart]
+    left = one.lines["after"] - recorded
+    size = 1.1 * float(np.nanmax(np.abs(left))) or 1.0
+    residuals = Chart(
+        words="difference", unit=unit, span=(-size, size), note=f"RMS {shown(float(np.sqrt(np.nanmean(left**2))), unit)}",
+        lines=[Line(label="", x=time, y=left, colour=style.PURPLE, width=0.7)],
+    )  # fmt: skip
+    return [held_out(chart, time, end), held_out(residuals, time, end)]
+
+
+def held_out(chart: Chart, time: Array, end: float) -> Chart:
+    """Chart in which the part is shaded that was predicted but not fitted."""
+    if end >= time[-1] - 1e-9:
+        return chart
+    low, high = chart.span or (-np.inf, np.inf)
+    edges = np.array([max(end, float(time[0])), float(time[-1])])
+    band = Band(
+        label="held out", x=edges, low=np.full(2, low), high=np.full(2, high), colour=style.GREEN, opacity=0.1
+    )  # fmt: skip
+    return replace(chart, bands=[*chart.bands, band])

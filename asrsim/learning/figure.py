@@ -1,117 +1,85 @@
-"""Picture of iterative learning: errors, positions and inputs over the iterations, like the paper's figure 15."""
+"""Charts of iterative learning: errors, positions and inputs over the iterations, like the paper's figure 15."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.learning.trial import LearningProblem, LearningResult
+from asrsim.learning.trial import LearningProblem, LearningResult, Trial
 from asrsim.outfile import make_folder
+from asrsim.plots import style
+from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.charts import save_charts
+from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST_POINTS = 1000
 """Largest number of points drawn for a curve."""
+TOLERANCE, DESIRED, BEST = "tolerance", "desired position", "best trial"
 
 
-def learning_figure(problem: LearningProblem, result: LearningResult, settings: Learning, title: str = "") -> Figure:
-    """Figure with errors over the iterations, and positions and inputs of each joint in all iterations (early iterations
-    faint).
-    """
-    from asrsim.plots.figures import new_figure
-    from asrsim.plots.style import plain
-
-    joints = problem.joints
-    figure = new_figure(11.5, 1.0 + 2.4 * max(len(joints), 1))
-    if title:
-        figure.suptitle(plain(title), fontsize="medium", x=0.01, ha="left")
-    grid = figure.add_gridspec(len(joints), 3, width_ratios=(1.1, 1.0, 1.0))
-    _draw_errors(figure.add_subplot(grid[:, 0]), problem, result, settings)
-    shared: Axes | None = None
-    for row, joint in enumerate(joints):
-        trajectory = figure.add_subplot(grid[row, 1], sharex=shared)
-        shared = shared or trajectory
-        inputs = figure.add_subplot(grid[row, 2], sharex=shared)
-        _draw_joint(trajectory, inputs, problem, result, settings, row)
-        trajectory.set_ylabel(f"{plain(joint)} ({(problem.units or ['rad'] * len(joints))[row]})")
-        if row == 0:
-            trajectory.legend(loc="best")
-            inputs.legend(loc="best")
-            trajectory.set_title("link position", loc="left")
-            inputs.set_title("learned input", loc="left")
-        if row == len(joints) - 1:
-            trajectory.set_xlabel("time (s)")
-            inputs.set_xlabel("time (s)")
-    return figure
-
-
-def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, settings: Learning) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
-
-    from asrsim.plots import style
-
-    numbers = [trial.number for trial in result.trials]
-    norms = np.array([trial.norm for trial in result.trials])
-    ax.semilogy(numbers, norms, "o-", color=style.BLACK, label=r"largest $\|e\|_2$")
+def learning_charts(problem: LearningProblem, result: LearningResult, settings: Learning) -> list[list[Chart]]:
+    """Rows of charts, one for each joint: errors over the iterations, position and input of all trials (early trials faint)."""
+    rows = []
     for column, joint in enumerate(problem.joints):
-        largest = [trial.largest[column] for trial in result.trials]
-        ax.semilogy(
-            numbers,
-            largest,
-            ".",
-            linestyle="--",
-            color=style.variant_colour(column),
-            label=f"largest |e|, {style.plain(joint)}",
-        )
-    ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
-    ax.set(xlabel="iteration", ylabel=f"error ({problem.unit})")
-    ax.set_title("error over the iterations", loc="left")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
-    ax.set_xlim(-0.3, max(numbers) + 0.3)
-    ax.legend(loc="best")
+        unit = (problem.units or ["rad"] * len(problem.joints))[column]
+        rows.append([
+            _errors(problem, result, settings, column, head=joint), *_motions(problem, result, settings, column, unit=unit)
+        ])  # fmt: skip
+    return rows
 
 
-def _draw_joint(
-    trajectory: Axes, inputs: Axes, problem: LearningProblem, result: LearningResult, settings: Learning, column: int
-) -> None:
-    from asrsim.plots import style
+def _errors(problem: LearningProblem, result: LearningResult, settings: Learning, column: int, *, head: str) -> Chart:
+    numbers = np.array([float(trial.number) for trial in result.trials])
+    norms = np.array([trial.norm for trial in result.trials])
+    largest = np.array([trial.largest[column] for trial in result.trials])
+    reach = (-0.3, float(numbers[-1]) + 0.3)
+    known = np.concatenate([values[np.isfinite(values) & (values > 0.0)] for values in (norms, largest)])
+    low, high = (float(known.min()), float(known.max())) if len(known) else (settings.tolerance, settings.tolerance)
+    span = 0.6 * min(low, settings.tolerance), 1.6 * max(high, settings.tolerance)
+    ends = np.array(reach)
+    band = Band(label=TOLERANCE, x=ends, low=np.full(2, span[0]), high=np.full(2, settings.tolerance), colour=style.GREEN)
+    return Chart(
+        words="largest error", unit=problem.unit, head=head, across="iteration", across_unit="",
+        lines=[
+            Line(label="norm of all joints", x=numbers, y=norms, colour=style.GREY, kind="both", dash=1, width=0.9),
+            Line(label="", x=numbers, y=largest, colour=style.VERMILION, kind="both"),
+        ],
+        bands=[band], logarithmic="y", span=span, reach=reach,
+    )  # fmt: skip
 
+
+def _motions(problem: LearningProblem, result: LearningResult, settings: Learning, column: int, *, unit: str) -> list[Chart]:
     rows = np.unique(np.linspace(0, len(problem.time) - 1, MOST_POINTS).round().astype(int))
     time, wanted = problem.time[rows], problem.reference[rows, column]
-    trajectory.fill_between(
-        time,
-        wanted - settings.tolerance,
-        wanted + settings.tolerance,
-        color=style.GREEN,
-        alpha=0.13,
-        linewidth=0,
-        label="tolerance",
-    )
-    for trial in (*(trial for trial in result.trials if trial is not result.best), result.best):
-        last = trial is result.best
-        strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
-        for ax, values, shade, label in (
-            (trajectory, trial.outputs, style.VERMILION, "$q$, best of all iterations"),
-            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, best of all iterations"),
-        ):
-            width = 1.6 if last else 0.9
-            ax.plot(time, values[rows, column], color=shade, alpha=strength, linewidth=width, label=label if last else None)
-    for ax in (trajectory, inputs):
-        ax.plot(time, wanted, "--", color=style.BLACK, linewidth=1.0, label="desired $q$")
+    near = wanted - settings.tolerance, wanted + settings.tolerance
+    band = Band(label=TOLERANCE, x=time, low=near[0], high=near[1], colour=style.GREEN, opacity=0.13)
+    desired = Line(label=DESIRED, x=time, y=wanted, colour=style.BLACK, dash=1, width=1.0)
+
+    def trials(values: str, colour: str, label: str) -> list[Line]:
+        def line(trial: Trial) -> Line:
+            best = trial is result.best
+            strength = 1.0 if best else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
+            drawn: Array = getattr(trial, values)[rows, column]
+            width = 1.6 if best else 0.9
+            return Line(label=label if best else "", x=time, y=drawn, colour=colour, width=width, opacity=strength)
+
+        return [line(trial) for trial in (*(trial for trial in result.trials if trial is not result.best), result.best)]
+
+    return [
+        Chart(
+            words="link position", unit=unit, bands=[band],
+            lines=[*trials("outputs", style.colour("link_position"), f"link position,\n{BEST}"), desired],
+        ),
+        Chart(
+            words="learned input", unit=unit,
+            lines=[*trials("inputs", style.BLUE, f"input, {BEST}"), desired],
+        ),
+    ]  # fmt: skip
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
     """Write the picture of learning in the format of the suffix. Raises OutputError if it cannot be written."""
-    from asrsim.plots.output import save_figure, styled
-
     make_folder(path.parent)
-    with styled():
-        save_figure(learning_figure(problem, result, settings, title), path.parent, path.stem, [path.suffix[1:]])
+    save_charts(path, learning_charts(problem, result, settings), title=title, width=3.3)

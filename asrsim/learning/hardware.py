@@ -1,9 +1,10 @@
 """Learning on the real robot, trial by trial: the next input follows from each recording; files store the state between trials.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
-twin, and plants drawn from the posterior of the fit, predict the error of the next trial: the change of the input is halved
-until no prediction exceeds 1.2 times the best error. If even the smallest change predicts a worse trial, a warning is given
-before the trial. With the other laws the change is not halved, and only the warning is given.
+twin, and plants drawn from the posterior of the fit, predict the error of the next trial, to which a bound of what the twin
+does not explain of the recordings is added. The change of the input is halved until this sum does not exceed 1.2 times the best
+error. If it does so even for the smallest change, a warning is given before the trial. With the other laws the change is not
+halved, and only the warning is given.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data, write_inputs, write_playback
 from asrsim.learning.state import State, load_state, motion_basis, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
-from asrsim.learning.twin import LearningTwin, fit_twin
+from asrsim.learning.twin import LearningTwin, fit_twin, largest
 from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
@@ -36,6 +37,12 @@ SHARES = (1.0, 0.5, 0.25, 0.125)
 """Fractions of the input's change that are tried in turn until no worse trial is predicted."""
 SMOOTH = 0.02
 """Window over which recorded positions are averaged, s, so that noise does not count as an error."""
+PEAK = 3.3
+"""Largest of a thousand normal deviates, in standard deviations."""
+ABOVE = 1.5
+"""Ratio of the largest error to the largest deviation that noise causes, below which noise hides whether a trial is better: an
+increase of the true error by `WORSE` is then a few tenths of the noise.
+"""
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
 
@@ -53,6 +60,8 @@ class HardwareStep:
     """Model fitted to the robot; None after learning has ended."""
     foretold: float
     """Ratio of the largest predicted error of the next trial to the largest error of the best trial so far."""
+    noise: float
+    """Largest deviation of an averaged position that the recording's noise causes, rad."""
     recording: Recording
     clock: str
     """Description of how the recording's clock was aligned with the motion."""
@@ -62,10 +71,16 @@ class HardwareStep:
     @property
     def warning(self) -> str | None:
         """Warning that the next trial may be worse than the best trial so far; None if no worse trial is expected."""
+        best = best_of(self.trials).worst
         if self.foretold <= WORSE:
-            return None
+            if best > ABOVE * self.noise or self.outcome is not None:
+                return None
+            return (
+                f"the next trial may be worse: the largest error of the best so far, {best:.2g}, is hardly above the noise of "
+                f"the recording, {self.noise:.2g}"
+            )
         much = (
-            f"{self.foretold:.2g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
+            f"{self.foretold:.3g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
         )
         return f"the next trial may be worse: its largest error is predicted to be up to {much}"
 
@@ -129,6 +144,7 @@ def next_input(
             converged=ended is not None and ended[0] == "converged",
             twin=twin,
             foretold=ratio,
+            noise=PEAK * found.noise * min(found.interval / SMOOTH, 1.0) ** 0.5,
             recording=recording,
             clock=found.clock,
             findings=found.findings,
@@ -142,11 +158,12 @@ def _proposed(
     problem = prepared.problem
     best, rho, _ = standing(trials)
     twin = fit_twin(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
-    forecasts = twin.forecasts(best)
+    forecasts, unexplained = twin.forecasts(best), twin.unexplained(best, trials)
 
     def foretold(inputs: Array) -> float:
-        worst = np.array([np.abs(problem.reference - forecast(inputs)).max() for forecast in forecasts])
-        return float(worst.max()) / best.worst if np.isfinite(worst).all() else np.inf
+        outputs = [forecast(inputs) for forecast in forecasts]
+        worst = max(largest(problem.reference - one) for one in outputs)
+        return (worst + unexplained.of_change(largest(outputs[0] - best.outputs))) / best.worst
 
     if not isinstance(prepared.law, NormOptimal):
         inputs = prepared.law.propose(trials)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.identification.noise import fine_noise
 from asrsim.learning.plant import Plant
 from asrsim.recordings.align import LagChoice, align, resample
 from asrsim.recordings.data import Column, Recording
@@ -35,6 +36,10 @@ class Recorded:
     """Description of how the recording's clock was aligned with the motion."""
     findings: tuple[Problem, ...]
     """Notes about the file, its clock, gaps and implausible columns."""
+    noise: float
+    """Largest standard deviation of the positions' noise, rad or m."""
+    interval: float
+    """Sampling interval, s."""
 
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
@@ -67,7 +72,9 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
             message = f"would fit the desired motion {before / left:.2g} times better if its clock were {better.said}"
             hint = f"If the recording did not start with the motion, give it again with --lag {better.lag:.3g}"
             findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
-    return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings))
+    noise = max(fine_noise(column.values[np.isfinite(column.values)]) for column in columns)
+    interval = float(np.median(np.diff(measured[0])))
+    return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings), noise=noise, interval=interval)
 
 
 def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequence[Column], lag: float) -> list[Problem]:

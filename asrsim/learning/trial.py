@@ -14,6 +14,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from asrsim.quantities import shown
 from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
 
@@ -57,7 +58,7 @@ class LearningProblem:
     def worst(self, trial: Trial) -> str:
         """Largest error of a trial with its unit, as text."""
         unit = self.units[int(np.argmax(trial.largest))] if self.units else "rad"
-        return f"{trial.worst:.4g} {unit}"
+        return shown(trial.worst, unit, 4)
 
     def worst_place(self, trial: Trial) -> str:
         """Joint and time of the largest error, as text."""
@@ -234,7 +235,7 @@ def verdict(problem: LearningProblem, trials: Sequence[Trial], settings: Learnin
     if last.worst <= settings.tolerance:
         return "converged", (
             f"converged after {last.number} iterations: the largest error, {problem.worst(last)}, is within "
-            f"{settings.tolerance:g} {problem.unit} in every joint"
+            f"{shown(settings.tolerance, problem.unit, 6)} in every joint"
         )
     given_up = law.verdict(trials, settings.patience)
     if given_up is not None:
@@ -243,6 +244,6 @@ def verdict(problem: LearningProblem, trials: Sequence[Trial], settings: Learnin
         best = best_of(trials)
         return "exhausted", (
             f"not converged after {last.number} iterations: {problem.worst_place(best)} is still {problem.worst(best)} off "
-            f"in the best trial, number {best.number}; tolerance {settings.tolerance:g} {problem.unit}"
+            f"in the best trial, number {best.number}; tolerance {shown(settings.tolerance, problem.unit, 6)}"
         )
     return None

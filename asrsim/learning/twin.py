@@ -58,9 +58,40 @@ class LearningTwin:
     likely: tuple[Plant, ...] = field(repr=False)
     """Plants drawn from the posterior."""
 
+    def unexplained(self, best: Trial, trials: Sequence[Trial]) -> Unexplained:
+        """What this twin does not explain of recorded trials."""
+        forecast, others = _forecast(self.plant, best), [trial for trial in trials if trial is not best]
+        return Unexplained(
+            most=largest(best.outputs - self.plant.outputs(best.inputs)),
+            misses=tuple((largest(t.outputs - best.outputs), largest(t.outputs - forecast(t.inputs))) for t in others),
+        )
+
     def forecasts(self, best: Trial) -> list[Forecast]:
         """Predictions by the twin and by each likely plant: the best trial's outputs plus the change of the plant's outputs."""
         return [_forecast(plant, best) for plant in (self.plant, *self.likely)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unexplained:
+    """What a twin does not explain of recorded motions, rad. Predictions assume that it stays as in the best trial."""
+
+    most: float
+    """Largest difference between the best trial and the twin's motion."""
+    misses: tuple[tuple[float, float], ...]
+    """Pairs of the largest distance of another trial from the best trial, and the largest error of its prediction."""
+
+    def of_change(self, size: float) -> float:
+        """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.
+
+        What is not explained changes at most by itself, at most by the predicted change, and at most by the error of the
+        prediction of a recorded trial that differs as much.
+        """
+        return min(size, self.most, *(miss for distance, miss in self.misses if distance >= size))
+
+
+def largest(values: Array) -> float:
+    """Largest magnitude; infinite if a value is not finite."""
+    return float(np.abs(values).max()) if np.isfinite(values).all() else np.inf
 
 
 def _forecast(plant: Plant, best: Trial) -> Forecast:

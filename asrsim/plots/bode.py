@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.metrics.frequency import CONFIDENCE
 from asrsim.plots import style
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRUSTED = 0.5
-"""Coherence below which a point is drawn faint and does not set the limits of the axes."""
+"""Coherence below which a curve is dotted and has no confidence band."""
+DOUBTFUL = (0, (1.0, 1.2))
+"""Dash pattern of a curve where the coherence is low."""
 NARROWEST = 3.0, 20.0
 """Smallest ranges of the gain axis (dB) and the phase axis (degrees), so that negligible differences look small."""
 
@@ -37,14 +40,8 @@ def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
 
 def pair_in_words(given: str | None, output: str | None) -> str:
     """Input and output of a frequency response in words, for a title."""
-    output, given = (_in_words(text) for text in (output or OUTPUT, given or "its reference"))
+    output, given = (style.in_words(text) for text in (output or OUTPUT, given or "its reference"))
     return f"{output} to {given}"
-
-
-def _in_words(series: str) -> str:
-    """Name of a series in words, such as `link torque of elbow_1` for `elbow_1.link_torque`."""
-    joint, _, quantity = series.rpartition(".")
-    return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
@@ -69,6 +66,9 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
         text += "" if one.response.moves else "\n(does not move)"
         look: dict[str, Any] = {"color": _colour(one, several=several), "linewidth": 0.9 if one.experiment else 1.6}
         handles.append(Line2D([], [], label=text, **look))
+    if any((one.response.coherence < TRUSTED).any() for one in moving):
+        look = {"color": style.GREY, "linewidth": 0.9, "linestyle": DOUBTFUL}
+        handles.append(Line2D([], [], label=f"coherence\nbelow {TRUSTED:g}", **look))
     if any(one.response.resonance for one in moving):
         handles.append(Line2D([], [], marker="o", ms=3.5, linestyle="", color=style.GREY, label="resonance"))
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
@@ -102,11 +102,13 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         ):
             below, above = margin
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
+            # The whole band is drawn; where little of the output is explained, the line is dotted.
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
-            ax.plot(result.frequency, np.where(trusted, np.nan, values), **{**look, "linewidth": 0.6, "alpha": 0.35})
+            if not trusted.all():
+                ax.plot(result.frequency, values, **{**look, "linewidth": 0.9, "linestyle": DOUBTFUL}, zorder=1.9)
         coherence.plot(result.frequency, result.coherence, color=look["color"], linewidth=0.9)
-        levels.append(level[trusted])
-        angles.append(result.phase[trusted])
+        levels.append(_shown(level, trusted, NARROWEST[0]))
+        angles.append(_shown(result.phase, trusted, NARROWEST[1]))
         if result.resonance is not None:
             gain.plot(result.resonance[0], 20 * math.log10(result.resonance[1]), "o", ms=3.5, color=look["color"], zorder=4)
     for ax, parts, least in ((gain, levels, NARROWEST[0]), (phase, angles, NARROWEST[1])):
@@ -122,6 +124,15 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
     phase.set_ylabel("phase (°)")
     coherence.set_ylim(0.0, 1.05)
     coherence.set_ylabel("coherence")
+
+
+def _shown(values: Array, trusted: NDArray[np.bool_], least: float) -> Array:
+    """Values that set the limits of the axis: all, but those of low coherence no farther out than the range of the others."""
+    if trusted.all() or not trusted.any():
+        return values
+    low, high = float(values[trusted].min()), float(values[trusted].max())
+    room = max(high - low, 2.0 * least)
+    return np.clip(values, low - room, high + room)
 
 
 def label_frequencies(axes: Axes, start: float, end: float) -> None:

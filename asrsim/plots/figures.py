@@ -28,7 +28,6 @@ from asrsim.plots.panels import (
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PER_PAGE = 3
@@ -120,7 +119,7 @@ def grid_figure(
         for c, joint in enumerate(joints):
             shown |= dict.fromkeys(draw_panel(axes[r, c], panel, runs, joint))
             if not content(panel, runs, joint):
-                _empty(axes[r, c])
+                style.empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
         # With several runs and a single quantity, the axis label names the quantity: leave the quantity out of the legend.
         names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
@@ -163,13 +162,6 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
     legend(axes[0, -1], [name for name in (*panel.of_any(several=several), LIMIT) if name in shown], several=several)
     figure_title(figure, runs, "all joints", (1, 1))
     return figure
-
-
-def _empty(axes: Axes) -> None:
-    axes.set_ylabel("")
-    axes.set_yticks([])
-    axes.grid(False)
-    axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=style.GREY)
 
 
 def joint_title(joint: JointInfo) -> str:

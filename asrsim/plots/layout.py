@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots import style
-from asrsim.plots.legends import variant_rows, variants
+from asrsim.plots.legends import variant_columns, variants
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,13 +35,15 @@ class PanelGrid:
     right: float = style.LEGEND_WIDTH
     """Width of the legends at the right, inch."""
     gap_x: float = GAP_X
+    left: float = LEFT
+    """Space for the labels left of the first column, inch."""
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
         """Figure and its axes (rows, columns), with the legend of variants below."""
         from asrsim.plots.ticks import TICKS, AggFigure
 
-        width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
-        foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
+        width = self.left + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
+        foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_columns(labels, width)) if len(labels) > 1 else 0.0)
         inner = sum(self.heights) + (len(self.heights) - 1) * self.gap_y
         height = HEAD + self.title + inner + foot
         figure = AggFigure(width, height)
@@ -50,7 +52,7 @@ class PanelGrid:
             len(self.heights), self.columns, squeeze=False, **more,
             gridspec_kw={
                 "height_ratios": list(self.heights), "hspace": self.gap_y / mean, "wspace": self.gap_x / self.width,
-                "left": LEFT / width, "right": 1 - self.right / width, "bottom": foot / height,
+                "left": self.left / width, "right": 1 - self.right / width, "bottom": foot / height,
                 "top": 1 - (HEAD + self.title) / height,
             },
         )  # fmt: skip

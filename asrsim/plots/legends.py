@@ -48,14 +48,14 @@ LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
 """Dash pattern of limit lines, in points."""
 
 
-def variant_rows(labels: Sequence[str], width: float) -> int:
+def variant_columns(labels: Sequence[str], width: float) -> int:
     """Number of columns in the legend of variants, for a figure of this width (inch)."""
     longest = max((len(label) for label in labels), default=1)
     return max(1, min(len(labels), int(width / (0.085 * longest + 0.7))))
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """Draw a legend of variants and their colours below the panels if there are several variants."""
+    """Draw a legend of variants and their colours below the panels if there are several variants. It reads by rows."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:
@@ -64,8 +64,9 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
         Line2D([], [], color=style.variant_colour(number), linewidth=2.4, label=style.plain(label))
         for number, label in enumerate(labels)
     ]
-    columns = variant_rows(labels, figure.get_figwidth())
-    figure.legend(handles=handles, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
+    columns = variant_columns(labels, figure.get_figwidth())
+    by_columns = [handle for first in range(columns) for handle in handles[first::columns]]
+    figure.legend(handles=by_columns, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
 
 
 # Plain letters instead of mathtext: its parser would take a sixth of the drawing time.

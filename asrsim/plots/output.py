@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,18 +81,3 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
             figure.savefig(stream, format=kind, metadata=METADATA[kind], **more)
         paths.append(path)
     return paths
-
-
-def save_pairs(path: Path, rows: int, draw: Callable[[int, Any, Any], None]) -> list[Path]:
-    """Write a picture with two axes over time in each row. draw: function that draws a row, given its number and its axes.
-    Raises OutputError."""
-    with styled(mathematics=False):
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(10.0, 1.2 + 1.8 * rows), layout="constrained")
-        axes = figure.subplots(rows, 2, squeeze=False, sharex=True)
-        for row, pair in enumerate(axes):
-            draw(row, *pair)
-        for axis in axes[-1]:
-            axis.set_xlabel("time [s]")
-        return save_figure(figure, path.parent, path.stem, ("png",))

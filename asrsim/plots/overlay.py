@@ -15,6 +15,7 @@ from asrsim.plots.layout import PanelGrid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.quantities import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +114,7 @@ def draw_difference(
             share = f" ({100 * pair.nrmse:.{0 if pair.nrmse >= 0.1 else 1}f} %)" if math.isfinite(pair.nrmse) else ""
             axes.text(
                 1.0 - 0.3 * (min(len(found), SHOWN) - 1 - place), 1.02,
-                f"{'' if place else 'RMSE '}{pair.rmse:.3g} {unit}{share}", transform=axes.transAxes, ha="right", va="bottom",
+                f"{'' if place else 'RMSE '}{shown(pair.rmse, unit)}{share}", transform=axes.transAxes, ha="right", va="bottom",
                 fontsize=7.5, color=colour if len(compared) > 1 else style.GREY,
             )  # fmt: skip
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)

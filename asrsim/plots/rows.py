@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from asrsim.metrics import MetricRow
+from asrsim.quantities import shown
 
 _NOTHING = 1e-12
 """Differences up to this size are rounding errors between equal numbers."""
@@ -53,4 +54,4 @@ def _cell(row: MetricRow) -> str:
     if not math.isfinite(row.value):
         return "-"
     value = row.value if abs(row.value) > _NOTHING else 0.0
-    return f"{value:.4g} {row.unit}".rstrip()
+    return shown(value, row.unit, 4)

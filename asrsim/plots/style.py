@@ -7,11 +7,14 @@ several runs a colour marks the run, and a line style the quantity.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from asrsim.plots.curves import KNOWN
 from asrsim.quantities import linear_unit
 from asrsim.samples import JointInfo
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#707070", "#b8b8b8"
 ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#a39700"
@@ -71,8 +74,8 @@ COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """Width of a column, height of a row, width of the legends, inch."""
 DPI = 150
 """Resolution of a picture, dots per inch."""
-WIDTH = 1.25
-"""Line width, pt."""
+WIDTH, WIDE = 1.25, 2.6
+"""Width of a line, and of a reference or recording under other lines, pt."""
 
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -184,6 +187,21 @@ def has_adjuster(joint: JointInfo) -> bool:
 def plain(text: str) -> str:
     """Name from a file with dollar signs escaped, which Matplotlib would read as mathematics."""
     return text.replace("$", r"\$")
+
+
+def in_words(key: str) -> str:
+    """Key or result in words: `stiffness preset of joint_1` for `references.joint_1.stiffness_preset`."""
+    owner, _, last = key.rpartition(".")
+    owner = owner.removeprefix("references.").removeprefix("parameters.")
+    return last.replace("_", " ") + (f" of {owner}" if owner else "")
+
+
+def empty(axes: Axes) -> None:
+    """Say in axes without curves that nothing was recorded."""
+    axes.set_ylabel("")
+    axes.set_yticks([])
+    axes.grid(False)
+    axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=GREY)
 
 
 def axis_label(words: str, unit_text: str) -> str:

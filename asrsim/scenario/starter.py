@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from asrsim.document.kinds import File, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.errors import OutputError, Problem, RobotError
+from asrsim.errors import OutputError, Problem, RobotError, ScenarioError
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
@@ -158,15 +159,15 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     """
     joint = robot.joint(block.joint)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
-    bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
-    low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
+    lower, upper = joint.stops
+    low, high = max(lower, min(-10.0, upper - 20.0)), min(upper, max(10.0, lower + 20.0))
     margin = min(size, 0.25 * (high - low))
     start = min(max(0.0, low + margin), high - margin)
     start = _rounded(start, 3) if low < _rounded(start, 3) < high else start
     # A soft joint without damping swings to twice its step, which must not reach a stop.
     up, down = high - start, start - low
     step = min(size, LARGEST_SHARE * max(up, down))
-    target = _rounded(start + (step if up > 2.0 * size or up >= down else -step))
+    target = min(max(_rounded(start + (step if up > 2.0 * size or up >= down else -step)), low), high)
     return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 
@@ -238,6 +239,14 @@ class Starter:
             )
         return yaml_text(*self.data(), heading)
 
+    def scenarios(self, folder: Path) -> Iterator[Scenario]:
+        """Variants of the scenario, for a file in `folder`."""
+        data, _ = self.data()
+        for variant in data.get("variants", {"default": {}}).values():
+            changes = variant.get("references", {})
+            references = {joint: {**own, **changes.get(joint, {})} for joint, own in data["references"].items()}
+            yield scenario_of({**data, "references": references}, self.robot, folder)
+
     def scenario(self, folder: Path) -> Scenario:
         """Scenario without its variants, for a file in `folder`."""
         return scenario_of(self.data()[0], self.robot, folder)
@@ -303,7 +312,7 @@ def write_starter(
         notes = [problem for problem in notes if problem.key != loaded.name]
     lasts, damped = calming(starter.scenario(out.parent), starter.robot)
     if damped:
-        message = f"its joints have too little damping, so the arm would oscillate for {lasts:.2g} s after a step"
+        message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
         hint = "`link_damping` in the scenario damps it" if given else f"`link_damping: {damped}` would damp it"
         notes.append(Problem(message, file=robot, hint=hint, code="swings-on"))
     held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
@@ -312,6 +321,7 @@ def write_starter(
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
         at_rest=bool(given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
     )
+    starter = _runnable(starter, out.parent)
     schema = out.parent / SCHEMA_FILE
     check_output(out, "schema", inputs=[robot], replace=True)
     check_output(schema, "schema")
@@ -328,6 +338,27 @@ def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
         if rotor and MODES[block.mode].motor and block.joint in starter.given:
             found[block.joint] = {f"motor_{i}_inertia": _rounded(rotor / motors) for i in range(1, motors + 1)}
     return found
+
+
+def _runnable(starter: Starter, folder: Path) -> Starter:
+    """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
+    from asrsim.simulation.prepare import prepare
+
+    try:
+        for scenario in starter.scenarios(folder):
+            prepare(scenario)
+    except ScenarioError:
+        if not starter.at_rest:
+            raise
+        return _runnable(replace(starter, at_rest=False), folder)
+    return starter
+
+
+def _lasting(seconds: float) -> str:
+    """Duration of an oscillation as text."""
+    if seconds < 100.0:
+        return f"for {seconds:.2g} s"
+    return "for minutes" if seconds < 3600.0 else "for hours" if math.isfinite(seconds) else "without end"
 
 
 def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:

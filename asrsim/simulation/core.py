@@ -31,6 +31,10 @@ SECONDS_WHEN_LOADED = 0.05
 """Time in s to load the compiled kernel if Numba is already imported."""
 
 
+UNOBSERVED = np.zeros((0, 0, 0, 0)), np.zeros(2), np.zeros((3, 0), dtype=np.int64)
+"""Observer that corrects nothing."""
+
+
 def is_worth_compiling(joints: int, substeps: int) -> bool:
     """Whether compiled code saves more time than loading it takes. substeps: total number of motor substeps in all runs."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD
@@ -87,6 +91,8 @@ class Core:
         """Number of completed substeps of each world, (worlds,)."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """Health of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`) and number of the joint at fault, (worlds, 2)."""
+        self.observer: tuple[NDArray[Any], ...] = UNOBSERVED
+        """Arguments `measured`, `gains` and `coordinates` of the kernel's `observe`."""
         self._pieces = 1
         """Largest number of pieces of a kick so far."""
         self._states: Array | None = None
@@ -220,7 +226,7 @@ class Core:
         self._run(
             which, first, count, self.prepared.resolution.substeps, self._watched, self.done, self.fault, self.S, self.P,
             self._kinds, self._z, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given, exchange,
-            bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows,
+            bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows, *self.observer,
         )  # fmt: skip
         bound.give_back(record)
 
@@ -236,7 +242,7 @@ class Core:
                 [(0, *places)], first, count, self.prepared.resolution.substeps, self._watched, self.done[own],
                 self.fault[own], [state], [self.P[world].tolist()], self._kinds, self._z.tolist(), [None], *given,
                 exchange.data, bound.step, 0, self.columns.of_state.tolist(), self.columns.of_inputs.tolist(), out.data,
-                self.rows[own].data,
+                self.rows[own].data, *UNOBSERVED,
             )  # fmt: skip
         finally:
             self.S[world] = state

@@ -174,7 +174,8 @@ FULL = 1.0 - 1e-9
 def run(
     which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
     kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, lengths: Any, cuts: Any,
-    exchange: Any, engine: int, record: int, columns: Any, goals: Any, out: Any, last_rows: Any,
+    exchange: Any, engine: int, record: int, columns: Any, goals: Any, out: Any, last_rows: Any, measured: Any, gains: Any,
+    coordinates: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
@@ -186,7 +187,7 @@ def run(
     wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 5) shared with the engine;
     engine: address of the engine's step function, which receives `record`; columns, goals: recorded columns of S and of the
     references; out: recorded values (m, rows, joints, columns of S and of the references); last_rows: last recorded row of each
-    world (worlds, joints, ...).
+    world (worlds, joints, ...); measured, gains, coordinates: see `observe`, empty without an observer.
     """
     for chosen in range(len(which)):
         w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
@@ -200,6 +201,8 @@ def run(
                 break
             substep = done[w]
             asked = substep % every == 0
+            if asked and len(measured) > 0:
+                observe(s_all, kinds, z, x, measured[place], substep // every, gains, coordinates)
             jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
             begin, end, on_time = step, step + 1, step
             if jumped:
@@ -275,6 +278,38 @@ def run(
         for j in range(len(kinds) if kept else 0):
             for c in range(len(columns) + len(goals)):
                 last_rows[w, j, c] = out[place, kept - 1, j, c]
+
+
+def observe(
+    s_all: Any, kinds: Any, z: Any, x: Any, measured: Any, step: int, gains: Any, coordinates: Any
+) -> None:  # fmt: skip
+    """Move positions and velocities towards measured positions, and replace these by the errors before the correction.
+
+    measured: positions (steps, joints, 1 + motors) of links and motors at whole steps; NaN: not measured. gains: change of the
+    position and of the velocity (1/s) per error. coordinates: indices (3, joints) of position, velocity and previous velocity
+    of each link in the engine's state x.
+    """
+    for j in range(len(kinds)):
+        s = row(s_all, j)
+        for c in range(measured.shape[2]):
+            m = FIRST_MOTOR + (c - 1) * PER_MOTOR
+            place = s[POSITION] if c == 0 else s[m + MOTOR_POSITION] + z[FIRST_DRIFT] * z[STEP] * s[m + MOTOR_VELOCITY]
+            error = measured[step, j, c] - place
+            measured[step, j, c] = error
+            if not abs(error) < ENDLESS:
+                continue
+            near, fast = gains[0] * error, gains[1] * error
+            if c > 0:
+                s[m + MOTOR_POSITION] += near
+                s[m + MOTOR_VELOCITY] += fast
+                s[m + ANCHOR] += near
+                continue
+            s[POSITION] += near
+            s[ENGINE_VELOCITY] += fast
+            s[LAST_ENGINE_VELOCITY] += fast
+            x[coordinates[0, j]] += near
+            x[coordinates[1, j]] += fast
+            x[coordinates[2, j]] += fast
 
 
 def _clear_means(s: Any) -> None:

@@ -25,6 +25,7 @@ def compiled_run() -> Any:
     example = (
         whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
         floats[4], floats[4], floats[2], whole[3], floats[3], 1, 1, whole[1], whole[1], floats[4], floats[3],
+        floats[4], floats[1], whole[2],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 

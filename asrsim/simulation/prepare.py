@@ -31,6 +31,7 @@ from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives,
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
+from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
@@ -313,6 +314,7 @@ def prepare(
             *warnings,
             *engine_warnings,
             *undersampled(scenario, resolution.substeps),
+            *resonance_doubts(scenario, drives, model, resolution),
         ),
         _spare=[engine],
     )

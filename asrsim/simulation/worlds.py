@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.engines.base import Engine
+from asrsim.engines.rigid import RigidEngine
 from asrsim.errors import InputError, SimulationError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.core import make_core
+from asrsim.simulation.core import UNOBSERVED, make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
@@ -31,6 +32,17 @@ from asrsim.simulation.quantities import WATCHED, RowColumns
 
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observer:
+    """Corrections of simulated positions and velocities by measured positions, for several worlds."""
+
+    measured: Array
+    """Positions of links and motors at whole steps from 0 on, (worlds, steps, joints, 1 + motors); NaN: not measured. After a
+    rollout, the errors before the corrections: measured minus simulated."""
+    gains: tuple[float, float]
+    """Change of the position, and of the velocity in 1/s, per error."""
 
 
 class World(NamedTuple):
@@ -405,9 +417,15 @@ class Worlds:
 
     # -- whole runs -------------------------------------------------------------------------------------------------
 
+    @property
+    def observes(self) -> bool:
+        """Whether `rollout` can correct the worlds by measured positions: the whole loop is machine code."""
+        return self.core.native and isinstance(self.core.engine_of(0), RigidEngine)
+
     def rollout(
-        self, names: Sequence[str], *, start: Start | Sequence[Start] | None = None, steps: int | None = None
-    ) -> dict[str, Array]:
+        self, names: Sequence[str], *, start: Start | Sequence[Start] | None = None, steps: int | None = None,
+        observer: Observer | None = None,
+    ) -> dict[str, Array]:  # fmt: skip
         """Run worlds from their start. Returns quantities by name, (worlds, steps + 1, n), at all steps from 0 on.
 
         Values are NaN where a joint does not record a quantity, and after a world has diverged.
@@ -416,9 +434,11 @@ class Worlds:
             names: Quantities to return.
             start: Start of one world, or of several worlds, at most N; None: one world that starts as the scenario states.
             steps: Number of steps; None: those of the scenario.
+            observer: Observer that corrects the worlds by measured positions; see `observes`.
 
         Raises:
             InputError: A name or value is wrong.
+            SimulationError: The worlds cannot be observed.
             RobotError: Parameters are not physical.
         """
         starts = list(start) if isinstance(start, Sequence) else [start or Start()]
@@ -426,7 +446,16 @@ class Worlds:
             raise InputError(f"there are {self.count} worlds", key="start", value=len(starts), code="worlds")
         numbers = np.arange(len(starts))
         self.reset(starts, worlds=numbers)
-        return self.record(names, steps=steps, worlds=numbers)
+        if observer is None:
+            return self.record(names, steps=steps, worlds=numbers)
+        engine = self.core.engine_of(0)
+        if not (self.core.native and isinstance(engine, RigidEngine)):
+            raise SimulationError("an observer needs an engine without contacts and with a compiled step")
+        self.core.observer = observer.measured, np.array(observer.gains), engine.coordinates
+        try:
+            return self.record(names, steps=steps, worlds=numbers)
+        finally:
+            self.core.observer = UNOBSERVED
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
         """Quantities of a run of the worlds from their start; see `rollout`."""

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.plots.output import save_figure, styled
+from asrsim.plots import style
+from asrsim.plots.chart import Chart, Line
+from asrsim.plots.charts import save_charts
 from asrsim.sweeps.sensitivity import influences, numeric_keys
 from asrsim.sweeps.show import chosen_results, varying
 from asrsim.sweeps.table import Table
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 MOST = 6
 """Largest number of results in a picture."""
-CELL = 4.4, 3.1
-"""Width and height of a panel, inch."""
 LINES = 8
-"""Largest number of lines in a panel."""
+"""Largest number of lines in a chart."""
 POINTS = 5000
 """Largest number of runs drawn as points."""
+KEYS = 10
+"""Largest number of keys in a chart of influences."""
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
@@ -32,96 +29,99 @@ def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
     Raises OutputError, InputError.
     """
     chosen = chosen_results(table, results, MOST)
-    with styled(mathematics=False):
-        return [
-            path for name, figure in figures(table, chosen).items() for path in save_figure(figure, table.folder, name, ["png"])
-        ]
+    title = study_title(table, chosen)
+    return [
+        path
+        for name, charts in study_charts(table, chosen).items()
+        for path in save_charts(table.folder / f"{name}.png", in_rows(charts), title=title, width=3.9, height=2.1)
+    ]
 
 
-def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
-    """Figures by name; call this function inside `asrsim.plots.output.styled`."""
-    keys = numeric_keys(table)
-    panels: dict[str, tuple[Sequence[str], Callable[[Table, str, Axes], None]]] = {
-        "results": (results if keys else (), _over_key),
-        "sensitivity": ([name for name in results if influences(table, name)] if len(keys) > 1 else (), _tornado),
-    }
-    return {name: _panels(table, names, draw) for name, (names, draw) in panels.items() if names}
+def in_rows(charts: Sequence[Chart]) -> list[Sequence[Chart]]:
+    """Rows of two charts each."""
+    return [charts[first : first + 2] for first in range(0, len(charts), 2)]
 
 
-def _panels(table: Table, names: Sequence[str], draw: Callable[[Table, str, Axes], None]) -> Figure:
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import ScalarFormatter
-
-    from asrsim.plots.ticks import TICKS
-
-    columns = min(len(names), 2)
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
+def study_title(table: Table, results: Sequence[str]) -> str:
+    """Title of the pictures: name of the study, and how many of its results they show."""
     every = len(varying(table))
-    left = f" · {len(names)} of {every} results (others: --result)" if len(names) == MOST < every else ""
-    figure.suptitle(f"{table.study.name}{left}", x=0.01, ha="left")
-    for place, name in enumerate(names, start=1):
-        axes = figure.add_subplot(rows, columns, place)
-        axes.margins(0.03, 0.06)
-        draw(table, name, axes)
-        # Limit the number of tick labels, so that long labels do not overlap.
-        axes.locator_params(axis="x", nbins=5)
-        for axis in (axes.xaxis, axes.yaxis):
-            if isinstance(axis.get_major_formatter(), ScalarFormatter):
-                axis.set_major_formatter(TICKS)
-    # All panels share one legend.
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), fontsize="x-small")
-    return figure
+    left = f" · {len(results)} of {every} results (others: --result)" if len(results) == MOST < every else ""
+    return f"{table.study.name}{left}"
 
 
-def _label(table: Table, name: str) -> str:
-    """Name and unit of a key or result."""
-    unit = table.unit(name).replace("N m", "N·m").removeprefix("1")
-    return f"{name} ({unit})" if unit else name
+def study_charts(table: Table, results: Sequence[str]) -> dict[str, list[Chart]]:
+    """Charts by picture: results over the keys, and influences of the keys, for those that the study has."""
+    keys = numeric_keys(table)
+    kinds: dict[str, tuple[Sequence[str], Callable[[Table, str], Chart]]] = {
+        "results": (results if keys else (), over_key),
+        "sensitivity": ([name for name in results if influences(table, name)] if len(keys) > 1 else (), influence_chart),
+    }
+    return {name: [draw(table, one) for one in names] for name, (names, draw) in kinds.items() if names}
 
 
-def _over_key(table: Table, result: str, axes: Axes) -> None:
-    """Plot a result over a key: lines over the grid axis with most values, or points over the most influential drawn key."""
-    from matplotlib import colormaps
+def unit_of(table: Table, name: str) -> str:
+    """Unit of a key or result, as pictures write it."""
+    return table.unit(name).replace("N m", "N·m").removeprefix("1")
 
+
+def over_key(table: Table, result: str) -> Chart:
+    """Chart of a result over a key: lines over the grid axis with most values, or points over the most influential drawn
+    key.
+    """
     numeric, variants = numeric_keys(table), table["variant"].astype(str)
     grid = [axis.keys[0] for axis, _ in table.study.listed if axis.keys[0] in numeric]
-    style: dict[str, Any]
-    if table.study.groups or not grid:
+    drawn = bool(table.study.groups) or not grid
+    if drawn:
         moved = influences(table, result)
         key = moved[0].key if moved else numeric[0]
-        labels, style = variants, {"linestyle": "none", "markersize": 3, "alpha": 0.5}
+        labels = variants
     else:
         key, *others = sorted(grid, key=lambda name: -len(np.unique(table[name])))
-        parts = [[f"{'.'.join(name.split('.')[-2:])} = {number:.4g}" for number in table[name]] for name in others]
+        parts = [[_fixed(table, name, number) for number in table[name]] for name in others]
         several = [variants] if len(table.study.variants) > 1 or not parts else []
-        labels = np.array([", ".join(words) for words in zip(*several, *parts, strict=True)])
-        style = {"linestyle": "-"}
+        labels = np.array(["\n".join(words) for words in zip(*several, *parts, strict=True)])
     names = list(dict.fromkeys(labels.tolist()))
-    shades = colormaps["viridis"](np.linspace(0.0, 0.85, min(len(names), LINES)))
-    for name, shade in zip(names[:LINES], shades, strict=True):
+    lines = []
+    for number, name in enumerate(names[:LINES]):
         mine = np.flatnonzero(labels == name)
         mine = mine[:: 1 + len(mine) // POINTS]
         mine = mine[np.argsort(table[key][mine], kind="stable")]
-        axes.plot(table[key][mine], table[result][mine], marker=".", color=shade, label=name, **style)
+        lines.append(
+            Line(
+                label=name, x=table[key][mine], y=table[result][mine], colour=style.variant_colour(number),
+                kind="points" if drawn else "both", opacity=0.5 if drawn else 1.0,
+            )
+        )  # fmt: skip
     if len(names) > LINES:
-        axes.plot([], [], " ", label=f"{LINES} of {len(names)} lines")
+        lines.append(Line(label=f"({LINES} of {len(names)} lines)", x=np.empty(0), y=np.empty(0), colour="none"))
     # Show all values of the key, including those where the result is undefined.
     low, high = float(table[key].min()), float(table[key].max())
-    axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
-    axes.set(xlabel=_label(table, key), ylabel=_label(table, result))
+    room = 0.03 * (high - low)
+    return Chart(
+        words=style.in_words(result), unit=unit_of(table, result), across=style.in_words(key), across_unit=unit_of(table, key),
+        lines=lines, reach=(low - room, high + room),
+    )  # fmt: skip
 
 
-def _tornado(table: Table, result: str, axes: Axes) -> None:
-    """Draw the mean of the result over the runs in the lowest and in the highest fifth of each key."""
-    found = influences(table, result)[:10][::-1]
-    middle = float(np.nanmean(table[result]))
-    places = np.arange(len(found))
-    for up, end, label in ((0.15, "low", "key in its lowest fifth"), (-0.15, "high", "in its highest")):
-        moved = [getattr(one, end) - middle for one in found]
-        axes.barh(places + up, moved, left=middle, height=0.3, color=f"C{int(up > 0.0)}", label=label)
-    axes.set_yticks(places, [f"{one.key}\n{one.sobol}" if one.sobol else one.key for one in found], fontsize="x-small")
-    axes.axvline(middle, color="black", linewidth=0.8)
-    axes.set(xlabel=f"mean of {_label(table, result)}")
+def _fixed(table: Table, key: str, number: float) -> str:
+    return f"{style.in_words(key)}\n= {number:.4g} {unit_of(table, key)}".rstrip()
+
+
+def influence_chart(table: Table, result: str) -> Chart:
+    """Chart of the mean of a result over the runs in the lowest and in the highest fifth of each key."""
+    found = influences(table, result)[:KEYS]
+    places = np.arange(float(len(found)))
+    ends = {"key in its\nlowest fifth": ("low", style.BLUE), "key in its\nhighest fifth": ("high", style.VERMILION)}
+    lines = [
+        Line(label=label, x=np.array([getattr(one, end) for one in found]), y=places, colour=colour, kind="points")
+        for label, (end, colour) in ends.items()
+    ]
+    joined = [
+        Line(label="", x=np.array([one.low, one.high]), y=np.full(2, place), colour=style.LIGHT, width=1.6)
+        for one, place in zip(found, places, strict=True)
+    ]
+    names = [f"{style.in_words(one.key)}\n{one.sobol}" if one.sobol else style.in_words(one.key) for one in found]
+    return Chart(
+        words="", across=f"mean {style.in_words(result)}", across_unit=unit_of(table, result), lines=[*joined, *lines],
+        places=names, mark=float(np.nanmean(table[result])),
+    )  # fmt: skip

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
-from asrsim.plots.output import save_pairs
+from asrsim.plots import style
+from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.charts import save_charts
 from asrsim.quantities import linear_unit
 from asrsim.recordings import read_recording, resample
 from asrsim.samples import Array
@@ -40,6 +42,8 @@ UNITS = {"external_torque": "N m", "stiffness": "N m/rad", "residual": "rad"}
 class Followed:
     """Estimates of a twin over a recording; arrays are (n, joints), see `asrsim.twin.TwinStep`."""
 
+    name: str
+    """Name of the scenario."""
     joints: tuple[str, ...]
     units: Mapping[str, tuple[str, ...]]
     """Units of each joint's values, by field of `UNITS`."""
@@ -142,7 +146,7 @@ def follow(
     slides = [drive.joint.kind == "prismatic" for drive in ready.drives]
     units = {field: tuple(linear_unit(unit) if sliding else unit for sliding in slides) for field, unit in UNITS.items()}
     return Followed(
-        joints=tuple(names), units=units, time=time[: len(rows)],
+        name=ready.scenario.name, joints=tuple(names), units=units, time=time[: len(rows)],
         notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
         **{**table, "alarm": table["alarm"] == 1.0},
     )  # fmt: skip
@@ -193,17 +197,30 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
     path = make_folder(folder) / "twin.csv"
     write_text(path, f"{MARK}\n{csv_text(headings, np.column_stack(columns))}", "twin")
 
-    def draw(j: int, left: Any, right: Any) -> None:
-        torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
-        left.fill_between(found.time, -limit, limit, color="0.92", linewidth=0.0, label="no alarm")
-        left.fill_between(found.time, -limit, limit, where=alarm, color="#d55e00", alpha=0.3, linewidth=0.0, label="alarm")
-        left.plot(found.time, torque, linewidth=0.9)
-        most = 1.1 * np.nanmax([*np.abs(torque), np.median(limit)])
-        left.set_ylim(-most, most)
-        left.set_ylabel(f"{found.joints[j]}\nexternal torque [{found.units['external_torque'][j]}]", fontsize="small")
-        left.legend(fontsize="x-small", loc="upper right")
-        right.plot(found.time, found.stiffness[:, j], linewidth=0.9)
-        right.set_ylabel(f"stiffness [{found.units['stiffness'][j]}]", fontsize="small")
-        right.set_ylim(bottom=0.0)
+    title = f"{found.name} · external torques found by the twin"
+    return [path, *(save_charts(folder / "twin.png", charts(found), title=title) if plot else [])]
 
-    return [path, *(save_pairs(folder / "twin.png", len(found.joints), draw) if plot else [])]
+
+def charts(found: Followed) -> list[list[Chart]]:
+    """Rows of charts, one for each joint: external torque with its threshold and alarms, and stiffness where it is known."""
+    rows = []
+    for j, joint in enumerate(found.joints):
+        torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
+        unit, stiff = (found.units[field][j].replace("N m", "N·m") for field in ("external_torque", "stiffness"))
+        bands = [
+            Band(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
+            Band(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),
+        ]
+        line = Line(label="external torque", x=found.time, y=torque, colour=style.SKY)
+        known = np.abs(torque[np.isfinite(torque)])
+        most = 1.1 * float(max(known.max(initial=0.0), np.nanmedian(limit))) or 1.0
+        stiffness = found.stiffness[:, j]
+        above = float(np.nanmax(stiffness, initial=0.0))
+        rows.append([
+            Chart(head=joint, words="external torque", unit=unit, lines=[line], bands=bands, span=(-most, most)),
+            Chart(
+                words="stiffness", unit=stiff, span=(0.0, 1.1 * above or 1.0),
+                lines=[Line(label="", x=found.time, y=stiffness, colour=style.colour("stiffness"))],
+            ),
+        ])  # fmt: skip
+    return rows

@@ -167,9 +167,10 @@ def _other(plant: Plant, number: int) -> Plant:
 
 
 def _figure(session: Session) -> Drawing:
-    from asrsim.learning.figure import learning_figure
+    from asrsim.learning.figure import learning_charts
+    from asrsim.plots.charts import chart_figure
 
-    return learning_figure(session.prepared.problem, session.result, session.prepared.settings)
+    return chart_figure(learning_charts(session.prepared.problem, session.result, session.prepared.settings), width=3.3)
 
 
 FIGURE = Figure(

@@ -272,3 +272,11 @@ def perturbed(arm, seed):
     spread = {"mass": 0.25, "spring_k_1": 0.25, "spring_stiffness": 0.25}
     spread |= dict.fromkeys(("damping", "friction", "motor_1_friction_torque"), 0.5)
     return replace(arm.scaled(lambda name: 1.0 + draw.uniform(-1.0, 1.0) * spread.get(name, 0.0)), delay=0.01)
+
+
+def differing(arm, seed):
+    """Robot whose masses, inertias, stiffnesses and losses are 15 to 40 % larger or smaller than those of its model."""
+    draw = np.random.default_rng([7, seed])
+    losses = ("damping", "friction", "motor_1_friction_torque", "motor_1_damping")
+    names = ("mass", "iyy", "spring_k_1", "spring_stiffness", *losses)
+    return arm.scaled(lambda name: 1.0 + draw.choice([-1.0, 1.0]) * draw.uniform(0.15, 0.4) if name in names else 1.0)

@@ -9,7 +9,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, zero_phase
 from asrsim.learning import learn as learn_by
-from asrsim.learning.figure import learning_figure
+from asrsim.learning.figure import learning_charts
 from asrsim.learning.state import State, load_state, motion_basis, save_state
 from asrsim.scenario.blocks import Learning
 from asrsim.signals.pieces import Constant
@@ -63,10 +63,12 @@ def test_errors_of_a_static_plant_shrink_by_one_minus_gain():
 
 def test_the_picture_of_learning_shows_the_best_trial_of_each_joint():
     result = learn(problem(), static_plant, settings(max_iterations=2))
-    lines = [line for axes in learning_figure(problem(), result, settings(), "").axes for line in axes.get_lines()]
-    for sign, values in (("$q$", result.best.outputs), (r"$\theta_{eq}$", result.best.inputs)):
-        ends = [line.get_ydata()[-1] for line in lines if line.get_label() == f"{sign}, best of all iterations"]
-        assert ends == values[-1].tolist()
+    rows = learning_charts(problem(), result, settings())
+    assert [charts[0].head for charts in rows] == list(problem().joints)
+    for column, (_, position, given) in enumerate(rows):
+        for chart, values in ((position, result.best.outputs), (given, result.best.inputs)):
+            (best,) = [line for line in chart.lines if "best trial" in line.label]
+            assert best.y[-1] == values[-1, column]
 
 
 def test_learning_that_makes_things_worse_stops_and_says_where():

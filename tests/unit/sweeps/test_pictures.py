@@ -5,9 +5,10 @@ import pytest
 
 import asrsim
 from asrsim.errors import InputError
+from asrsim.plots.charts import chart_figure
 from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
-from asrsim.sweeps.pictures import draw_sweep, figures
+from asrsim.sweeps.pictures import draw_sweep, in_rows, study_charts
 from asrsim.sweeps.sensitivity import influences
 from support.overlaps import overlapping
 from support.paths import ROOT
@@ -31,17 +32,16 @@ def test_results_are_drawn_over_the_key_with_most_values(tmp_path):
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
     )  # fmt: skip
     table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    with styled():
-        drawn = figures(table, ["joint_1.peak_deflection"])
-        axes = drawn["results"].axes[0]
-        assert "link_2.mass" in axes.get_xlabel()
-        assert axes.get_xlim() == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
-        for line in axes.lines:
-            assert axes.get_ylim()[0] <= np.min(line.get_ydata()) <= np.max(line.get_ydata()) <= axes.get_ylim()[1]
-        found = influences(table, "joint_1.peak_deflection")[::-1]
-        ends = [bar.get_x() + bar.get_width() for bar in drawn["sensitivity"].axes[0].patches]
-        assert ends == pytest.approx([*(one.low for one in found), *(one.high for one in found)])
-        assert len(set(ends)) == 4
+    charts = study_charts(table, ["joint_1.peak_deflection"])
+    (results,), (sensitivity,) = charts["results"], charts["sensitivity"]
+    assert results.across == "mass of link_2"
+    assert results.reach == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
+    assert all(line.x.tolist() == pytest.approx([0.3, 0.45, 0.6]) for line in results.lines)
+    found = influences(table, "joint_1.peak_deflection")
+    low, high = (line.x for line in sensitivity.lines if line.label)
+    assert low == pytest.approx([one.low for one in found])
+    assert high == pytest.approx([one.high for one in found])
+    assert len({*low, *high}) == 4
 
 
 @pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
@@ -50,8 +50,8 @@ def test_labels_of_numbers_of_any_size_do_not_overlap(table, monkeypatch, middle
     narrow = middle + width * np.linspace(-0.5, 0.5, len(table))
     monkeypatch.setattr(type(table), "__getitem__", lambda self, name: narrow if name in names else read(self, name))
     with styled():
-        for figure in figures(table, names).values():
-            assert overlapping(figure) == []
+        for charts in study_charts(table, names).values():
+            assert overlapping(chart_figure(in_rows(charts), width=3.9, height=2.1)) == []
 
 
 def test_rows_of_a_study_are_those_of_each_variant_in_turn(table):

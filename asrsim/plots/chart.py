@@ -1,0 +1,78 @@
+"""Charts: curves and bands as plain data, which a figure (`asrsim.plots.charts`) or a page (`asrsim.report`) draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.plots import style
+from asrsim.samples import Array
+
+Kind = Literal["line", "points", "both"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """Curve of a chart; NaN are gaps."""
+
+    label: str
+    """Name in the legend. Lines with the same label in one row of charts share an entry; an empty label has no entry."""
+    x: Array
+    y: Array
+    colour: str
+    width: float = style.WIDTH
+    """Width, pt."""
+    dash: int = 0
+    """Number of the line style, as in `style.LINE_STYLES`."""
+    kind: Kind = "line"
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """Shaded area between two curves."""
+
+    label: str
+    x: Array
+    low: Array
+    high: Array
+    colour: str
+    opacity: float = 0.2
+    where: NDArray[np.bool_] | None = None
+    """Points (n,) between which the area is shaded; None: everywhere."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chart:
+    """Axes with curves over a common quantity."""
+
+    words: str
+    """What the vertical axis shows, in words."""
+    unit: str = ""
+    head: str = ""
+    """Title above the axes, such as the joint to which the charts of a row belong."""
+    across: str = "time"
+    across_unit: str = "s"
+    lines: Sequence[Line] = ()
+    bands: Sequence[Band] = ()
+    logarithmic: str = ""
+    """Logarithmic axes: `x`, `y` or `xy`."""
+    span: tuple[float, float] | None = None
+    """Range of the vertical axis; None: that of the curves."""
+    reach: tuple[float, float] | None = None
+    """Range of the horizontal axis; None: that of the curves."""
+    note: str = ""
+    """Number to write into the axes."""
+    places: Sequence[str] = ()
+    """Names of the places 0, 1, ... of the vertical axis, from the top, instead of numbers."""
+    mark: float | None = None
+    """Value of the horizontal axis that a vertical line marks."""
+
+    @property
+    def empty(self) -> bool:
+        """Whether the chart has nothing to show."""
+        return not any(np.isfinite(line.y).any() for line in self.lines)

@@ -1,0 +1,68 @@
+"""Figures of charts."""
+
+import numpy as np
+import pytest
+
+from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.charts import chart_figure
+from asrsim.plots.legends import variants
+from asrsim.plots.output import styled
+from asrsim.quantities import shown
+
+TIME = np.linspace(0.0, 1.0, 20)
+
+
+def chart(words: str, values=TIME, label: str = "", **more) -> Chart:
+    return Chart(words=words, unit="rad", lines=[Line(label=label, x=TIME, y=values, colour="black")], **more)
+
+
+def test_a_column_without_values_is_left_out_and_an_empty_chart_says_so():
+    nothing = np.full(20, np.nan)
+    rows = [[chart("position"), chart("stiffness", nothing), chart("torque", nothing)],
+            [chart("position"), chart("stiffness", nothing), chart("torque")]]  # fmt: skip
+    with styled():
+        figure = chart_figure(rows)
+    assert [axes.get_ylabel() for axes in figure.axes] == ["position (rad)", "", "position (rad)", "torque (rad)"]
+    assert [text.get_text() for text in figure.axes[1].texts] == ["not recorded"]
+
+
+def test_a_legend_lies_outside_the_axes_and_inside_the_picture():
+    long = "a recording with a very long name of its own"
+    with styled():
+        figure = chart_figure(
+            [[chart("position", label=long, bands=[Band(label="held out", x=TIME, low=TIME, high=TIME, colour="r")])]]
+        )
+        figure.draw_without_rendering()
+        (axes,) = figure.axes
+        legend = axes.get_legend().get_window_extent()
+    assert legend.x0 > axes.get_window_extent().x1
+    assert legend.x1 < figure.bbox.x1
+
+
+def test_a_legend_is_not_repeated_below_the_same_legend():
+    rows = [[chart("a", label="one"), chart("b", label="two")]] * 2 + [[chart("a", label="one"), chart("b", label="three")]]
+    with styled():
+        figure = chart_figure(rows)
+    texts = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes if axes.get_legend()]
+    assert texts == [["one", "two"], ["one", "three"]]
+
+
+def test_the_legend_of_variants_reads_by_rows():
+    names = [f"a long name of variant {number}" for number in range(5)]
+    with styled():
+        figure = chart_figure([[chart("position")]])
+        variants(figure, names)
+        figure.draw_without_rendering()
+        boxes = {text.get_text(): text.get_window_extent() for text in figure.legends[0].get_texts()}
+    read = sorted(boxes, key=lambda name: (-round(boxes[name].y0), boxes[name].x0))
+    assert read == names
+    assert len({round(box.y0) for box in boxes.values()}) > 1
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(7.5e-5, "m", "0.075 mm"), (7.5e-6, "m", "7.5 µm"), (0.8, "rad", "0.8 rad"), (-2e-3, "N m", "-2 mN m"), (0.0, "m", "0 m"),
+     (7.5e-5, "kg", "7.5e-05 kg"), (3e-3, "", "0.003")],
+)  # fmt: skip
+def test_small_numbers_take_a_smaller_unit(value, unit, text):
+    assert shown(value, unit) == text
