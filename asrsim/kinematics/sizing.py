@@ -286,13 +286,15 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
-    inertia = _carried(robot)
+    inertia, moving = _carried(robot), robot.moving_joints
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
         own, joint = inertia[block.joint], robot.joint(block.joint)
         if joint.lower is not None and joint.lower == joint.upper:
             continue
-        damping = joint.damping
+        damping = damped[block.joint]
         critical = 2.0 * math.sqrt(own * max(_springs(scenario, block)[0], 0.0))
         if damping < RATIO * critical:
             lasts = max(lasts, 6.0 * own / damping if damping else math.inf)
