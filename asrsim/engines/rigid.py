@@ -29,6 +29,7 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, V
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.errors import Problem
 from asrsim.packed import pack
+from asrsim.robot.couplings import couplings_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array
@@ -140,7 +141,7 @@ def make_room(
     w, joints = len(qvel), robot.moving_joints
     tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
-    couplings, armature = robot.couplings, np.array([joint.armature for joint in joints])
+    couplings, armature = couplings_of(robot), np.array([joint.armature for joint in joints])
     owner, factor = np.arange(w), np.ones(w)
     reduced = reduce and (bool(couplings) or bool(armature.any()))
     if reduced:
