@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,8 @@ from asrsim.document.kinds import File, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.errors import OutputError, Problem, RobotError, ScenarioError
-from asrsim.outfile import check_output, make_folder, write_text
+from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, listed
+from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.scenario.data import SCENARIO, Scenario
@@ -325,8 +326,7 @@ def write_starter(
     schema = out.parent / SCHEMA_FILE
     check_output(out, "schema", inputs=[robot], replace=True)
     check_output(schema, "schema")
-    write_new(out, starter.text(), force=force)
-    write_text(schema, schema_text(), "schema")
+    write_new({out: starter.text()}, schema, force=force)
     return (out, schema), tuple(notes)
 
 
@@ -378,19 +378,29 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
     return robot
 
 
-def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path) -> Scenario:
-    """Scenario from the data of a file in `folder`, without its variants."""
+def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path, files: Mapping[str, Path] | None = None) -> Scenario:
+    """Scenario from the data of a file in `folder`, without its variants. files: paths of files that are not in the folder."""
     return scenario_from_data(
-        {key: value for key, value in data.items() if key != "variants"}, base_dir=folder, robot=robot.path
+        {key: value for key, value in data.items() if key != "variants"}, base_dir=folder, robot=robot.path, files=files
     )
 
 
-def write_new(path: Path, text: str, *, force: bool) -> None:
-    """Write a text file and create its folder. Raises OutputError if the file exists (unless `force`) or cannot be written."""
-    if path.exists() and not force:
-        raise OutputError(f"{path} exists: use --overwrite to replace it, or --out to choose another file")
-    make_folder(path.parent)
-    write_text(path, text, "schema", replace=force)
+def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: bool) -> None:
+    """Write all text files, and the JSON Schema of scenarios, or none of them; creates their folders.
+
+    Raises OutputError if a file exists (unless `force`) or cannot be written.
+    """
+    present = [path for path in files if path.exists() and not force]
+    if present:
+        verb, them = ("exists", "it") if len(present) == 1 else ("exist", "them")
+        raise OutputError(f"{listed(present, 3)} {verb}: use --overwrite to replace {them}, or --out to choose another file")
+    with ExitStack() as stack:
+        # Each file replaces an older one when the block ends, so none does if one cannot be written.
+        for path, text in files.items():
+            make_folder(path.parent)
+            stack.enter_context(written(path, "schema", replace=force)).write(text.encode())
+        if schema is not None:
+            stack.enter_context(written(schema, "schema")).write(schema_text().encode())
 
 
 def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:

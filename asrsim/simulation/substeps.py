@@ -207,13 +207,14 @@ def _resolve(
     ]
     omega, shape = _fastest(masses, couplings.fold_gains(gains))
     group = couplings.master == int(np.argmax(np.abs(shape)))
-    frequency, stiffest = math.sqrt(omega), int(np.argmax(np.where(group, gains, -1.0)))
+    frequency, column = math.sqrt(omega), int(np.argmax(np.where(group, gains, -1.0)))
+    stiffest = drives[column].name
     needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
     if substeps is None:
         if needed > scenario.substep_cap:
             raise UnresolvedSpringError(
-                f"the spring of joint '{drives[stiffest].name}' can reach {stiffness[stiffest]:.4g} N m/rad: its "
+                f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its "
                 f"{frequency / math.tau:.4g} Hz cannot be resolved, since a step of {step:g} s would need {needed:.12g} "
                 f"substeps and the cap is {scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit "
                 "its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
@@ -227,7 +228,7 @@ def _resolve(
     h = step / substeps
     if frequency * h >= UNSTABLE and not stepping.released:
         raise UnresolvedSpringError(
-            f"the spring of joint '{drives[stiffest].name}' is unstable with {substeps} substeps of {h:g} s: omega h = "
+            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
     dampings = [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)]
