@@ -270,7 +270,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[resting] = 0.0
         length -= part
     for j in range(count):
-        exchange[piece, j, VELOCITY] = room.velocity[room.joint_v[j]]
+        exchange[piece, j, VELOCITY] = room.ratio[j] * room.velocity[room.joint_z[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
