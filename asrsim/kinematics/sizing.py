@@ -56,9 +56,10 @@ MOTOR_SHARE = 0.5
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
-FASTEST = 2000.0
-"""Highest natural frequency of a joint with proposed parameters, rad/s. The springs of light fingers are softened to it: a
-stiffer spring would need more substeps than a run allows, and its motion could not be seen."""
+CARRYING = 3.0
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+SHORT = 0.01
+"""Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -172,9 +173,10 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 
 
 def _scale(joint: Joint) -> float:
-    """Scale for the sag of a joint, rad or m. The travel counts unless it is 0: such a joint cannot sag."""
+    """Scale for the sag of a joint, rad or m. The travel counts unless it is so short that the joint cannot sag."""
     low, high = joint.stops
-    return min(SLIDING if joint.kind == "prismatic" else 1.0, (high - low) or math.inf)
+    usual = SLIDING if joint.kind == "prismatic" else 1.0
+    return min(usual, high - low) if high - low > SHORT * usual else usual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,10 +255,12 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
     return tuple(problems)
 
 
-def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
+def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf) -> dict[str, dict[str, float]]:
     """Values of parameters, by joint and parameter, with which springs and motors hold the arm in any posture, and no joint is
-    slow, or too fast for a run. Parameters that suffice are left out, and so are springs whose torque is proportional to no
-    parameter."""
+    slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter.
+
+    fastest: highest natural frequency of a joint, rad/s; stiffer springs are softened.
+    """
     inertia, lightest, weights, found = _carried(robot), _lightest(robot), _weights(robot_model(scenario, robot)), {}
     for block in _sprung(robot):
         drive, weight = drive_of(block), weights[block.joint]
@@ -264,8 +268,9 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
         moving = SLOWEST**2 * inertia[block.joint]
         # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
         stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
-        slow_enough = min(FASTEST**2 * lightest[block.joint] / max(present, 1e-9), 1.0)
-        spring = max(stiffness / max(present, 1e-9), slow_enough)
+        resolved = fastest**2 * lightest[block.joint] / max(present, 1e-9)
+        # The weight may need a faster joint, but none that a run cannot resolve.
+        spring = min(max(stiffness / max(present, 1e-9), min(resolved, 1.0)), CARRYING**2 * resolved)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
         # The last term accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
