@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
     from asrsim.twin import Twin
+    from asrsim.viewer import View, view
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
@@ -48,6 +49,7 @@ _HOMES = {
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),
     "asrsim.twin": ("Twin",),
+    "asrsim.viewer": ("View", "view"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -69,6 +71,7 @@ __all__ = [
     "SimulationError",
     "Start",
     "Twin",
+    "View",
     "Worlds",
     "__version__",
     "identify",
@@ -84,6 +87,7 @@ __all__ = [
     "run",
     "run_variants",
     "sweep",
+    "view",
 ]
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from asrsim.robot.model import Robot
+    from asrsim.viewer import View
 
 
 class JointSeries(Mapping[str, Array]):
@@ -142,6 +143,13 @@ class Result:
         from asrsim.notebook import film_strip
 
         return film_strip(self, count=frames)
+
+    def view(self, *beside: str | Path, port: int = 0) -> View:
+        """Page that plays the motion in a browser; a notebook displays it. beside: logs of other runs, shown as ghosts.
+        Needs the extra `view`."""
+        from asrsim.notebook import page_of
+
+        return page_of(self, beside, port)
 
     def to_pandas(self) -> Any:
         """Table as a pandas DataFrame indexed by time, with columns by joint and quantity; needs pandas."""

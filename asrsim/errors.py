@@ -56,7 +56,7 @@ class Problem:
             place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
         text = place + (f"{self.key}: " if self.key else "") + self.message
         if self.value is not None:
-            text += f" (got {_short(repr(self.value))})"
+            text += f" (got {shortened(repr(self.value))})"
         if self.choices:
             text += f"; choose from {', '.join(self.choices)}"
         if self.hint:
@@ -78,7 +78,7 @@ class Problem:
         return {key: value for key, value in items.items() if value not in (None, "", [])}
 
 
-def _short(text: str) -> str:
+def shortened(text: str) -> str:
     """Value as text, shortened: a single line of a file may be a megabyte."""
     return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 

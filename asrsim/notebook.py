@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from asrsim.api import Result
+    from asrsim.viewer import View
 
 WIDTH = 900
 """Width of the picture that a result displays, pixels."""
@@ -43,6 +44,14 @@ def film_strip(result: Result, *, count: int) -> Image:
         return strip_of(Film(log), count=count)
 
 
+def page_of(result: Result, beside: Sequence[str | Path], port: int) -> View:
+    """Page that plays the run, as opened by `asrsim view`."""
+    from asrsim.viewer import view
+
+    with _logged(result) as log:
+        return view(log, *beside, port=port)
+
+
 @contextmanager
 def _logged(result: Result) -> Iterator[Path]:
     """Path of the log of a result; a result without log gets a temporary one."""
@@ -64,12 +73,13 @@ def as_html(result: Result) -> str:
     from io import BytesIO
 
     from asrsim.report.html import bullets, column_table, data_address
-    from asrsim.summary.table import headline, limit_columns, measure_columns
+    from asrsim.summary.table import headline, limit_columns, measure_columns, rest_note
 
     summary = result.summary
     joints = [joint.as_dict() for joint in summary.joints]
     columns = (*measure_columns(joints), *limit_columns(joints, [summary.total_substeps or 1] * len(joints)))
     remarks = [f"{'pass' if claim.holds else 'FAIL'} {claim.text}" for claim in summary.claims]
+    remarks += filter(None, [rest_note(joints)])
     remarks += [f"warning {warning}" for warning in summary.warnings[:5]]
     figure = draw(result)
     stream = BytesIO()

@@ -122,7 +122,7 @@ def unit_of(name: str, *, prismatic: bool = False) -> str:
 def shown(value: float, unit: str = "", digits: int = 3) -> str:
     """Number and unit for people: `0.075 mm` for 7.5e-05 m. A small number takes a smaller unit instead of a power of ten."""
     if unit in _PREFIXED and 0.0 < abs(value) < 1e-2:
-        scale, prefix = (1e3, "m") if abs(value) >= 1e-5 else (1e6, "µ")
+        scale, prefix = (1e3, "m") if abs(value) >= 2e-5 else (1e6, "µ")
         value, unit = value * scale, prefix + unit
     return f"{value:.{digits}g} {unit}".rstrip()
 

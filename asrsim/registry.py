@@ -72,6 +72,10 @@ class Registry(Generic[T]):
                 f"no {self.noun} is called '{name}'", choices=known, meant=name, code=f"unknown-{self.noun}"
             ) from None
 
+    def file_of(self, name: str) -> str:
+        """Plugin file that registered the entry; empty for other entries."""
+        return self._files.get(name, "")
+
     def names(self) -> tuple[str, ...]:
         """All names in the order of registration; numbers are sorted; entries of installed packages come last."""
         self._search_entry_points()

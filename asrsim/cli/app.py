@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 
 GROUPS = {
     "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
-    "Look": {"plot": "plot", "render": "render", "report": "report_page"},
+    "Look": {"view": "view", "plot": "plot", "render": "render", "report": "report_page"},
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
     "Use elsewhere": {"export": "export", "twin": "twin"},
     "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},

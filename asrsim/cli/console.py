@@ -11,11 +11,12 @@ import sys
 import textwrap
 from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
-from asrsim.errors import AsrsimError, InputError, Problem, listed, printable
+from asrsim.errors import AsrsimError, InputError, Problem, listed, printable, shortened
 
 if TYPE_CHECKING:
     from asrsim.recordings import Recording
@@ -32,6 +33,8 @@ NARROWEST = 20
 """Smallest width of a table's last column, characters."""
 SHOWN = 6
 """Largest number of file positions listed for a problem that occurs at several positions."""
+VALUES = 3
+"""Largest number of values listed for a problem that occurs with several values."""
 
 
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -185,9 +188,9 @@ def _joined(group: Sequence[Problem]) -> str:
     if len(group) == 1:
         return str(first)
     places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group]
-    file = f"{first.file}: " if first.file else ""
-    text = f"{file}{listed(places, SHOWN)}: {first.message}"
-    return text + (f"{'' if text.endswith('?') else '.'} {first.hint}" if first.hint else "")
+    values = dict.fromkeys(shortened(repr(problem.value)) for problem in group if problem.value is not None)
+    message = f"{first.message} (got {listed(values, VALUES)})" if values else first.message
+    return str(replace(first, message=message, key=listed(places, SHOWN), line=None, value=None))
 
 
 def error_as_dict(error: AsrsimError) -> dict[str, Any]:

@@ -23,7 +23,7 @@ def export(
         int | None,
         option("Knots on each side of the spline of a spring's law.", min=0, max=50, default="error below 0.1 mrad"),
     ] = None,
-    timestep: Annotated[float | None, option("Time step of the model, s.", default="the scenario's step")] = None,
+    timestep: Annotated[float | None, option("Time step of the model, s.", default="half of the scenario's step")] = None,
     fit: Annotated[
         Path | None,
         option("fit.json of `identify`: the model gets its values, and ranges are written.", metavar="FILE"),

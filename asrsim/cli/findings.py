@@ -16,6 +16,7 @@ from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
+    from asrsim.simulation.prepare import Prepared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +110,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
     from asrsim.scenario import apply_to_robot, check_against_robot
     from asrsim.scenario.signal_checks import undersampled
+    from asrsim.simulation.resonance import resonance_doubts
 
     alone = report.kind == "robot"
     errors, notes = check_against_robot(scenario, robot, propose=True)
@@ -117,15 +119,17 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
     changed = apply_to_robot(scenario, robot)
     warnings = [*map(scenario.placed, changed.warnings), *([] if alone else notes)]
-    substeps, unbuildable = _built(scenario, robot, report.path)
-    if substeps is not None:
+    prepared, unbuildable = _built(scenario, robot, report.path)
+    if prepared is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
-        warnings += undersampled(scenario, substeps["substeps"])
+        warnings += undersampled(scenario, prepared.resolution.substeps)
+        warnings += resonance_doubts(scenario, prepared.drives, prepared.model, prepared.resolution)
+    substeps = None if prepared is None else vars(prepared.resolution)
     return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
 
 
-def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
-    """Substeps of the run, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
+def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Prepared | None, tuple[Problem, ...]]:
+    """The run as it is built, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
     the engine rejects, claims that cannot be evaluated.
     """
     from asrsim.simulation.prepare import prepare
@@ -137,7 +141,7 @@ def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, A
         check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
     except AsrsimError as error:
         return None, problems_of(error, path)
-    return vars(prepared.resolution), ()
+    return prepared, ()
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
@@ -32,6 +33,7 @@ def identify(
             "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
             "--free",
             metavar="KEY[=START]",
+            autocompletion=complete.robot_keys,
         ),
     ] = None,
     tie: Annotated[
@@ -130,15 +132,17 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
-    from asrsim.design.advice import design_line
+    from asrsim.design.advice import advice, design_line
+    from asrsim.identification.folder import FIT
     from asrsim.identification.result import ACCEPTABLE
-    from asrsim.identification.write import FIT, as_dict, write_robot
+    from asrsim.identification.write import as_dict, write_curves_of, write_robot
     from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
 
     with owned(folder):
-        write_json(folder / FIT, as_dict(result))
         files, said = [folder / FIT], list[str]()
+        advices = list(advice(result))
+        write_json(folder / FIT, {**as_dict(result), "next": advices})
         if result.status == "complete" and (result.fits or result.accepted or everything):
             written, said = write_robot(result, folder, everything=everything)
             files += written
@@ -147,8 +151,9 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
             said.append(f"no robot is written, since the model does not fit; {ways} it nevertheless")
         if result.status == "complete":
             found, line = design_line(result, folder)
-            files += found
+            files += [*found, write_curves_of(result, folder)]
             said += [f"next experiment: {line}"] if line else []
+            write_json(folder / FIT, {**as_dict(result), "next": [*advices, *([line] if line else [])]})
         if plot and result.status == "complete":
             from asrsim.identification.write import draw
 

@@ -67,10 +67,14 @@ def init(
         if experiment is None:
             raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
         from asrsim.recordings.propose import propose
+        from asrsim.recordings.reading import ENDING
+        from asrsim.scenario.starter import write_new
 
-        written, read = propose(experiment, out, mapping=columns, rate=rate, force=overwrite)
-        hints = [f"wrote {written}: check it; every command that reads {experiment.name} obeys it"]
-        return _done([written], read.findings, hints, recording=read)
+        document = out or experiment.with_name(experiment.name + ENDING)
+        text, read = propose(experiment, mapping=columns, rate=rate)
+        write_new({document: text}, force=overwrite)
+        hints = [f"wrote {document}: check it; every command that reads {experiment.name} obeys it"]
+        return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {
         "mode": mode, "actuators": mounted, "force": overwrite, "arguments": pairs(arg, "--arg"),

@@ -1,4 +1,4 @@
-"""`asrsim report`: writes a page about the runs of a folder. (`asrsim.cli.report` prints the results of `asrsim run`.)"""
+"""`asrsim report`: writes a page about the results in a folder. (`asrsim.cli.report` prints the results of `asrsim run`.)"""
 
 from __future__ import annotations
 
@@ -14,24 +14,26 @@ from asrsim.cli.options import argument, into_file, option
 def report(
     folder: Annotated[
         Path,
-        argument("FOLDER", "Folder of a run, or of a scenario's variants; or a log."),
+        argument("FOLDER", "Folder of a run or of a scenario's variants, or a log; or of a fit, a study, learning or a twin."),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
     film: Annotated[bool, option("Also draw film strips and the moving view.", "--film/--no-film")] = True,
     *,
     quiet: bool,
 ) -> Done:
-    """Write one HTML page about runs: interactive plots, measures, parameters with their sources. The page needs no network.
+    """Write one HTML page about results: interactive plots, numbers, how to go on. The page needs no network.
 
-    The page includes a comparison that `asrsim plot` wrote into the folder (metrics.csv and its pictures).
+    Of runs: the moving robot, claims, measures, parameters with their sources, and a comparison that `asrsim plot` wrote into
+    the folder. Of `identify`: recordings over simulations, residuals and their spectra, intervals, profiles, correlations. Of
+    `sweep`: results over keys, Sobol indices, best and worst rows. Of `ilc` and `twin`: what they found.
 
     Example: asrsim report out/step_2dof
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.report import write_report
-    from asrsim.runs.folder import find_logs
+    from asrsim.report.write import unreadable_logs
 
-    say_problems(find_logs(folder)[1], "warning")
+    say_problems(unreadable_logs(folder), "warning")
     with FractionBar(show=not quiet) as progress:
         page = write_report(folder, out, film=film, progress=progress.update)
     size = page.stat().st_size

@@ -157,6 +157,11 @@ class Block(Kind[T], Generic[T]):
         main = self.part(self.main)
         return isinstance(node.value, dict) or (main is not None and main.kind.fits(node))
 
+    def is_whole(self, node: Node) -> bool:
+        required = [key.name for key in self.keys if key.required]
+        given = node.value if isinstance(node.value, dict) else {}
+        return bool(required) and set(required) <= given.keys() <= set(self.names)
+
     def part(self, name: str) -> Key | None:
         return next((key for key in self.keys if key.name == name), None)
 

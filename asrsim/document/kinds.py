@@ -51,6 +51,10 @@ class Kind(ABC, Generic[T_co]):
         """Kind that reads this node: the alternative that fits the node, if the kind has alternatives."""
         return self
 
+    def is_whole(self, node: Node) -> bool:
+        """Whether a mapping is a value of this kind, and cannot be a mapping from names to such values."""
+        return False
+
     def opened(self, node: Node) -> Node:
         """Node as a mapping, if its value is the short form of a mapping."""
         return node
@@ -383,14 +387,14 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     star: bool = True
     """True: the name `*` may stand for all names."""
     bare: bool = False
-    """True: a value that is not a mapping applies to all names."""
+    """True: a value that is not a mapping, or a mapping with the keys of a value, applies to all names."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> dict[str, T]:
         if node.value is None:
             return {}
+        if self._is_bare(node):
+            return {"*": self.of.read(node, path, reading)}
         if not isinstance(node.value, dict):
-            if self.bare and self.of.fits(node):
-                return {"*": self.of.read(node, path, reading)}
             raise self.wrong(node, path, reading)
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
@@ -412,7 +416,18 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         return Key(name="", kind=self.of)
 
     def opened(self, node: Node) -> Node:
-        return Node({"*": node}) if self.bare and not isinstance(node.value, dict) else node
+        return Node({"*": node}, node.line, None, node.file) if self._is_bare(node) else node
+
+    def merge(self, base: Node, over: Node) -> Node:
+        for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
+        if all(for_all):
+            return self.of.merge(base, over)
+        # As with values that are no mappings, a value for all names and a mapping replace each other.
+        return over if any(for_all) else super().merge(base, over)
+
+    def _is_bare(self, node: Node) -> bool:
+        """Whether the node is one value for all names, and no mapping from names to values."""
+        return self.bare and (self.of.is_whole(node) if isinstance(node.value, dict) else self.of.fits(node))
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
 """Columns of an exchange, an array (p, n, 5) with a row for each piece of the kick and each joint. A step reads torque (N m,
 N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece; it writes position (rad, m) and
-velocity (rad/s, m/s) at its end to the rows of the last piece."""
+velocity (rad/s, m/s) at its end to the rows of the last piece. It may also write the velocities after the other pieces to their
+rows; without them, the mean velocity of the kick is logged."""
 ROUNDING = 1e-9
 """Largest rounding error of the sum of the lengths of a kick's pieces."""
 GROUND, ROBOT = "ground", "robot"

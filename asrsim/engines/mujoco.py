@@ -164,7 +164,7 @@ class MujocoContacts(MujocoEngine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         super().__init__(scenario, robot)
-        names = {self._m.geom(f"object/{item.name}").id: item.name for item in scenario.world.solids}
+        names = {self._m.geom(f"object.{item.name}").id: item.name for item in scenario.world.solids}
         self._owner = [names.get(index, ROBOT) for index in range(self._m.ngeom)]
         self._m.dof_invweight0[:] *= LIGHTER
         self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH
@@ -239,7 +239,7 @@ class MujocoContacts(MujocoEngine):
         d.qpos[:] = self._state[: len(d.qpos)]
         self._mujoco.mj_kinematics(self._m, d)
         for item in world.objects:
-            body = d.body(f"object/{item.name}")
+            body = d.body(f"object.{item.name}")
             w, *vector = body.xquat.tolist()
             poses[item.name] = (*body.xpos.tolist(), *vector, w)
         return Scene(poses, contact_forces(world, self._points()))

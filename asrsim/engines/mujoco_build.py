@@ -70,7 +70,7 @@ def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) 
 
 def link_body(name: str) -> str:
     """Name of a link's MuJoCo body; bodies of the world's objects have another prefix."""
-    return f"link/{name}"
+    return f"link.{name}"
 
 
 def _bodies(spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes: bool) -> None:
@@ -85,7 +85,7 @@ def _bodies(spec: Any, scenario: Scenario, robot: Robot, origin: Vector, shapes:
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            geom = add_shape(spec, body, f"link/{name}/{index}", shape)
+            geom = add_shape(spec, body, f"link.{name}.{index}", shape)
             geom.contype, geom.conaffinity = ROBOT_BIT, WORLD_BIT
         for joint in robot.carried.get(name, ()):
             child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion_wxyz(joint.rpy))
@@ -109,7 +109,7 @@ def add_shape(spec: Any, body: Any, name: str, shape: Shape) -> Any:
 
 def _furnish(spec: Any, world: World) -> None:
     for item in world.solids:
-        name = f"object/{item.name}"
+        name = f"object.{item.name}"
         body = spec.worldbody.add_body(name=name, pos=list(item.position), quat=quaternion_wxyz(item.rpy))
         if item.mass:
             body.add_freejoint(name=name)
@@ -123,13 +123,13 @@ def _furnish(spec: Any, world: World) -> None:
 def _pair(spec: Any, scenario: Scenario) -> None:
     """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger
     coefficient."""
-    frictions = {f"object/{item.name}": item.friction for item in scenario.world.solids}
+    frictions = {f"object.{item.name}": item.friction for item in scenario.world.solids}
     base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
     # A fixed base that stands on the ground must not have contact forces.
-    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object/{GROUND}")]
+    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object.{GROUND}")]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)
         pair = spec.add_pair(geomname1=a, geomname2=b, condim=3)

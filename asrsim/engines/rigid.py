@@ -176,6 +176,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
         if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
             room.velocity[resting] = 0.0
         length -= part
+    for j in range(count):
+        exchange[piece, j, VELOCITY] = room.velocity[room.joint_v[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -247,12 +249,16 @@ def _has_impact(room: Any) -> bool:
     return count > 0
 
 
-def _leave_stops(room: Any) -> None:
-    """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint."""
+def _leave_stops(room: Any, state: Any) -> None:
+    """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
+
+    A joint that forces turn round within a step has no velocity from which the time of its impact follows.
+    """
+    old = room.coordinates + room.freedoms
     for i in range(room.freedoms):
         room.impulse[i] = room.bound[i] = 0.0
         room.diagonal[i] = room.matrix[i, i]
-        if abs(room.regime[i]) != POSITIVE:
+        if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
             # The states of a joint at a stop are those of sliding times two; such a joint gets a given velocity.
@@ -271,7 +277,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
     if _has_impact(room):
-        _leave_stops(room)
+        _leave_stops(room, state)
     first, size = room.coordinates, room.freedoms
     total = 0.0
     for piece in range(len(lengths)):

@@ -65,7 +65,7 @@ def export_mjcf(
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As for `asrsim.run`.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
-        timestep: Time step of the model, s; None: the scenario's step.
+        timestep: Time step of the model, s; None: half of the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
             randomisation.
         plot: Draw the error.

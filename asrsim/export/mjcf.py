@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaternion_wxyz
-from asrsim.engines.mujoco_library import load
+from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import ScenarioError, SimulationError, listed
 from asrsim.export.springs import Spline, spline_of
 from asrsim.robot.inertia import principal_axes
@@ -39,17 +39,19 @@ VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
 """Groups of the model's elements; viewers of MuJoCo show the groups 0 to 2."""
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
+BRAKE = 10.0
+"""Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor
+chatters about the limit; with smaller ones it passes the limit (measured at 0.25 to 1 ms)."""
+STILL = 1e-9
+"""Range of an adjuster's positions, in its unit, below which the adjuster does not move."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
-    "_integral": "its controllers have no integral action",
-    "_stribeck_friction": CONSTANT,
-    "_load_friction": CONSTANT,
-    "_friction_torque": "the friction of its motors has no pre-sliding",
-    "_max_velocity": "its motors have no speed limit",
+    "_load_friction": "the friction of its motors does not depend on their load",
     "_max_voltage": "the voltage limit of its motors limits their torque at rest",
-    "hysteresis_torque": "its springs have no hysteresis",
 }
 """Effects of parameters that the model lacks, by the end of the parameter's name."""
+DIRECT_LACKS = {"_max_velocity": "its motors have no speed limit", "_integral": "its controllers have no integral action"}
+"""Effects that motors lack whose command is a voltage or a current, by the end of the parameter's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +78,7 @@ def model_of(
         path: Path of the model's file.
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
-        timestep: Time step of the model, s; None: the scenario's step.
+        timestep: Time step of the model, s; None: half of the scenario's step.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent.
@@ -86,10 +88,16 @@ def model_of(
     robot, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
     spec = assemble(scenario, robot, (0.0, 0.0, 0.0), shapes=True)
     spec.modelname, spec.modelfiledir = robot.name, str(path.parent.absolute())
-    spec.comment = " Made by asrsim export. Controls are the inputs of the motors: position, torque, voltage or current. "
+    spec.comment = (
+        f" Made by asrsim export for MuJoCo {library_version()}. "
+        "Controls are the inputs of the motors: position, torque, voltage or current. "
+    )
     spec.compiler.degree = False
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.timestep = timestep or scenario.step
+    spec.option.timestep = timestep or 0.5 * scenario.step
+    if not spec.pairs:
+        # Elliptic friction cones serve contacts only, and some programs that read MJCF do not know them.
+        spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0
     bodies = {link.name: spec.body(link_body(link.name)) for link in robot.links}
     for link in robot.links:
         _describe(spec, bodies[link.name], link)
@@ -119,20 +127,26 @@ def model_of(
             deflections = positions[:count] - run["link_position"][:, j]
             reach = max(MARGIN * float(np.abs(deflections).max()), LEAST_REACH)
             splines[drive.joint] = springs_of(drive, reach, np.nan_to_num(positions[count:, 0]), knots)
-            _motors(spec, drive, splines[drive.joint])
+            moving = drive.actuator.adjuster and float(np.ptp(positions[count])) > STILL
+            _motors(spec, drive, () if moving else splines[drive.joint], _delay(stepped))
+            if moving:
+                _adjustable_spring(spec, drive)
         elif drive is not None:
             # Modes 0 and 1: torque or PID controller on the link itself.
-            gain, damping = (drive.values[f"controller_1_{name}"] for name in ("proportional", "derivative"))
-            gains = (gain, gain, damping) if drive.mode.controller else (1.0, 0.0, 0.0)
-            _actuator(spec, drive.joint, *gains, limit=stepped.joint.most_effort)
+            names = ("proportional", "integral", "derivative")
+            gains = tuple(drive.values[f"controller_1_{name}"] for name in names) if drive.mode.controller else ()
+            motor = _servo(spec, drive.joint, gains, inertia=1.0, limit=stepped.joint.most_effort, fastest=math.inf)
+            _set_delay(spec, motor, _delay(stepped))
         for text in _lacks(prepared, stepped, splines.get(stepped.name, ()), positions, speeds):
             lacks.setdefault(text, []).append(stepped.name)
     remarks += [f"{listed(dict.fromkeys(joints), MOST_NAMES)}: {text}" for text, joints in lacks.items()]
     effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
-    if any(effect.active for effect in effects):
-        remarks.append("delays, noise and steps of commands and sensors are not in the model")
+    if any(replace(effect, delay=0.0).active for effect in effects):
+        remarks.append("noise, sampling and steps of commands and sensors are not in the model")
+    if any(effect.delay for effect in scenario.sensor_effects.values()):
+        remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
         # MuJoCo accepts any triangles for a shell; its inertia is not used, since bodies have explicit inertia.
         mesh.inertia, mesh.file = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, mesh_file(mesh.file)
@@ -146,7 +160,12 @@ def model_of(
 
 def motor_name(joint: str, index: int) -> str:
     """Common name of a motor's body, joint and actuator in the model; index: number of the motor, from 1."""
-    return f"{joint}/motor_{index}"
+    return f"{joint}.motor_{index}"
+
+
+def stiffness_name(joint: str) -> str:
+    """Common name of the tendon and actuator of a spring whose stiffness is a control."""
+    return f"{joint}.stiffness"
 
 
 def _describe(spec: Any, body: Any, link: Link) -> None:
@@ -159,7 +178,7 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
     for geom in body.geoms:
         geom.group = COLLISION_GROUP
     for index, shape in enumerate(link.visuals):
-        geom = add_shape(spec, body, f"visual/{link.name}/{index}", shape)
+        geom = add_shape(spec, body, f"visual.{link.name}.{index}", shape)
         geom.group, geom.contype, geom.conaffinity, geom.rgba = VISUAL_GROUP, 0, 0, shape.colour or geom.rgba
 
 
@@ -201,32 +220,116 @@ def springs_of(drive: Drive, reach: float, adjuster: Array, knots: int | None = 
     return tuple(spline_of(partial(torque, i), reach=reach, limit=limit, knots=knots) for i in range(count))
 
 
-def _motors(spec: Any, drive: Drive, splines: Sequence[Spline]) -> None:
-    """Add the motors of a joint with their springs and controllers."""
-    for i, spline in enumerate(splines):
+def _motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float) -> None:
+    """Add the motors of a joint with their controllers and springs. splines: one for each motor; empty: the springs are added
+    elsewhere. delay: delay of the commands, s."""
+    for i in range(drive.actuator.motors):
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
         body = spec.worldbody.add_body(name=name, mass=TINY, inertia=[TINY] * 3, ipos=[0.0] * 3, explicitinertial=True)
         joint = body.add_joint(name=name, armature=drive.motor_inertia[i])
-        _set_limits(joint, drive.motor_ranges[i], drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
-        for number, (low, high, *stiffness) in enumerate(spline.pieces.tolist(), start=1):
-            spring = spec.add_tendon(name=f"{drive.joint}/spring_{i + 1}/{number}", stiffness=stiffness)
-            spring.springlength = [low, high]
-            spring.wrap_joint(name, 1.0)
-            spring.wrap_joint(drive.joint, -1.0)
-        gains = electric.gain, 0.0, electric.lag
-        if drive.mode.controller:
-            gains = drive.proportional[i], drive.proportional[i], drive.derivative[i] + electric.lag
-        _actuator(spec, name, *gains, limit=drive.max_torque[i])
+        servo = drive.mode.command == "torque"
+        friction = 0.0 if servo else drive.motor_friction[i]
+        _set_limits(joint, drive.motor_ranges[i], drive.values[f"motor_{i + 1}_damping"], friction)
+        for number, (low, high, *stiffness) in enumerate(splines[i].pieces.tolist() if splines else (), start=1):
+            spring = _tendon(spec, f"{drive.joint}.spring_{i + 1}.{number}", name, drive.joint)
+            spring.stiffness, spring.springlength = stiffness, [low, high]
+        if drive.hysteresis is not None:
+            _hysteresis(spec, drive, i + 1, *drive.hysteresis)
+        if servo:
+            gains: tuple[float, ...] = ()
+            if drive.mode.controller:
+                gains = drive.proportional[i], drive.integral[i], drive.derivative[i] + electric.lag
+            motor = _servo(
+                spec, name, gains, inertia=drive.motor_inertia[i], limit=drive.max_torque[i], fastest=drive.max_velocity[i],
+                friction=_friction(drive, i + 1),
+            )  # fmt: skip
+        else:
+            motor = _actuator(spec, name, electric.gain, electric.lag, limit=drive.max_torque[i])
+        _set_delay(spec, motor, delay)
 
 
-def _actuator(spec: Any, joint: str, gain: float, stiffness: float, damping: float, *, limit: float) -> None:
-    """Add an actuator with the torque gain * control - stiffness * position - damping * velocity."""
+def _tendon(spec: Any, name: str, motor: str, joint: str) -> Any:
+    """Add a tendon without stiffness, whose length is the deflection between a motor and its joint."""
+    tendon = spec.add_tendon(name=name)
+    tendon.wrap_joint(motor, 1.0)
+    tendon.wrap_joint(joint, -1.0)
+    return tendon
+
+
+def _friction(drive: Drive, index: int) -> tuple[float, ...]:
+    """LuGre friction of motor `index` as MuJoCo takes it: stiffness (N m/rad) and damping of the bristles, torque while sliding
+    and at rest (N m), Stribeck velocity (rad/s); all 0 without friction."""
+    values = {name: drive.values[f"motor_{index}_{name}"] for name in ("friction_torque", "stribeck_friction")}
+    sliding, sticking = values["friction_torque"], sum(values.values())
+    if not sticking:
+        return (0.0,) * 5
+    stiffness, fade = (drive.values[f"motor_{index}_{name}"] for name in ("friction_stiffness", "stribeck_velocity"))
+    return stiffness, 0.0, sliding, sticking, fade
+
+
+def _servo(
+    spec: Any, joint: str, gains: Sequence[float], *, inertia: float, limit: float, fastest: float,
+    friction: Sequence[float] = (0.0,) * 5,
+) -> Any:  # fmt: skip
+    """Add a motor with a PID controller, speed limit and torque limit. gains: proportional, integral and derivative; empty: the
+    command is the torque. inertia in kg m^2, limit in N m, fastest in rad/s, friction: see `_friction`.
+
+    MuJoCo's DC motor with a torque constant of 1 N m/A limits the voltage, and so the speed; its back-EMF brakes a motor beyond
+    the limit with 1 / resistance N m s/rad. Below the limit the controller compensates the back-EMF.
+    """
+    mujoco = load()
+    proportional, integral, derivative = gains or (0.0, 0.0, 0.0)
+    actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_dcmotor(
+        motorconst=[1.0, 0.0], resistance=spec.option.timestep / (BRAKE * inertia),
+        saturation=[limit if math.isfinite(limit) else 0.0, 0.0, 0.0],
+        controller=[proportional, integral, derivative, 0.0, 0.0, fastest if math.isfinite(fastest) else 0.0], lugre=friction,
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS if gains else mujoco.mjtCtrlInput.mjINPUT_FF),
+    )  # fmt: skip
+    return actuator
+
+
+def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: float) -> Any:
+    """Add an actuator with the torque gain * control - damping * velocity."""
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.gainprm[0], actuator.biasprm[:3] = gain, [0.0, -stiffness, -damping]
+    actuator.gainprm[0], actuator.biasprm[2] = gain, -damping
     if math.isfinite(limit):
         actuator.forcerange = [-limit, limit]
+    return actuator
+
+
+def _hysteresis(spec: Any, drive: Drive, index: int, level: float, length: float) -> None:
+    """Add the hysteresis of spring `index`: bristles between motor and joint that bend by `length` (rad) before they slip at
+    the torque `level` (N m)."""
+    mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
+    _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
+    actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    # The motor itself has no effect: only its friction is used.
+    actuator.set_to_dcmotor(motorconst=[1e-6, 0.0], resistance=1.0, lugre=[level / length, 0.0, level, level, 1.0])
+
+
+def _adjustable_spring(spec: Any, drive: Drive) -> None:
+    """Add a linear spring whose stiffness in N m/rad is a control."""
+    mujoco, name = load(), stiffness_name(drive.joint)
+    _tendon(spec, name, motor_name(drive.joint, 1), drive.joint)
+    actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_AFFINE
+    actuator.gainprm[:3] = [0.0, -1.0, 0.0]
+
+
+def _delay(stepped: SteppedJoint) -> float:
+    """Delay of the commands of a joint, s."""
+    return stepped.command_effects.delay if stepped.command_effects is not None else 0.0
+
+
+def _set_delay(spec: Any, actuator: Any, delay: float) -> None:
+    """Delay the control of an actuator by `delay` s, rounded to whole time steps."""
+    steps = round(delay / spec.option.timestep)
+    if steps:
+        # Half a step less: rounding must not let the actuator read an earlier sample.
+        actuator.delay, actuator.nsample = (steps - 0.5) * spec.option.timestep, steps + 1
 
 
 def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
@@ -258,11 +361,14 @@ def _lacks(
         yield f"its effort limit of {joint.most_effort:g} does not limit its springs, which reach {largest:.3g}"
     if drive is None:
         return
+    lacks = LACKS if drive.mode.command not in ("voltage", "current") else LACKS | DIRECT_LACKS
     for name, value in drive.values.items():
         used = drive.mode.controller if name.startswith("controller") else drive.mode.spring
         if used and value and math.isfinite(value):
-            yield from (text for end, text in LACKS.items() if name.endswith(end))
+            yield from (text for end, text in lacks.items() if name.endswith(end))
     if drive.mode.spring and drive.actuator.adjuster:
-        yield f"its adjuster stays at {positions[drive.actuator.motors, 0]:g} {drive.actuator.reference_2_unit}"
-    if any((np.abs(speed) > 0.999 * limit).any() for speed, limit in zip(speeds, drive.max_velocity, strict=False)):
-        yield "its motors reach their speed limit in this scenario, which makes the error large"
+        place, unit = positions[drive.actuator.motors], drive.actuator.reference_2_unit
+        if float(np.ptp(place)) > STILL:
+            yield "its spring is linear; its stiffness is the control that ends in 'stiffness'"
+        else:
+            yield f"its adjuster stays at {place[0]:g} {unit}"

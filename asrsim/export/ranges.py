@@ -17,7 +17,7 @@ FIELDS = {
     "dof": ("dof_armature", "dof_damping", "dof_frictionloss"),
     "joint": ("jnt_range", "jnt_stiffness"),
     "tendon": ("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
-    "actuator": ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"),
+    "actuator": ("actuator_gainprm", "actuator_biasprm", "actuator_dynprm", "actuator_forcerange"),
 }
 """Fields of MjModel with one row per element, by kind of element."""
 WIDTH = 1.96

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import SimulationError
-from asrsim.export.mjcf import motor_name
+from asrsim.export.mjcf import motor_name, stiffness_name
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
@@ -62,46 +64,54 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
-    """Motions in asrsim and in MuJoCo. MuJoCo simulates the model at `path` with the references and the external torques of
-    asrsim's run.
+    """Motions in asrsim and in MuJoCo. MuJoCo simulates the model at `path` with the references and the external torques of the
+    scenario; the model delays the references itself.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
+    times, step = prepared.scenario.step_times(), model.opt.timestep
+    stamps = np.arange(np.ceil(times[-1] / step) + 1.0) * step
+    controls, torques = inputs_of(prepared, model, stamps)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    times = prepared.scenario.step_times()
-    inputs = np.zeros((len(times), model.nu + model.nv))
-    """Controls and external torques at asrsim's steps."""
-    for j, stepped in enumerate(prepared.drives):
-        inputs[:, model.nu + int(model.joint(stepped.name).dofadr[0])] = run["external_torque"][:, j]
-        if (drive := stepped.drive) is None:
-            continue
-        references = [values[:, j] for name, values in run.items() if name.startswith("reference_")]
-        goals = drive.goals(np.nan_to_num([*references, np.zeros(len(times))]))
-        motors = [motor_name(drive.joint, i + 1) for i in range(drive.actuator.motors)] if drive.mode.spring else [drive.joint]
-        for name, goal in zip(motors, goals, strict=False):
-            inputs[:, model.actuator(name).id] = goal
-    stamps = np.arange(np.ceil(times[-1] / model.opt.timestep) + 1.0) * model.opt.timestep
-
-    def at(own: Array, values: Array, wanted: Array) -> Array:
-        """Values (n, columns) at the times `own`, interpolated linearly at other times."""
-        return np.column_stack([np.interp(wanted, own, column) for column in values.T])
-
-    inputs = at(times, inputs, stamps)
+    for i in np.flatnonzero(model.actuator_history[:, 0]).tolist():
+        samples = int(model.actuator_history[i, 0])
+        earlier = -step * np.arange(samples, 0.0, -1.0)
+        mujoco.mj_initCtrlHistory(model, data, i, earlier, np.full(samples, controls[0, i]))
     rows = [int(model.joint(stepped.name).qposadr[0]) for stepped in prepared.drives]
     theirs = np.full((len(stamps), len(rows)), np.nan)
     for k, stamp in enumerate(stamps):
         # After a divergence MuJoCo restarts at time 0.
-        if data.time < stamp - 0.5 * model.opt.timestep:
+        if data.time < stamp - 0.5 * step:
             break
         theirs[k] = data.qpos[rows]
-        data.ctrl[:], data.qfrc_applied[:] = inputs[k, : model.nu], inputs[k, model.nu :]
+        data.ctrl[:], data.qfrc_applied[:] = controls[k], torques[k]
         mujoco.mj_step(model, data)
     return Replay(
         joints=tuple(stepped.name for stepped in prepared.drives),
         units=tuple("mm" if stepped.joint.kind == "prismatic" else "mrad" for stepped in prepared.drives),
-        time=times, ours=run["link_position"], theirs=at(stamps, theirs, times),
+        time=times, ours=run["link_position"], theirs=np.column_stack([np.interp(times, stamps, own) for own in theirs.T]),
     )  # fmt: skip
+
+
+def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Array]:
+    """Controls (n, nu) and external torques (n, nv) of the scenario at the times `stamps` (n,), s, for the model. The controls
+    are not delayed: the model's actuators delay them."""
+    torques, *references = prepared.undelayed_inputs(stamps)
+    controls, external = np.zeros((len(stamps), model.nu)), np.zeros((len(stamps), model.nv))
+    names = {model.actuator(i).name: i for i in range(model.nu)}
+    for j, stepped in enumerate(prepared.drives):
+        external[:, int(model.joint(stepped.name).dofadr[0])] = torques[j]
+        if (drive := stepped.drive) is None:
+            continue
+        goals = drive.goals(np.array([values[j] for values in references]))
+        motors = [motor_name(drive.joint, i + 1) for i in range(drive.actuator.motors)] if drive.mode.spring else [drive.joint]
+        for name, goal in zip(motors, goals, strict=False):
+            controls[:, names[name]] = goal
+        if (spring := names.get(stiffness_name(drive.joint))) is not None:
+            place = goals[drive.actuator.motors]
+            controls[:, spring] = over_arrays(drive.actuator.stiffness)(0.0 * place, 0.0 * place, place, drive.elastic)
+    return controls, external
 
 
 def charts(found: Replay) -> list[list[Chart]]:

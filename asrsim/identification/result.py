@@ -12,6 +12,7 @@ from asrsim.identification.combinations import UNKNOWN, Combination, combination
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
+from asrsim.identification.profiles import Profile
 from asrsim.identification.task import Task
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import Uncertainty
@@ -185,6 +186,8 @@ class Result:
     """Whether the estimates are from whole recordings, including the held-out parts."""
     accepted: bool = False
     """Whether a model that does not fit was accepted."""
+    profiles: tuple[Profile, ...] = ()
+    """Misfit along each parameter with an interval; empty if the fit is not complete."""
     played: Mapping[str, str] = field(default_factory=dict)
     """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
 

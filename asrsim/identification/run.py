@@ -19,6 +19,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
+from asrsim.identification.profiles import Profile, profiles
 from asrsim.identification.result import ACCEPTABLE, CHECKED, COMPLETE, INTERRUPTED, UNFINISHED, Result, doubted, estimates
 from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
@@ -192,8 +193,13 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     known, combined = estimates(final, x, found)
     if status != CHECKED:
         known = list(doubted(known, fits=complete and not misfit, others=others))
+    curves: tuple[Profile, ...] = ()
+    if complete:
+        watch.stage("profiles")
+        with watch.in_time(), suppress(OutOfTime):
+            curves = profiles(final, x, found, tuple(one.name for one in known))
     return Result(
-        task=setup.task, estimates=tuple(known), combinations=tuple(combined),
+        task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,

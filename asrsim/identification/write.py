@@ -6,21 +6,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asrsim.identification.judge import ChannelFit
+from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
+from asrsim.identification.folder import FIT
 from asrsim.identification.parameters import numbers_of
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
-from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
 from asrsim.plots.charts import save_charts
-from asrsim.quantities import shown
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
@@ -28,7 +25,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
 
-FIT, SCENARIO = "fit.json", "scenario.yaml"
+SCENARIO = "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
 """Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
@@ -51,12 +48,15 @@ def as_dict(result: Result) -> dict[str, Any]:
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
     about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "bandwidth", "evaluations", "seconds")
     data = {
+        "name": result.task.name,
         **{name: getattr(result, name) for name in about},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
+        "correlations": _correlations(result.covariance),
+        "profiles": [{"name": p.name, "values": p.values.tolist(), "rise": p.rise.tolist()} for p in result.profiles],
         "ties": [vars(tie) for tie in result.layout.ties],
         "keys": [rows[i].key for i in drawn],
         "mean": means,
@@ -66,6 +66,14 @@ def as_dict(result: Result) -> dict[str, Any]:
     }
     plain: dict[str, Any] = mapped(data, lambda value: finite_or_none(value) if isinstance(value, float) else value)
     return plain
+
+
+def _correlations(covariance: Array) -> list[list[float]]:
+    """Correlations (n, n) of the estimates' errors; nan for parameters without a standard deviation."""
+    sizes = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: list[list[float]] = np.clip(covariance / np.outer(sizes, sizes), -1.0, 1.0).tolist()
+    return found
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
@@ -153,15 +161,6 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     return {key: _as_played(value, columns) for key, value in data.items()} | own
 
 
-LOOKS: dict[str, dict[str, Any]] = {
-    "recorded": {"colour": style.LIGHT, "width": style.WIDE},
-    "before": {"colour": style.BLUE, "width": 0.9},
-    "after": {"colour": style.VERMILION},
-}
-"""Looks of the lines of a channel, by name."""
-NAMES = {"recorded": "recorded", "before": "simulated at the start", "after": "simulated after the fit"}
-
-
 def draw(result: Result, folder: Path) -> list[Path]:
     """Write a picture of each recording. Raises OutputError."""
     paths: list[Path] = []
@@ -169,42 +168,12 @@ def draw(result: Result, folder: Path) -> list[Path]:
         channels = [one for one in result.channels if one.track == number]
         # Recordings in different folders may have the same name.
         name = f"overlay_{number + 1}_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
-        rows = [channel_charts(one, end) for one in channels]
-        title = f"{result.task.name} · {channels[0].recording}"
-        paths += save_charts(folder / f"{name}.png", rows, title=title)
+        rows = [channel_charts(channel_curves(one, end)) for one in channels]
+        paths += save_charts(folder / f"{name}.png", rows, title=f"{result.task.name} · {channels[0].recording}")
     return paths
 
 
-def channel_charts(one: ChannelFit, end: float) -> list[Chart]:
-    """Charts of a channel: recording over simulations, and residuals. end: end of the training part, s."""
-    time, recorded = one.lines["time"], one.lines["recorded"]
-    owner, _, quantity = one.key.rpartition(".")
-    words, unit = quantity.replace("_", " "), one.unit.replace("N m", "N·m")
-    lines: list[Line] = []
-    for name, look in LOOKS.items():
-        if name in one.lines:
-            lines.append(Line(label=NAMES[name], x=time, y=one.lines[name], **look))
-    low, high = float(np.min(recorded)), float(np.max(recorded))
-    room = 0.35 * (high - low) or 1.0
-    chart = Chart(head=owner, words=words, unit=unit, lines=lines, span=(low - room, high + room))
-    if "after" not in one.lines:
-        return [chart]
-    left = one.lines["after"] - recorded
-    size = 1.1 * float(np.nanmax(np.abs(left))) or 1.0
-    residuals = Chart(
-        words="difference", unit=unit, span=(-size, size), note=f"RMS {shown(float(np.sqrt(np.nanmean(left**2))), unit)}",
-        lines=[Line(label="", x=time, y=left, colour=style.PURPLE, width=0.7)],
-    )  # fmt: skip
-    return [held_out(chart, time, end), held_out(residuals, time, end)]
-
-
-def held_out(chart: Chart, time: Array, end: float) -> Chart:
-    """Chart in which the part is shaded that was predicted but not fitted."""
-    if end >= time[-1] - 1e-9:
-        return chart
-    low, high = chart.span or (-np.inf, np.inf)
-    edges = np.array([max(end, float(time[0])), float(time[-1])])
-    band = Band(
-        label="held out", x=edges, low=np.full(2, low), high=np.full(2, high), colour=style.GREEN, opacity=0.1
-    )  # fmt: skip
-    return replace(chart, bands=[*chart.bands, band])
+def write_curves_of(result: Result, folder: Path) -> Path:
+    """Write the curves of all channels for `asrsim report`, and return the file. Raises OutputError."""
+    write_curves(folder / CURVES, [channel_curves(one, result.ends[one.track]) for one in result.channels])
+    return folder / CURVES

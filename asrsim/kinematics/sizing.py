@@ -55,6 +55,10 @@ MOTOR_SHARE = 0.5
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
+CARRYING = 3.0
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+SHORT = 0.01
+"""Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -165,9 +169,10 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 
 
 def _scale(joint: Joint) -> float:
-    """Scale for the sag of a joint, rad or m."""
+    """Scale for the sag of a joint, rad or m. The travel counts unless it is so short that the joint cannot sag."""
     low, high = joint.stops
-    return min(SLIDING if joint.kind == "prismatic" else 1.0, high - low)
+    usual = SLIDING if joint.kind == "prismatic" else 1.0
+    return min(usual, high - low) if high - low > SHORT * usual else usual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,17 +251,22 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
     return tuple(problems)
 
 
-def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
+def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf) -> dict[str, dict[str, float]]:
     """Values of parameters, by joint and parameter, with which springs and motors hold the arm in any posture, and no joint is
-    slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter."""
-    inertia, weights, found = _carried(robot), _weights(robot_model(scenario, robot)), {}
+    slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter.
+
+    fastest: highest natural frequency of a joint, rad/s; stiffer springs are softened.
+    """
+    inertia, lightest, weights, found = _carried(robot), _lightest(robot), _weights(robot_model(scenario, robot)), {}
     for block in _sprung(robot):
         drive, weight = drive_of(block), weights[block.joint]
         present, pretension, step = _springs(scenario, block)
         moving = SLOWEST**2 * inertia[block.joint]
         # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
         stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
-        spring = max(stiffness / max(present, 1e-9), 1.0)
+        resolved = fastest**2 * lightest[block.joint] / max(present, 1e-9)
+        # The weight may need a faster joint, but none that a run cannot resolve.
+        spring = min(max(stiffness / max(present, 1e-9), min(resolved, 1.0)), CARRYING**2 * resolved)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
         # The last term accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
@@ -265,21 +275,28 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
         factors |= {name: gain for name in values if name.endswith("_proportional")}
         factors |= dict.fromkeys(motor_limits(values), torque / min(drive.max_torque, default=math.inf))
         # Factors just above 1 are left out: they come from the rounding of an earlier proposal.
-        if given := {name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.05}:
+        softer = spring < 1.0 / 1.05
+        springs = linear_parameters(drive.actuator, values) if softer else ()
+        if given := {
+            name: _rounded(factor * values[name]) for name, factor in factors.items() if factor > 1.05 or name in springs
+        }:
             found[block.joint] = given
     return found
 
 
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
-    proposal is empty if the arm settles soon, or if its masses are unknown."""
+    proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
     inertia = _carried(robot)
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
-        own, damping = inertia[block.joint], robot.joint(block.joint).damping
+        own, joint = inertia[block.joint], robot.joint(block.joint)
+        if joint.lower is not None and joint.lower == joint.upper:
+            continue
+        damping = joint.damping
         critical = 2.0 * math.sqrt(own * max(_springs(scenario, block)[0], 0.0))
         if damping < RATIO * critical:
-            lasts = max(lasts, 6.0 * own / max(damping, 1e-9))
+            lasts = max(lasts, 6.0 * own / damping if damping else math.inf)
             keys[block.joint] = {"ratio": RATIO, "inertia": _rounded(own)}
     return (lasts, keys) if lasts > LONGEST_DECAY else (0.0, {})
 
@@ -298,6 +315,13 @@ def _carried(robot: Robot) -> dict[str, float]:
     """Inertia that the spring of each joint moves if all joints accelerate equally, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
     return dict(zip(names, np.abs(RobotModel(robot).mass_matrix(np.zeros(len(names)))).sum(axis=1).tolist(), strict=True))
+
+
+def _lightest(robot: Robot) -> dict[str, float]:
+    """Inertia that the spring of each joint moves if all other joints are free, kg m^2, by joint."""
+    names = [joint.name for joint in robot.moving_joints]
+    mobility = np.diagonal(np.linalg.pinv(RobotModel(robot).mass_matrix(np.zeros(len(names))), hermitian=True))
+    return dict(zip(names, (1.0 / np.maximum(mobility, 1e-30)).tolist(), strict=True))
 
 
 def _springs(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float, float]:

@@ -35,6 +35,10 @@ class TipPoses:
         """Position (..., 3) in m and rotation (..., 3, 3) of the task's point."""
         return self._model.pose(positions, self._task.link, self._task.point, base)
 
+    def goals(self, time: Array) -> Array:
+        """Desired positions (n, 3) of the tip at `time` (n,) in s, m."""
+        return self._path.at(time)[0]
+
     def added(self, samples: Samples) -> Samples:
         """Samples with the bodies `tip` and `tip_goal`. If the orientation is free, the goal has the orientation of the tip."""
         root = self._model.robot.root.name

@@ -47,6 +47,11 @@ class Pace:
         median, high = np.quantile(self._late or [0.0], (0.5, 0.99)).tolist()
         return median, high
 
+    @property
+    def late(self) -> float:
+        """Lateness of the latest tick, s."""
+        return self._late[-1] if self._late else 0.0
+
     def is_behind(self) -> bool:
         """Whether most ticks of the last two seconds were late by more than a tick; True only once for these seconds."""
         if behind := self._late_share > MOST_LATE:

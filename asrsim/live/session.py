@@ -5,11 +5,11 @@ from __future__ import annotations
 import gc
 import math
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Target
@@ -19,6 +19,7 @@ from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import command_topic, encoded
 from asrsim.outfile import write_json
+from asrsim.robot import Robot
 from asrsim.runs.described import LIVE, as_run
 from asrsim.runs.execute import judged, result_metadata
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -38,6 +39,8 @@ TOPICS_SHARE = 0.25
 """Fraction of the working time spent on topics above which a lower publishing rate helps."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
+IDLE = 0.02
+"""Time between two looks at the commands while a run is paused, s."""
 FOREVER = 1e7
 """Simulated time after which a run without a given duration ends, s."""
 
@@ -55,34 +58,55 @@ class Settings:
     namespace: str = ""
     transports: Sequence[str] = ()
     access: Access = field(default_factory=Access)
+    batch: float = BATCH
+    """Interval at which samples are written to the log and shown to an operator, s."""
+
+
+class Operator(Protocol):
+    """Person at a live run, such as `asrsim view` shows it to: sees the samples, and sets references by hand."""
+
+    def ask(self, session: Session) -> Mapping[Target, float | None]:
+        """References to set at this tick; None: the scenario's signal again. Called in each tick, also while the run is paused,
+        in the run's thread; the method may pause, step or end the session."""
+
+    def write(self, samples: Samples) -> None:
+        """Receive the next samples."""
 
 
 class Session:
     """Live run, which the method `run` executes."""
 
     def __init__(
-        self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False, tell: Tell = lambda text: None
-    ) -> None:
+        self, scenario: Scenario, folder: Path, settings: Settings, *, robot: Robot | None = None, overwrite: bool = False,
+        tell: Tell = lambda text: None,
+    ) -> None:  # fmt: skip
+        """robot: robot in place of the scenario's robot; its text describes it completely."""
         self.settings, self._tell = settings, tell
-        prepared = prepare(scenario, settable=True)
+        self.operator: Operator | None = None
+        """Person at the run."""
+        prepared = prepare(scenario, robot, settable=True)
         self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite, self._step = folder, overwrite, scenario.step
         self._duration = settings.duration or FOREVER
-        fast = 1.0 if math.isinf(settings.speed) else settings.speed
-        self._tick_steps = max(1, round(TICK * fast / self._step))
+        self.paused = False
+        """Whether the simulation waits; commands are still read."""
+        self._singles = 0
+        """Number of steps to do while the run is paused."""
+        self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
             prepared, sinks=[self], duration=self._duration,
-            chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
+            chunk=max(1, round(settings.batch / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
         self.publisher = Publisher(self.simulation, namespace=settings.namespace)
         self.commands = CommandInput(prepared.info.joints, self.publisher.ranges, prefix=self.publisher.prefix, tell=tell)
         self.pace = Pace(settings.speed)
+        self.set_speed(settings.speed)
         self.transports: list[Transport] = []
         self._writer: LogWriter | None = None
         self._unwritten: list[tuple[Command, float]] = []
         """Applied commands that are not in the log yet, with their times in s."""
-        self._overrides: dict[Target, float] = {}
+        self._overrides: dict[Target, float | None] = {}
         self._applied = self._steps_done = 0
         self._publishing = 0.0
         """Time spent publishing, s."""
@@ -136,6 +160,8 @@ class Session:
     def _turn(self) -> bool:
         """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
         left = round(self._duration / self._step) - self._steps_done
+        if self.paused:
+            return self._wait(left) < left
         steps = min(self._tick_steps, left)
         late = self.pace.wait(steps * self._step)
         if self.pace.is_behind():
@@ -144,6 +170,28 @@ class Session:
         if late is not None:
             self._advance(steps)
         return late is None or steps < left
+
+    def _wait(self, left: int) -> int:
+        """Do the single steps of a paused run, at most `left`, or wait a moment. Returns the number of steps."""
+        self._listen()
+        steps, self._singles = min(self._singles, left), 0
+        if steps:
+            self._advance(steps)
+        else:
+            clock.sleep(IDLE)
+        self.simulation.flush()
+        # The run does not catch up with the time of a pause.
+        self.pace.start()
+        return steps
+
+    def set_speed(self, speed: float) -> None:
+        """Set the simulated seconds per wall-clock second."""
+        self.pace.speed = speed
+        self._tick_steps = max(1, round(TICK * (1.0 if math.isinf(speed) else speed) / self._step))
+
+    def single_step(self, steps: int = 1) -> None:
+        """Do some steps of a paused run in its next tick."""
+        self._singles += steps
 
     def _ease(self) -> None:
         """Halve the rate of the topics if publishing takes much of the working time; otherwise report once that the machine is
@@ -177,7 +225,11 @@ class Session:
     def _listen(self) -> None:
         """Set the references that commands change, to their values at the end of the coming tick."""
         received = (message for transport in self.transports for message in transport.poll())
-        values = self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
+        values: dict[Target, float | None] = {
+            **self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
+        }
+        if self.operator is not None:
+            values |= self.operator.ask(self)
         for target, value in values.items():
             if self._overrides.get(target) != value:
                 self.simulation.set_reference(*target, value)
@@ -195,6 +247,8 @@ class Session:
             self._unwritten.clear()
             self._writer.write(samples)
             self._writer.flush()
+        if self.operator is not None:
+            self.operator.write(samples)
 
     def _finish(self, log_file: ExitStack, earlier: Sequence[Path], wall: float, error: DivergenceError | None) -> RunSummary:
         """Close the log, and return the summary, which is also written beside the log. wall: duration, s."""

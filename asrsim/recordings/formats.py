@@ -103,7 +103,7 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
     # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
-        "reading": pickle.dumps(reading).hex(),
+        "reading": pickle.dumps(reading).hex(), "plugin": READERS.file_of(name),
     }  # fmt: skip
     size = sum(file.stat().st_size for file in ([path, *path.iterdir()] if path.is_dir() else [path]))
     limits = {"seconds": round(SECONDS + size / RATE), "memory": MEMORY + RATIO * size}
@@ -118,6 +118,16 @@ def answer_of(request: dict[str, str]) -> bytes:
     answer: Content | Sequence[Problem]
     try:
         reading = pickle.loads(bytes.fromhex(request["reading"]))
+        if request["plugin"]:
+            from asrsim.plugins import load_plugin_file
+
+            load_plugin_file(request["plugin"])
+        elif request["reader"] not in READERS:
+            message = (
+                f"the reader '{request['reader']}' was added by the running program, and cannot run in a process of its own"
+            )
+            hint = "Add it in a file given to --plugin or to asrsim.plugins.load_plugin_file, or give it confined=False"
+            raise RecordingError(message, hint=hint, code="own-reader")
         answer = READERS.get(request["reader"]).read(Path(request["path"]), reading)
     except InputError as error:
         answer = error.problems

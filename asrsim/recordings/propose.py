@@ -7,34 +7,25 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import OutputError
-from asrsim.recordings.data import Recording
+from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.read import read_tables
-from asrsim.recordings.reading import ENDING, Reading, resolve_reading
+from asrsim.recordings.reading import Reading, resolve_reading
 
 
 def propose(
-    path: Path, out: Path | None = None, *, mapping: Sequence[str] = (), rate: float | None = None,
-    joints: Sequence[str] | None = None, force: bool = False, called: str = "",
-) -> tuple[Path, Recording]:  # fmt: skip
-    """Write a reading document such as `lab.csv.yaml`. Returns the document's path and the recording.
+    path: Path, *, mapping: Sequence[str] = (), rate: float | None = None, joints: Sequence[str] | None = None, called: str = ""
+) -> tuple[str, Recording]:
+    """Text of a reading document such as `lab.csv.yaml`, and the recording.
 
     Args:
         path: The recording.
-        out: The document; None: beside the recording.
         mapping: Items of `--map`.
         rate: Sampling rate that replaces the file's time, Hz.
         joints: Joints of the simulation.
-        force: Replace an existing document.
         called: The recording's path in the document; "": the recording's file name.
 
-    Raises:
-        RecordingError: The file cannot be read.
-        OutputError: The document exists and `force` is False.
+    Raises RecordingError if the file cannot be read.
     """
-    place = path.with_name(path.name + ENDING) if out is None else out
-    if place.exists() and not force:
-        raise OutputError(f"{place} exists already; replace it with --overwrite")
     reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
     content, recording = read_tables(path, reading, joints)
     stated = {key: value for key in ("sheet", "joint", "missing", "window") if (value := getattr(reading, key)) is not None}
@@ -52,8 +43,7 @@ def propose(
         doubt = next((one.message for one in recording.findings if one.hint and one.key == clock["column"]), "")
         lines.append(_line(f"time: {_yaml(clock, flow=True)}", f"? {doubt}" if doubt else "its name and unit"))
     lines += _map(recording, reading)
-    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return place, recording
+    return "\n".join(lines) + "\n", recording
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
@@ -63,15 +53,20 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     yield "map:"
     for column in columns:
         if column.quantity:
-            unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
+            unit = _unit(column)
             target = given.get(column.source) or column.meaning + (f" [{unit}]" if unit else "")
             doubt = "" if " assumed" not in column.conversion else "; ? the file states no unit"
             yield _line(f"  {_yaml({column.source: target})}", column.origin + doubt)
     for column in recording.asked:
-        target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
+        target = f"{column.joint or 'JOINT'}.QUANTITY [{_unit(column) or 'unit'}]"
         yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
     if others := [column.source for column in columns if not (column.quantity or column.question)]:
         yield f"# not used: {', '.join(others)}"
+
+
+def _unit(column: Column) -> str:
+    """Unit of the numbers in the file; empty if it is unknown."""
+    return column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
 
 
 def _line(text: str, reason: str) -> str:

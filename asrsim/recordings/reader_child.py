@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import redirect_stdout
 
 if __name__ == "__main__":
     request = json.loads(sys.stdin.buffer.read())
     sys.path.insert(0, request["root"])
     from asrsim.recordings.formats import answer_of
 
-    sys.stdout.buffer.write(answer_of(request))
+    # A user's reader may print, and stdout carries the answer.
+    with redirect_stdout(sys.stderr):
+        answer = answer_of(request)
+    sys.stdout.buffer.write(answer)

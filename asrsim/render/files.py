@@ -87,19 +87,22 @@ def strip_of(film: Film, *, count: int = ROW) -> Picture:
     return film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
 
 
-def write_strip(film: Film, path: Path, *, count: int = ROW) -> Path:
+def write_strip(film: Film, path: str | Path, *, count: int = ROW) -> Path:
     """Write the film strip as PNG and return the file. Raises OutputError."""
     from PIL.PngImagePlugin import PngInfo
 
     mark = PngInfo()
     mark.add_text("Software", "asrsim")
     strip = strip_of(film, count=count)
+    path = Path(path)
     with written(path, "picture") as stream:
         strip.save(stream, format="PNG", compress_level=4, pnginfo=mark)
     return path
 
 
-def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FPS, progress: Progress | None = None) -> Path:
+def write_gif(
+    film: Film, path: str | Path, *, speed: float = 1.0, fps: float = GIF_FPS, progress: Progress | None = None
+) -> Path:
     """Write an endless GIF and return the file. speed: 2 plays the run twice as fast; fps: frames per second. Raises
     OutputError.
     """
@@ -111,6 +114,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
+    path = Path(path)
     with written(path, "picture") as stream:
         indexed[0].save(
             stream, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
@@ -119,10 +123,13 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     return path
 
 
-def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Progress | None = None) -> Path:
+def write_mp4(
+    film: Film, path: str | Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Progress | None = None
+) -> Path:
     """Write an MP4 (H.264) with imageio-ffmpeg and return the file. Raises InputError if it is missing, and OutputError."""
     imageio_ffmpeg = library("imageio_ffmpeg", "video")
     times = _times(film, speed, fps)
+    path = Path(path)
     with written(path, "picture") as stream:
         writer = imageio_ffmpeg.write_frames(
             stream.name, (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2,

@@ -82,7 +82,7 @@ class Film:
         rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
         self._equilibria = np.where(np.isfinite(rest), rest, positions)
         """Link positions (n, joints) at which springs without load rest; measured positions for joints without springs."""
-        self.scene, self.notes = self._open()
+        self.scene, self.notes = logged_scene(self.info, self.path)
         self._painter = Painter(self.scene)
         self.camera: Camera
         self.width: int
@@ -124,19 +124,6 @@ class Film:
         pairs = [pair.split("/", 1) for pair, force in self.samples.contacts.items() if np.any(np.nan_to_num(force[row]))]
         touching = (body for pair in pairs if pair[1] != "ground" for body in pair)
         return tuple(dict.fromkeys(body for body in touching if body in self.scene.objects))
-
-    def _open(self) -> tuple[RenderScene, tuple[str, ...]]:
-        from asrsim.runs.repeat import restore
-
-        if not self.info.urdf or "scenario" not in self.info.resolved:
-            raise LogError("the log does not contain its robot and scenario", file=self.path, code="no-scenario")
-        keys = {key: value for key, value in self.info.resolved["scenario"].items() if key in _KEYS}
-        info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
-        with TemporaryDirectory(prefix="asrsim-render-") as folder:
-            scenario, robot = restore(info, Path(folder))
-            shown, notes = drawable(robot, scenario.package_paths)
-            scene = RenderScene(shown, scenario)
-        return scene, (*notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
         """Outermost points of all bodies during the motion (k, 3) m, the joints' axes, and the range of each joint (rad)."""
@@ -192,6 +179,21 @@ def telling_times(films: Sequence[Film], count: int) -> list[float]:
     time = np.linspace(longest.start, longest.end, 2000)
     over = np.mean([np.interp(time, film.samples.time, film.happening()) for film in films], axis=0)
     return [even[0], *np.interp(np.linspace(0.0, over[-1], count)[1:-1], over, time).tolist(), even[-1]]
+
+
+def logged_scene(info: RunInfo, path: Path) -> tuple[RenderScene, tuple[str, ...]]:
+    """Robot and world of a log, and notes on parts that cannot be drawn as they are. Raises the errors of `Film`."""
+    from asrsim.runs.repeat import restore
+
+    if not info.urdf or "scenario" not in info.resolved:
+        raise LogError("the log does not contain its robot and scenario", file=path, code="no-scenario")
+    keys = {key: value for key, value in info.resolved["scenario"].items() if key in _KEYS}
+    info = replace(info, urdf=_shape_only(info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
+    with TemporaryDirectory(prefix="asrsim-render-") as folder:
+        scenario, robot = restore(info, Path(folder))
+        shown, notes = drawable(robot, scenario.package_paths)
+        scene = RenderScene(shown, scenario)
+    return scene, (*notes, *scene.notes)
 
 
 def _shape_only(urdf: str) -> str:

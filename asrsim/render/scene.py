@@ -14,6 +14,7 @@ from asrsim.render.meshes import main_colour, simplified, smooth
 from asrsim.render.urdf import origin_frame, urdf_of
 from asrsim.robot import Robot
 from asrsim.robot.meshes import mesh_fault
+from asrsim.robot.model import Vector
 from asrsim.robot.poses import frame
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
@@ -45,7 +46,7 @@ class RenderScene:
     """
 
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
-        world = scenario.world
+        world, self._scenario = scenario.world, scenario
         self.notes: list[str] = []
         self._base = origin_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
@@ -78,6 +79,19 @@ class RenderScene:
         for name, at_start in self.objects.items():
             frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
+
+    def of_collisions(self) -> RenderScene:
+        """The collision shapes of the robot in the same world, instead of the shapes for pictures."""
+        links = tuple(replace(link, visuals=link.collisions) for link in self.model.robot.links)
+        return RenderScene(replace(self.model.robot, links=links), self._scenario)
+
+    def tip(self) -> tuple[str, Vector]:
+        """The last link that a joint moves, and its far end: twice the way from its frame to the middle of its shapes."""
+        moved = [joint.child for joint in self.model.robot.outward_joints if joint.moves]
+        name = moved[-1] if moved else self.model.robot.root.name
+        points = [part.mesh.vertices for part in self.parts if part.body == name]
+        x, y, z = (2.0 * np.concatenate(points).mean(axis=0) if points else np.zeros(3)).tolist()
+        return name, (x, y, z)
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
         """Axis (3,) of each revolute joint in the world."""

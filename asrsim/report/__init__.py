@@ -1,4 +1,4 @@
-"""Reports: one self-contained HTML page about a run or its variants."""
+"""Reports: one self-contained HTML page about runs, a fit, a study, learning or a twin."""
 
 from __future__ import annotations
 

@@ -53,19 +53,21 @@ def section(title: str, body: str) -> str:
     return f"<section><h2>{escape(title)}</h2>{body}</section>"
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
-    """HTML table without its empty columns; cells of the columns `raw` are HTML already.
+def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = (), long: tuple[int, ...] = ()) -> str:
+    """HTML table without its empty columns; cells of the columns `raw` are HTML already, those of `long` are sentences.
 
     In a narrow window, CSS shows each row as a list of heads and values, so each cell has the head of its column.
     """
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
-    cells = [
-        [f'<td data-head="{escape(heads[i])}">{row[i] if i in raw else _breakable(str(row[i]))}</td>' for i in filled]
-        for row in rows
-    ]
+    cells = [[_cell(heads[i], row[i], raw=i in raw, long=i in long) for i in filled] for row in rows]
     body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cell(head: str, value: Any, *, raw: bool, long: bool) -> str:
+    kind = " class=long" if long else ""
+    return f'<td{kind} data-head="{escape(head)}">{value if raw else _breakable(str(value))}</td>'
 
 
 def column_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> str:

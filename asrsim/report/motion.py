@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from asrsim.render import Film
-from asrsim.render.meshes import simplified
+from asrsim.render.meshes import simplified, smooth
 from asrsim.render.scene import RenderScene
 from asrsim.report.series import pack
 
 FRAMES = 400
 """Largest number of times per run; the page interpolates between them."""
-TRIANGLES = 15_000
+TRIANGLES = 30_000
 """Number of triangles of all bodies together from which their meshes are simplified."""
 DIGITS = 7
 """Number of decimals of a pose. Rounding makes constant values exactly equal, so that they are packed as one value."""
@@ -38,17 +39,19 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
 
 
 def _shapes(scene: RenderScene) -> list[dict[str, Any]]:
-    """Triangles of each part in the frame of its body, m: nine coordinates each, three for each corner."""
-    meshes = simplified([part.mesh for part in scene.parts], most=TRIANGLES)
+    """Points (x y z, m, in the frame of the body) and triangles of each part. Points that triangles share have one normal."""
+    meshes = [smooth(mesh) for mesh in simplified([part.mesh for part in scene.parts], most=TRIANGLES)]
     return [
         {
-            "body": part.body,
-            "colour": part.colour.tolist(),
-            "corners": pack(mesh.triangles.ravel()),
-            "count": mesh.triangles.size,
+            "body": part.body, "colour": part.colour.tolist(), "points": pack(mesh.vertices.ravel()),
+            "count": mesh.vertices.size, "triangles": _integers(mesh.faces),
         }
         for part, mesh in zip(scene.parts, meshes, strict=True)
-    ]
+    ]  # fmt: skip
+
+
+def _integers(faces: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(faces, dtype="<u4").tobytes()).decode("ascii")
 
 
 def _motion(film: Film) -> dict[str, Any]:

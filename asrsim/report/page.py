@@ -1,18 +1,20 @@
-"""Builds the HTML page of a report."""
+"""The skeleton of every page: head, sections, and the program that draws their plots and the moving view."""
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
-from asrsim.plots.rows import metric_tables
-from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, column_table, document, number, script_json, section, table
-from asrsim.summary.table import difference_columns, limit_columns, measure_columns
+from asrsim.report.html import document, script_json
+
+HINT = (
+    "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. Plots over the same quantity "
+    "share their range, and one cursor marks the time in all plots and in the moving view.</p>"
+)
+"""How to use the plots of a page."""
+NO_SCRIPT = "<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>"
 
 
 def asset(name: str) -> str:
@@ -20,224 +22,50 @@ def asset(name: str) -> str:
     return (files("asrsim.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def build_page(
-    runs: Sequence[RunContent],
-    labels: Sequence[str],
+def build(
+    title: str,
+    sections: Sequence[str],
     *,
-    data: Mapping[str, Any],
-    films: Films,
-    compared: Compared | None,
+    head: str = "",
+    data: Mapping[str, Any] | None = None,
+    motion: Mapping[str, Any] | None = None,
+    foot: str = "",
 ) -> str:
-    """HTML of the whole page. data: grid and joints for the plots."""
-    first = runs[0].info
-    scenario = Path(first.scenario_path).stem
-    title = " · ".join(filter(None, (first.robot, scenario)))
-    sections = [
-        _head(title, runs, labels),
-        _claims(runs, labels),
-        _strips(runs, labels, films),
-        _joints(runs, labels),
-        _compared(compared),
-        _plots(data),
-        _accuracy(runs, labels),
-        _parameters(runs, labels),
-        _warnings(runs, labels, films.notes),
-        _repeat(runs),
-    ]
-    scripts = [
-        _packed("data", data),
-        *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
-        f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
-        f"<script>{asset('page.js')}</script>",
-    ]
-    style = f"{asset('uPlot.min.css')}\n{asset('page.css')}"
-    return document(f"{title} · asrsim", style, "\n".join(filter(None, sections)), scripts=scripts)
+    """HTML of a page.
+
+    head: HTML below the title; sections: HTML of each section, empty ones are left out; data: what the plots show; motion: data
+    of the moving view; foot: last line.
+    """
+    header = f"<header><h1>{escape(title)}</h1>{head}</header>"
+    footer = f"<footer class='note'>{foot}</footer>" if foot else ""
+    scripts = []
+    if data is not None or motion is not None:
+        scripts.append(f"<script>{asset('clock.js')}</script>")
+    if motion is not None:
+        scripts += [packed("motion-data", motion), f"<script>{asset('motion.js')}</script>"]
+    if data is not None:
+        licence = f"/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/"
+        scripts += [packed("data", data), f"<script>{licence}\n{asset('uPlot.iife.min.js')}</script>"]
+        scripts.append(f"<script>{asset('page.js')}</script>")
+    style = "\n".join([*([asset("uPlot.min.css")] if data is not None else []), asset("page.css")])
+    return document(f"{title} · asrsim", style, "\n".join(filter(None, [header, *sections, footer])), scripts=scripts)
 
 
-def _head(title: str, runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    rows = []
-    for run, label in zip(runs, labels, strict=True):
-        s, meta = run.summary, run.info.metadata
-        substeps = str(meta.get("substeps", "?"))
-        more = meta.get("motor_substeps", "1")
-        rows.append(
-            [
-                label or "default",
-                badge(run.status, good=run.status == "complete"),
-                f"{s['simulated_time']:.6g} s" if "simulated_time" in s else "",
-                f"{run.info.step * 1e3:g} ms",
-                substeps if more == "1" else f"{substeps} x {more}",
-                meta.get("stepping", ""),
-                meta.get("engine", ""),
-                meta.get("seed", ""),
-                f"{s['speed']:.3g} x real time" if s.get("speed") else "",
-            ]
-        )
-    heads = ["variant", "status", "time", "step", "substeps", "stepping", "engine", "seed", "speed"]
-    messages = "".join(f'<p class="bad">{escape(run.message)}</p>' for run in runs if run.message)
-    return f"<header><h1>{escape(title)}</h1>{table(heads, rows, raw=(1,))}{messages}</header>"
-
-
-def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    items = []
-    for run, label in zip(runs, labels, strict=True):
-        for claim in run.summary.get("expect", ()):
-            who = f"<b>{escape(label)}</b> " if len(runs) > 1 else ""
-            verdict = badge("holds" if claim["holds"] else "fails", good=bool(claim["holds"]))
-            text = str(claim["text"]).removesuffix(": holds").removesuffix(": does not hold")
-            items.append(f"<li>{verdict} {who}{escape(text)}</li>")
-    return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
-
-
-def _packed(name: str, data: Mapping[str, Any]) -> str:
+def packed(name: str, data: Mapping[str, Any]) -> str:
+    """Data of a page as a script element."""
     return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
 
 
-_MOTION = (
-    '<div id="motion"><canvas aria-label="the moving robot"></canvas><div class="controls">'
-    '<button type="button" class="play" aria-label="play">▶</button>'
-    '<input type="range" aria-label="time"><span class="clock"></span>'
-    '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
-    '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
-    '<select class="run" aria-label="run"></select></div>'
-    '<p class="note">Drag to turn, wheel to zoom, Shift or right button to move, double-click for the first view.</p></div>'
-)
-"""HTML of the moving view, which `motion.js` draws."""
+def plots(number: int) -> str:
+    """Place of the plots of group `number` of the page's data."""
+    return f'<div data-group="{number}"><div class="plots"></div></div>'
 
 
-def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:
-    figures = [
-        f'<figure><img src="{films.strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
-        f"<figcaption>{escape(label)}</figcaption></figure>"
-        for run, label in zip(runs, labels, strict=True)
-        if run.log in films.strips
-    ]
-    left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    moving = _MOTION if films.motion else ""
-    return section("Motion", f'{moving}<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
-
-
-def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    entries = [(run, label, joint) for run, label in zip(runs, labels, strict=True) for joint in run.summary.get("joints", ())]
-    joints = [joint for *_, joint in entries]
-    limits = limit_columns(joints, [run.summary.get("total_substeps") or 1 for run, *_ in entries])
-    columns = [("variant", [label for _, label, _ in entries], False)] if len(runs) > 1 else []
-    note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limits else ""
-    return section("Joints", column_table([*columns, *measure_columns(joints), *limits]) + note) if joints else ""
-
-
-def _compared(compared: Compared | None) -> str:
-    if compared is None:
-        return ""
-    tables = "".join(
-        table(
-            ["of", "joint", "quantity", *(name.replace("_", " ") for name in found.measures)],
-            [[*key, *cells] for key, cells in found.lines],
-        )
-        for found in metric_tables(compared.metrics)
-    )
-    images = "".join(
-        f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
-        for path in compared.pictures
-        if (data := picture(path)) is not None
-    )
-    return section("Beside experiments", images + tables)
-
-
-def _plots(data: Mapping[str, Any]) -> str:
-    note = "Drag to zoom, double-click to see all again; click a name to hide its lines. All plots show the same time. "
-    note += "Long series are thinned: every interval keeps its smallest and largest sample."
-    parts = [f"<p class='note'>{note}</p>"]
-    if len(data["runs"]) > 1:
-        parts.append('<div id="runs" role="group" aria-label="variants"></div>')
-    for index, joint in enumerate(data["joints"]):
-        opened = " open" if index < 2 else ""
-        parts.append(
-            f'<details class="joint"{opened} data-joint="{index}"><summary><b>{escape(joint["joint"])}</b> '
-            f'<span class="note">{escape(joint["actuator"])}</span></summary><div class="plots"></div></details>'
-        )
-    parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>")
-    return section("Plots", "".join(parts))
-
-
-_TABLES = {
-    "certificate": "Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top.",
-    "cross_check": "Differences between engines; SI units.",
-}
-"""Tables of `summary.json` on accuracy, and their descriptions."""
-_NO_ERROR = "<p class='note'>Not estimated. <code>asrsim run --certify</code> estimates it from runs at finer steps.</p>"
-
-
-def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    """Section on the time-step error of certified runs, and on cross-checks."""
-    parts = []
-    for key, description in _TABLES.items():
-        whose: list[str] = []
-        joints: dict[tuple[str, str], Any] = {}
-        notes: list[str] = []
-        for run, label in zip(runs, labels, strict=True):
-            data = run.summary.get(key) or {}
-            joints |= {(label, name): joint for name, joint in (data.get("joints") or {}).items()}
-            engines = " and ".join(filter(None, (data.get("engine"), data.get("other"))))
-            whose += [engines] * len(data.get("joints") or {})
-            texts = [*(data.get("warnings") or ()), *filter(None, (data.get("finding"), data.get("note")))]
-            notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in texts]
-        if joints or notes:
-            first = [("variant", [label for label, _ in joints], False), ("engines", whose, False)]
-            columns = [*first, *difference_columns([name for _, name in joints], [*joints.values()])]
-            parts.append(f"<p class='note'>{description}</p>{column_table(columns)}{bullets(notes)}")
-    return section("Numerical error", "".join(parts) or _NO_ERROR)
-
-
-def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    # Joints and variants with equal parameters share a table.
-    groups: dict[Any, list[tuple[str, str]]] = {}
-    for run, label in zip(runs, labels, strict=True):
-        for joint, values in run.parameters.items():
-            # Ignore the line number in the parameter's source, which differs from joint to joint.
-            key = tuple((p.name, p.value, p.unit, p.origin.split(", line")[0]) for p in values)
-            groups.setdefault(key, []).append((label, joint))
-    parts = []
-    for key, members in groups.items():
-        joints = list(dict.fromkeys(joint for _, joint in members))
-        variants = list(dict.fromkeys(label for label, _ in members))
-        whose = ", ".join(joints) + (f" ({', '.join(variants)})" if len(variants) < len(runs) else "")
-        rows = [[name, number(value), unit, origin] for name, value, unit, origin in key]
-        parts.append(
-            f"<details><summary>{escape(whose)} <span class='note'>{len(rows)} parameters</span></summary>"
-            f"{table(['parameter', 'value', 'unit', 'from'], rows)}</details>"
-        )
-    return section("Parameters", "".join(parts)) if parts else ""
-
-
-def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence[str]) -> str:
-    said: dict[str, None] = {}
-    for run, label in zip(runs, labels, strict=True):
-        for warning in run.summary.get("warnings", ()):
-            place = (
-                f"{Path(str(warning['file'])).name}:{warning['line']}: " if warning.get("file") and warning.get("line") else ""
-            )
-            key = f"{warning['key']}: " if warning.get("key") else ""
-            said[f"{place}{key}{warning.get('message', '')}" + (f". {warning['hint']}" if warning.get("hint") else "")] = None
-        if run.status != "complete":
-            said[f"{label}: the run is {run.status}; the page shows it up to its last sample"] = None
-        said |= dict.fromkeys(run.notes)
-    said |= dict.fromkeys(notes)
-    return section("Warnings and notes", bullets(said)) if said else ""
-
-
-def _repeat(runs: Sequence[RunContent]) -> str:
-    commands = [f"asrsim rerun {shlex.quote(str(run.log))}" for run in runs]
-    info = runs[0].info
-    if info.scenario_path:
-        only = f" --variant {shlex.quote(info.variant)}" if len(runs) == 1 and info.variant not in ("", "default") else ""
-        commands.append(f"asrsim run {shlex.quote(info.scenario_path)}{only}")
-    libraries = {"asrsim": "asrsim ", "engine_version": "", "numpy": "numpy "}
-    versions = ", ".join(f"{word}{info.metadata[name]}" for name, word in libraries.items() if name in info.metadata)
-    scenario = (
-        f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
-    )
-    text = "<p>Repeat from the log, compared bit for bit, or from the scenario:</p>"
-    return section(
-        "Repeat it", f"{text}<pre>{escape(chr(10).join(commands))}</pre><p class='note'>{escape(versions)}</p>{scenario}"
+def folded(number: int, name: str, words: str = "", *, opened: bool, three: bool = False) -> str:
+    """Place of the plots of a group under a heading that folds them. three: in three columns instead of two."""
+    state = " open" if opened else ""
+    about = f' <span class="note">{escape(words)}</span>' if words else ""
+    return (
+        f'<details class="joint"{state} data-group="{number}"><summary><b>{escape(name)}</b>{about}</summary>'
+        f'<div class="plots{" three" * three}"></div></details>'
     )

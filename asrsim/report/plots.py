@@ -11,11 +11,9 @@ from asrsim.plots import style
 from asrsim.plots.curves import RunCurves, joint_info
 from asrsim.plots.figures import body_names, describe, joint_names
 from asrsim.plots.panels import BODY_PANELS, ENERGY_PANELS, JOINT_PANELS, PANELS, content
+from asrsim.report.charts import DASHES
 from asrsim.report.series import pack
 from asrsim.samples import Array
-
-DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
-"""Dash patterns in pixels, one per quantity, for pages with several runs."""
 
 QUANTITIES: tuple[str, ...] = tuple(
     dict.fromkeys(
@@ -58,7 +56,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
                     on_grid = np.interp(time, when, values, left=np.nan, right=np.nan)
                     series.append(_series(f"{words}, recorded", "experiment", unit, owner, on_grid, dash))
             plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
-        sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
+        sections.append({"name": joint, "words": describe(info), "plots": plots})
     return sections
 
 

@@ -1,17 +1,18 @@
-"""`write_report`: writes a page about the runs of a folder."""
+"""`write_report`: writes a page about the results in a folder: runs, a fit, a study, learning, or a twin."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from asrsim.errors import Problem
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels
 from asrsim.report.content import Films, find_comparison, read_content, read_films, recorded_curves
-from asrsim.report.page import build_page
 from asrsim.report.plots import QUANTITIES, joint_sections
+from asrsim.report.runs import runs_page
 from asrsim.report.series import read_runs
 from asrsim.runs.folder import find_logs
 
@@ -25,10 +26,10 @@ def write_report(
     film: bool = True,
     progress: Callable[[str, float], None] | None = None,
 ) -> Path:
-    """Write a self-contained page about the run in a folder, or about a folder of variants.
+    """Write a self-contained page about the results in a folder.
 
     Args:
-        folder: Folder with a log (`log.mcap` or another), or with subfolders that contain a log; or a log.
+        folder: Folder of a run, or of a scenario's variants, or a log; or the folder of `identify`, `sweep`, `ilc` or `twin`.
         path: The page; `report.html` in the folder by default.
         film: Also draw film strips and the moving view.
         progress: Called with the current task and the fraction done.
@@ -37,15 +38,62 @@ def write_report(
         Path of the page.
 
     Raises:
-        InputError: The folder contains no log. LogError: A log cannot be read.
+        InputError: The folder contains no results, or they are damaged. LogError: A log cannot be read.
         OutputError: The page cannot be written.
     """
     place = Path(folder)
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
     tell = progress or (lambda what, fraction: None)
-    logs, _ = find_logs(place)
-    check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
+    home, kind = _kind(place)
+    if kind is not None:
+        check_output(page, "page", inputs=[home / kind])
+        text = _other_page(home, kind)
+    else:
+        logs, _ = find_logs(place)
+        check_output(page, "page", inputs=logs)
+        text = _runs_page(place, logs, film=film, tell=tell)
+    make_folder(page.parent)
+    write_text(page, text, "page")
+    return page
+
+
+KINDS = ("fit.json", "study.json", "ilc.json", "twin.csv")
+"""Files that make a folder one of a fit, a study, a learning session or a twin."""
+
+
+def unreadable_logs(place: Path) -> list[Problem]:
+    """Problems of logs that a page about runs leaves out. Raises InputError where there is nothing to report."""
+    return find_logs(place)[1] if _kind(place)[1] is None else []
+
+
+def _kind(place: Path) -> tuple[Path, str | None]:
+    """Folder of the results at a path, and the file by which its kind is known; None for runs."""
+    if place.is_file():
+        return place.parent, place.name if place.name in KINDS else None
+    return place, next((name for name in KINDS if (place / name).is_file()), None)
+
+
+def _other_page(folder: Path, kind: str) -> str:
+    # Each of these pages needs another part of asrsim: a page about runs need not load them.
+    if kind == "fit.json":
+        from asrsim.report.fit import fit_page
+
+        return fit_page(folder)
+    if kind == "study.json":
+        from asrsim.report.study import study_page
+
+        return study_page(folder)
+    if kind == "ilc.json":
+        from asrsim.report.learning import learning_page
+
+        return learning_page(folder)
+    from asrsim.report.twin import twin_page
+
+    return twin_page(folder)
+
+
+def _runs_page(place: Path, logs: Sequence[Path], *, film: bool, tell: Callable[[str, float], None]) -> str:
     grid, runs = read_runs(logs, quantities=QUANTITIES)
     labels = [run.label for run in distinct_labels(runs)]
     tell("reading", 0.5)
@@ -54,11 +102,8 @@ def write_report(
     data = {
         "grid": grid.as_dict(),
         "runs": [{"label": label, "colour": style.variant_colour(n)} for n, label in enumerate(labels)],
-        "joints": joint_sections(runs, recorded_curves(beside, labels), grid.time),
+        "groups": joint_sections(runs, recorded_curves(beside, labels), grid.time),
     }
     tell("film strip", 0.9)
     films = read_films(logs, labels) if film else Films(strips={})
-    text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside))
-    make_folder(page.parent)
-    write_text(page, text, "page")
-    return page
+    return runs_page(contents, labels, data=data, films=films, compared=find_comparison(beside))

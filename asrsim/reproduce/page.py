@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 
 from asrsim import __version__
-from asrsim.report.html import data_address, document
+from asrsim.report.html import badge, data_address, table
+from asrsim.report.page import build
 from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, Reproduction
 
 ORIGINS = {
@@ -27,43 +27,38 @@ SHOWN_ROWS = 9
 
 def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
     """HTML of the page. seconds: total wall-clock time."""
-    style = files("asrsim.reproduce").joinpath("assets/page.css").read_text(encoding="utf-8")
     failed = ", ".join(one.name for one in reproductions if not one.holds)
-    overview = "".join(
-        f'<tr><td><a href="#figure-{one.name}">Figure {one.name}</a></td><td>{escape(one.figure.title)}</td>'
-        f'<td class="number">{_count(one.claims)}</td><td>{_verdict(one.holds)}</td></tr>'
-        for one in reproductions
-    )
-    main = f"""<h1>The paper's experiments, run again</h1>
-<p>{_verdict(not failed, f"claims of figure {failed} do not hold" if failed else "every claim holds")}</p>
-<div class="scroll"><table><thead><tr><th>figure</th><th></th><th class="number">claims that hold</th><th></th></tr></thead>
-<tbody>{overview}</tbody></table></div>
-<p class="small">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
-data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>
-{"".join(map(_section, reproductions))}
-<footer>Made by asrsim {__version__} with <code>asrsim reproduce</code> in {seconds:.0f} s.</footer>"""
-    return document(f"asrsim reproduce: figures {', '.join(one.name for one in reproductions)}", style, main)
+    heads = ["figure", "", "claims that hold", ""]
+    overview = [[_link(one), escape(one.figure.title), _count(one.claims), _verdict(one.holds)] for one in reproductions]
+    head = f"""<p>{_verdict(not failed, f"claims of figure {failed} do not hold" if failed else "every claim holds")}</p>
+{table(heads, overview, raw=(0, 1, 2, 3), long=(1,))}
+<p class="note">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
+data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>"""
+    foot = f"Made by asrsim {__version__} with <code>asrsim reproduce</code> in {seconds:.0f} s."
+    return build("The paper's experiments, run again", [_section(one) for one in reproductions], head=head, foot=foot)
+
+
+def _link(one: Reproduction) -> str:
+    return f'<a href="#figure-{one.name}">Figure {one.name}</a>'
 
 
 def _section(one: Reproduction) -> str:
     parts = "\n".join(_part(part, folded=number > 0) for number, part in enumerate(one.parts))
     if one.error:
-        parts = f'<p class="fails">It could not be run: {escape(one.error)}</p>'
+        parts = f'<p class="bad">It could not be run: {escape(one.error)}</p>'
     figure = one.figure
     return f"""<section id="figure-{one.name}">
 <div class="head"><h2>Figure {one.name}: {escape(figure.title)}</h2>{_verdict(one.holds)}</div>
-<p class="small">Section {escape(figure.section)} of the paper. Reproduced in {one.seconds:.1f} s.</p>
-<p class="paper">{escape(figure.paper)}</p>
+<p class="note">Section {escape(figure.section)} of the paper. Reproduced in {one.seconds:.1f} s.</p>
+<p class="quote">{escape(figure.paper)}</p>
 {parts}
 </section>"""
 
 
 def _part(part: FigurePart, *, folded: bool) -> str:
     """HTML of a part: the paper's figure is shown unfolded; other parts are folded unless a claim fails."""
-    claims = (
-        '<table class="wide claims"><thead><tr><th>claim</th><th class="number">measured</th><th class="number">expected</th>'
-        f"<th></th></tr></thead><tbody>{''.join(map(_claim, part.claims))}</tbody></table>"
-    )
+    heads = ["claim", "measured", "expected", ""]
+    claims = table(heads, [_claim(claim) for claim in part.claims], raw=(0, 3), long=(0,))
     body = "\n".join(
         [
             f"<p>{escape(part.text)}</p>", *map(_picture, part.pictures), claims if part.claims else "",
@@ -72,32 +67,20 @@ def _part(part: FigurePart, *, folded: bool) -> str:
     )  # fmt: skip
     if not folded:
         return f"<h3>{escape(part.title)}</h3>\n{body}"
-    counted = f' <span class="small">{_count(part.claims)} claims hold</span>' if part.claims else ""
+    counted = f' <span class="note">{_count(part.claims)} claims hold</span>' if part.claims else ""
     opened = "" if all(claim.holds for claim in part.claims) else " open"
     return f'<details class="part"{opened}><summary>{escape(part.title)}{counted}</summary>\n{body}</details>'
 
 
-def _claim(claim: Claim) -> str:
-    return (
-        f'<tr class="{"holds" if claim.holds else "fails"}"><td>{escape(claim.text)}'
-        f'<span class="small" title="{escape(ORIGINS[claim.origin])}">{escape(claim.quantity)} · {claim.origin}</span></td>'
-        f'<td class="number" data-name="measured">{escape(claim.found)}</td>'
-        f'<td class="number" data-name="expected">{escape(str(claim.bound))}</td><td>{_verdict(claim.holds)}</td></tr>'
-    )
+def _claim(claim: Claim) -> list[str]:
+    about = f"{escape(claim.quantity)} · {claim.origin}"
+    text = f'{escape(claim.text)}<span class="note" title="{escape(ORIGINS[claim.origin])}">{about}</span>'
+    return [text, claim.found, str(claim.bound), _verdict(claim.holds)]
 
 
-def _table(table: FigureTable) -> str:
-    def row(tag: str, cells: Sequence[str]) -> str:
-        kind = ' class="number"'
-        return "".join(f"<{tag}{kind if i else ''}>{escape(text)}</{tag}>" for i, text in enumerate(cells))
-
-    rows = "".join(f"<tr>{row('td', cells)}</tr>" for cells in table.rows)
-    state = " open" if len(table.rows) <= SHOWN_ROWS else ""
-    return (
-        f"<details{state}><summary>{escape(table.caption)}</summary>"
-        f'<div class="scroll"><table><thead><tr>{row("th", table.headings)}</tr></thead>'
-        f"<tbody>{rows}</tbody></table></div></details>"
-    )
+def _table(one: FigureTable) -> str:
+    state = " open" if len(one.rows) <= SHOWN_ROWS else ""
+    return f"<details{state}><summary>{escape(one.caption)}</summary>{table(one.headings, one.rows)}</details>"
 
 
 def _picture(picture: FigurePicture) -> str:
@@ -115,4 +98,4 @@ def _count(claims: Sequence[Claim]) -> str:
 
 def _verdict(holds: bool, text: str = "") -> str:
     word = text or ("holds" if holds else "does not hold")
-    return f'<span class="verdict {"holds" if holds else "fails"}">{"✓" if holds else "✗"} {escape(word)}</span>'
+    return badge(f"{'✓' if holds else '✗'} {word}", good=holds)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import combinations
 from typing import Unpack
 
 import numpy as np
@@ -31,6 +32,8 @@ WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
 """Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
+EXCHANGED = 1.5
+"""Smallest distance of two exchanged parameters from their defaults, powers of ten."""
 GAINS = ("proportional", "integral", "derivative")
 
 
@@ -213,4 +216,24 @@ def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
         yield Problem(f"motor 2 keeps the default gains: {'; '.join(differing)}", code="one-controller-set")
 
 
-BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (_of_joint, _of_parameters, _one_controller)
+def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
+    """Warning about two spring parameters that are far from their defaults, but would be near them with each other's values."""
+    declared = {one.name: one.default for one in ACTUATORS.get(block.actuator).parameters}
+    given = {
+        name: one.value
+        for name, one in block.parameters.items()
+        if 0.0 < declared.get(name, 0.0) < math.inf and one.origin in ("tag", "scenario") and one.value > 0.0
+    }
+    left = [*given]
+    for first, second in combinations(given, 2):
+        own = [abs(math.log10(given[name] / declared[name])) for name in (first, second)]
+        other = [abs(math.log10(given[a] / declared[b])) for a, b in ((second, first), (first, second))]
+        if {first, second} <= {*left} and min(own) > EXCHANGED and max(other) < min(own) - 1.0:
+            left = [name for name in left if name not in (first, second)]
+            shown = f"{given[first]:g} and {given[second]:g}, usual are {declared[first]:g} and {declared[second]:g}"
+            yield Problem("look exchanged", key=f"{first}, {second}", value=shown, code="exchanged-values")
+
+
+BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (
+    _of_joint, _of_parameters, _one_controller, _exchanged,
+)  # fmt: skip

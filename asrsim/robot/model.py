@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -166,6 +167,11 @@ class Joint:
         return self.kind in ("revolute", "continuous", "prismatic")
 
 
+def is_locked(joint: str, locked: Sequence[str]) -> bool:
+    """Whether one of the names, in which `*` stands for any text, is that of the joint."""
+    return any(fnmatchcase(joint, name) for name in locked)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Robot:
     """Robot as described in its file. `asrsim.robot.load_robot` returns robots without faults."""
@@ -183,6 +189,8 @@ class Robot:
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     contact_words: tuple[str, ...] = ()
     """Words of the file that only act where bodies touch; asrsim does not read them."""
+    locked: tuple[str, ...] = ()
+    """Names of the joints that the scenario fixes; `*` stands for any text."""
     unread: frozenset[str] = frozenset()
     """Joints whose actuator or mode is unknown, because the file states it wrongly."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
-from asrsim.robot.structure import read_joints, read_links
-from asrsim.robot.tree import check_movable, check_tree, without_floating_root
+from asrsim.robot.structure import declare_world, read_joints, read_links
+from asrsim.robot.tree import check_tree, without_floating_root, without_massless_joints
 from asrsim.robot.unread import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
@@ -31,14 +31,16 @@ def load_robot(
     *,
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
+    locked: Sequence[str] = (),
 ) -> Robot:
     """Robot from a `.urdf` or `.xacro` file, which may be hostile.
 
     `xacro_arguments` are values for `<xacro:arg>`; `package_paths` (name -> folder) resolve `$(find name)` and
-    `package://name`. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of
-    the file. Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
+    `package://name`. `locked` names joints that are fixed at 0, whatever the file says of their motion; `*` stands for any
+    text. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of the file.
+    Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
     """
-    robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
+    robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths, locked=locked)
     if robot.faults:
         raise RobotError(robot.faults, warnings=robot.warnings)
     return robot
@@ -49,6 +51,7 @@ def read_robot(
     *,
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
+    locked: Sequence[str] = (),
 ) -> Robot:
     """Robot as from `load_robot`, but with the problems of the file in its `faults`.
 
@@ -56,20 +59,20 @@ def read_robot(
     """
     path = Path(path)
     data = read_bytes(path)
-    root = parse_xml(data, path)
     findings = Findings(path)
+    root = parse_xml(data, path, notes=findings.warnings)
     if path.suffix == ".xacro" or _uses_xacro(root):
         from asrsim.robot.expansion import expand_xacro
 
         data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
         findings.warnings += warnings
         findings.expanded = True
-        root = parse_xml(data, path)
-    return _read(root, data, findings)
+        root = parse_xml(data, path, notes=findings.warnings)
+    return _read(root, data, findings, locked)
 
 
-def _read(root: Any, data: bytes, findings: Findings) -> Robot:
-    path = findings.file
+def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> Robot:
+    path, mended = findings.file, bool(findings.warnings)
     if root.tag != "robot":
         what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
         message = f"the root element is <{root.tag}>, not <robot>{what}"
@@ -78,8 +81,9 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     contact_words = check_words(findings, root)
+    mended |= declare_world(findings, root)
     links = read_links(findings, root)
-    joints = read_joints(findings, root, links)
+    joints = read_joints(findings, root, links, locked)
     moving = sum(joint.moves for joint in joints)
     if moving > MAX_MOVING:
         message = f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}"
@@ -90,23 +94,24 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     if not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
-    blocks, unread = read_blocks(root, joints, findings)
+    blocks, unread = read_blocks(root, joints, findings, locked)
     robot = Robot(
-        name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
-        unread=unread, contact_words=contact_words,
+        name=root.get("name") or path.stem, path=path, text=_text(data, root, mended=mended), links=links, joints=joints,
+        actuators=blocks,
+        unread=unread, contact_words=contact_words, locked=tuple(locked),
     )  # fmt: skip
     if whole:
-        check_movable(findings, robot)
+        robot = without_massless_joints(findings, robot)
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
     return replace(robot, findings=tuple(findings.warnings), faults=faults)
 
 
-def _text(data: bytes, root: Any) -> str:
+def _text(data: bytes, root: Any, *, mended: bool) -> str:
     """Document as text with a declaration of its actual encoding only."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()
-    if encoding in ("utf-8", "us-ascii", "ascii"):
+    if encoding in ("utf-8", "us-ascii", "ascii") and not mended:
         return data.decode("utf-8-sig", errors="replace")
     text: str = etree.tostring(root.getroottree(), encoding="unicode")
     return text

@@ -25,7 +25,8 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     geometries = elements(element, "geometry")
     shapes = elements(geometries[0]) if geometries else []
     if len(geometries) != 1 or len(shapes) != 1:
-        findings.error("must have one <geometry> with one shape", element, key, code="shape")
+        code = "shape" if len(geometries) > 1 or len(shapes) > 1 else "empty-shape"
+        findings.error("must have one <geometry> with one shape", element, key, code=code)
         return None
     shape, key = shapes[0], f"{key}.{shapes[0].tag}"
     if shape.tag not in SIZES:
@@ -39,19 +40,21 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
             size += (findings.number(shape, name, key, required=True),)
         if not findings.errors and not 0.0 < min(size) <= max(size) <= LARGEST:
             message = f"'{name}' must be larger than 0 and at most {LARGEST:g} m"
-            findings.error(message, shape, key, code="shape", value=shape.get(name))
+            code = "empty-shape" if min(size) == 0.0 and max(size) <= LARGEST else "shape"
+            findings.error(message, shape, key, code=code, value=shape.get(name))
     mesh, scale = "", (1.0, 1.0, 1.0)
     if shape.tag == "mesh":
         mesh = name_of(shape, "filename")
         if not mesh:
-            findings.error("attribute 'filename' is missing", shape, key, code="missing-attribute")
+            code = "missing-attribute" if shape.get("filename") is None else "empty-shape"
+            findings.error("attribute 'filename' is missing", shape, key, code=code)
         if len(words(shape.get("scale", ""))) == 1:
             # One number for all three axes is a common slip that every reader of URDFs understands.
             scale = (findings.number(shape, "scale", key, required=True),) * 3
         else:
             scale = findings.vector(shape, "scale", key, default=scale)
         if not findings.errors and 0.0 in scale:
-            findings.error("'scale' must not be 0", shape, key, code="shape", value=shape.get("scale"))
+            findings.error("'scale' must not be 0", shape, key, code="empty-shape", value=shape.get("scale"))
     origin, rpy = findings.origin(element, key)
     return Shape(
         kind=shape.tag, size=size, origin=origin, rpy=rpy, mesh=mesh, scale=scale, colour=_colour_of(element, colours),

@@ -8,11 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
 from asrsim.robot.inertia import numbers_of, tensor_of
-from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector
+from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector, is_locked
 from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
@@ -31,6 +32,20 @@ ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
 of the link or the robot.
 """
 X_AXIS: Vector = (1.0, 0.0, 0.0)
+WORLD = "world"
+"""Parent link that files of Drake and Gazebo need not declare."""
+
+
+def declare_world(findings: Findings, root: Any) -> bool:
+    """Add a link for a parent `world` that the file does not declare, as Drake and Gazebo do; returns whether it was added."""
+    joints = [parent for joint in elements(root, "joint") for parent in elements(joint, "parent")]
+    users = [parent for parent in joints if name_of(parent, "link") == WORLD]
+    if not users or any(name_of(link) == WORLD for link in elements(root, "link")):
+        return False
+    message = f"the parent link '{WORLD}' is not declared: taken as the fixed world"
+    findings.warn(message, users[0], name_of(users[0].getparent()), code="undeclared-world", hint='Add <link name="world"/>')
+    etree.SubElement(root, "link", name=WORLD)
+    return True
 
 
 def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
@@ -41,10 +56,13 @@ def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
     return tuple(_link(findings, element, name, colours, largest) for element, name in _named(findings, root, "link"))
 
 
-def read_joints(findings: Findings, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
-    """All joints with a name, in file order; invalid values are replaced by their defaults."""
+def read_joints(findings: Findings, root: Any, links: Sequence[Link], locked: Sequence[str] = ()) -> tuple[Joint, ...]:
+    """All joints with a name, in file order; invalid values are replaced by their defaults. locked: joints that are fixed."""
     names = tuple(link.name for link in links)
-    joints = [_joint(findings, element, name, names) for element, name in _named(findings, root, "joint")]
+    joints = [
+        _joint(findings, element, name, names, fixed=is_locked(name, locked))
+        for element, name in _named(findings, root, "joint")
+    ]
     return _with_passive(findings, root, joints)
 
 
@@ -87,19 +105,22 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Col
 
 
 def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
-    """Collisions or visuals of a link. An invalid collision is an error, as contacts would be lost; an invalid visual is left
-    out.
+    """Collisions or visuals of a link. A collision with invalid numbers is an error, as contacts would be lost; a collision
+    without a body (no shape, or a size of 0) and an invalid visual are left out.
     """
     shapes = []
     for shape in elements(element, tag):
         own = Findings(findings.file, expanded=findings.expanded)
         found = read_shape(own, shape, f"{name}.{tag}", colours)
+        empty = all(one.code == "empty-shape" for one in own.errors)
         if found is not None and not own.errors:
             shapes.append(found)
-        elif tag == "collision":
-            findings.errors += own.errors
-        else:
+        elif tag == "visual":
             own.warnings += [replace(one, message=f"{one.message}; it is not drawn", code="visual-shape") for one in own.errors]
+        elif empty:
+            own.warnings += [replace(one, message=f"{one.message}; the link does not collide with it") for one in own.errors]
+        else:
+            findings.errors += own.errors
         findings.warnings += own.warnings
     return tuple(shapes)
 
@@ -187,8 +208,8 @@ def _largest_moment(root: Any) -> float:
 # -- joints ------------------------------------------------------------------------------------------------------------
 
 
-def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) -> Joint:
-    kind = name_of(element, "type")
+def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...], *, fixed: bool) -> Joint:
+    kind = "fixed" if fixed else name_of(element, "type")
     if kind not in JOINT_KINDS:
         message = "joint type is unknown" if kind else "joint has no type"
         findings.error(message, element, name, code="joint-type", value=kind or None, choices=JOINT_KINDS, meant=kind)
@@ -196,6 +217,8 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) 
     parent, child = (_end(findings, element, tag, name, links) for tag in ("parent", "child"))
     origin, rpy = findings.origin(element, name)
     joint = Joint(name=name, kind=kind, parent=parent, child=child, origin=origin, rpy=rpy, line=findings.line(element))
+    if fixed:
+        return joint
     changes: dict[str, Any] = {}
     if joint.moves:
         changes["axis"] = _axis(findings, element, name)
@@ -249,8 +272,9 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     }
     for key in ("effort", "velocity"):
         if (limits[key] or 0.0) < 0.0:
-            message = f"limit {key} must not be negative"
-            findings.error(message, tag, name, code="negative-limit", value=f"{limits[key]:g}")
+            message = f"a negative limit of {key} means no limit, as in SDF"
+            findings.warn(message, tag, name, code="negative-limit", value=f"{limits[key]:g}")
+            limits[key] = None
     lower, upper = limits.pop("lower"), limits.pop("upper")
     if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
         return limits
@@ -258,11 +282,12 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"
-        findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value)
+        hint = "Exchange them; Bullet takes such limits for none, which a continuous joint states"
+        findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value, hint=hint)
         return limits
     if lower == upper:
-        hint = EMPTY_LIMIT if lower == 0.0 else None
-        findings.warn("lower and upper limit are equal: the joint cannot move", tag, name, code="locked-joint", hint=hint)
+        empty = EMPTY_LIMIT if lower == 0.0 else None
+        findings.warn("lower and upper limit are equal: the joint cannot move", tag, name, code="locked-joint", hint=empty)
     return limits | {"lower": lower if math.isfinite(lower) else None, "upper": upper if math.isfinite(upper) else None}
 
 
@@ -298,7 +323,13 @@ def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tup
                 hint = None if name in found else did_you_mean(name, tuple(found))
                 findings.warn(f"has no effect: {why}", tag, key, code="misplaced-tag", hint=hint)
                 continue
-            value = findings.value(text_of(tag), text_of(tag), tag, key)
+            text = text_of(tag)
+            if not text and tag.get("value") is not None:
+                text = str(tag.get("value"))
+                findings.warn(
+                    "states its number as an attribute 'value'; Gazebo reads it, too", tag, key, code="value-attribute"
+                )
+            value = findings.value(text, text, tag, key)
             if field not in _SIGNED and (value < 0.0 or (value == 0.0 and field == "stribeck_velocity")):
                 bound = "larger than" if field == "stribeck_velocity" else "at least"
                 findings.error(f"must be {bound} 0", tag, key, code="out-of-range", value=f"{value:g}")

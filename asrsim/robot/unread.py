@@ -110,7 +110,8 @@ def _unknown(findings: Findings, element: Any, what: str, name: str, kind: str, 
         for word, entry in WORDS[kind].items()
         if entry.use == "read" and word.startswith("@") == attribute
     )
-    close = nearest(name.lower(), known)
+    present = set(element.attrib) if attribute else {child.tag for child in elements(element.getparent())} - SEVERAL
+    close = nearest(name.lower(), [word for word in known if word not in present])
     shown, meant = (f"'{name}'", f"'{close}'") if attribute else (f"<{name}>", f"<{close}>")
     findings.warn(
         f"unknown {what} {shown}; it has no effect", element, place, code=f"unknown-{what}",

@@ -11,7 +11,10 @@ from lxml import etree
 
 from asrsim.document.file import mistaken
 from asrsim.errors import Problem, RobotError, similar_file
+from asrsim.robot.mending import mended
 
+_SPACED_TAG = re.compile(r"</?(\w+(?: +\w+)+)\s*>")
+"""Tag whose name has spaces, as figures print them: `<spring a1>`."""
 MAX_BYTES = 64 * 1024 * 1024
 """Largest size of a robot file, bytes."""
 BLANKS = " \t\r\n"
@@ -34,13 +37,33 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
-    """Root element of the document (lxml). Raises RobotError with the line for malformed or hostile XML.
+def parse_xml(data: bytes, path: Path, *, large: bool = False, notes: list[Problem] | None = None) -> Any:
+    """Root element of the document (lxml), without a default name space. Raises RobotError with the line for malformed or
+    hostile XML.
 
-    large: texts of more than 10 MB are valid, as in meshes.
+    Files that ROS and Gazebo read are mended where they are not well-formed. large: texts of more than 10 MB are valid, as in
+    meshes. notes: list to which warnings are added about what was mended.
     """
     # PyBullet's tools write the XML version 0.0, which does not exist.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
+    found: list[Problem] = []
+    try:
+        root = _parsed(data, path, large=large)
+    except RobotError as error:
+        data, found = mended(data, path)
+        if not found or error.problems[0].code != "malformed-xml":
+            raise
+        try:
+            root = _parsed(data, path, large=large)
+        except RobotError as second:
+            raise error if second.problems[0].code == "malformed-xml" else second from None
+    found += _without_default_space(root, path)
+    if notes is not None:
+        notes += found
+    return root
+
+
+def _parsed(data: bytes, path: Path, *, large: bool) -> Any:
     _refuse_declarations(data, path)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=large, remove_pis=True
@@ -49,12 +72,25 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
-        raise _malformed(path, reason, error.lineno or None) from error
+        raise _malformed(path, data, reason, error.lineno or None) from error
     # The check with expat (`_refuse_declarations`) may have missed declarations that lxml finds.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
         raise _declares(path, None)
     return root
+
+
+def _without_default_space(root: Any, path: Path) -> list[Problem]:
+    """Take the names of a robot's elements out of the default name space. Returns a warning if there is one."""
+    space = root.nsmap.get(None)
+    if space is None or root.tag != f"{{{space}}}robot":
+        return []
+    for element in root.iter():
+        if isinstance(element.tag, str) and element.tag.startswith(f"{{{space}}}"):
+            element.tag = element.tag.rpartition("}")[2]
+    etree.cleanup_namespaces(root, keep_ns_prefixes=[prefix for prefix in root.nsmap if prefix])
+    message = "the default name space (xmlns) has no meaning in a URDF: it is ignored"
+    return [Problem(message, file=path, line=root.sourceline, value=space, code="default-xmlns")]
 
 
 def _declares(path: Path, line: int | None) -> RobotError:
@@ -94,12 +130,15 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error
     except expat.ExpatError as error:
-        raise _malformed(path, expat.ErrorString(error.code), error.lineno) from error
+        raise _malformed(path, data, expat.ErrorString(error.code), error.lineno) from error
 
 
-def _malformed(path: Path, reason: str, line: int | None) -> RobotError:
+def _malformed(path: Path, data: bytes, reason: str, line: int | None) -> RobotError:
     other = mistaken(path, "robot")
-    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, code="malformed-xml")
+    text = data.splitlines()[line - 1].decode(errors="replace") if line and line <= len(data.splitlines()) else ""
+    spaced = _SPACED_TAG.search(text)
+    hint = f"Names of tags have no spaces: write <{re.sub(' +', '_', spaced[1])}>" if spaced else None
+    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, hint=hint, code="malformed-xml")
     return RobotError([problem])
 
 

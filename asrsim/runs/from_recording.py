@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.modes import Mode
-from asrsim.outfile import check_output, csv_text, write_text
+from asrsim.outfile import check_output, csv_text
 from asrsim.plugins import command_line
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Recording, read_recording
@@ -25,7 +26,6 @@ from asrsim.recordings.propose import propose
 from asrsim.recordings.reading import ENDING, is_document, reading_file
 from asrsim.robot import ActuatorBlock, Joint, Robot, with_actuators, with_overrides
 from asrsim.scenario.recording_plan import PlayedRecording, RecordingPlan, make_plan
-from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import (
     MOUNTED_MODE,
     SCHEMA_FILE,
@@ -107,7 +107,7 @@ def write_from_recording(
     for path in (out, fit, *tables):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     check_output(schema, "schema")
-    documents: list[Path] = []
+    documents: dict[Path, str] = {}
     if documented:
         proposed = experiment.with_name(experiment.name + ENDING)
         exists = proposed in map(Path, mapping)
@@ -116,26 +116,26 @@ def write_from_recording(
         exists = proposed.exists() or reading_file(experiment) is not None
     if not exists and not is_document(str(experiment)):
         named = relative_path(experiment, proposed.parent)
-        propose(experiment, proposed, mapping=mapping, rate=rate, joints=joints, called=named, force=force)
-        documents.append(proposed)
-    for path, members in tables.items():
-        write_new(path, command_text(plan, members), force=force)
+        documents[proposed], _ = propose(experiment, mapping=mapping, rate=rate, joints=joints, called=named)
+    commands = {path: command_text(plan, members) for path, members in tables.items()}
     parameters = open_parameters(plan.robot, given_to)
     plan = replace(plan, robot=with_overrides(plan.robot, parameters=parameters))
     if given_to:
         data, _ = recording_data(plan, files, mode=mode, joints=given_to, parameters=parameters)
-        proposal = sizing(scenario_of(data, plan.robot, folder), plan.robot).proposal
+        with TemporaryDirectory(prefix="asrsim-") as temporary:
+            unwritten = {path.name: Path(temporary) / path.name for path in commands}
+            for path, text in commands.items():
+                unwritten[path.name].write_text(text, encoding="utf-8")
+            proposal = sizing(scenario_of(data, plan.robot, folder, unwritten), plan.robot).proposal
         springs = {joint: values for joint, values in proposal.items() if joint in given_to}
         plan = replace(plan, robot=with_overrides(plan.robot, parameters=springs))
         parameters = {joint: {**values, **springs.get(joint, {})} for joint, values in parameters.items()}
     content = recording_data(plan, files, mode=mode, joints=given_to, parameters=parameters)
-    write_new(out, yaml_text(*content, list(recording_heading(plan, files))), force=force)
-    written = [out, *tables, *documents]
+    texts = {out: yaml_text(*content, list(recording_heading(plan, files))), **commands, **documents}
     if plan.compared:
-        write_new(fit, fit_text(plan, files), force=force)
-        written.append(fit)
-    write_text(schema, schema_text(), "schema")
-    return Written(files=(*written, schema), recording=recording, remarks=plan.remarks, fit=fit if plan.compared else None)
+        texts[fit] = fit_text(plan, files)
+    write_new(texts, schema, force=force)
+    return Written(files=(*texts, schema), recording=recording, remarks=plan.remarks, fit=fit if plan.compared else None)
 
 
 # -- the scenario and its commands --
@@ -223,8 +223,14 @@ def recording_data(
     modes = {block.joint: block.mode for block in plan.robot.actuators if mode is not None or block.joint in plan.modes}
     if modes := {joint: number for joint, number in modes.items() if joint not in joints}:
         data["modes"] = modes
-    if plan.initial:
-        data["initial"] = Lines(plan.initial)
+    starts = {
+        joint: {"position": plan.initial.get(joint, 0.0), "motor_positions": list(plan.initial_motors[joint])}
+        if joint in plan.initial_motors
+        else plan.initial[joint]
+        for joint in {**plan.initial, **plan.initial_motors}
+    }
+    if starts:
+        data["initial"] = Lines(starts)
         comments["initial",] = "rad, m; first recorded positions"
     references: dict[str, dict[str, Any]] = {}
     for block in plan.robot.actuators:

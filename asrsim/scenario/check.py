@@ -15,11 +15,11 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.kinds import Integer, attempt, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
-from asrsim.errors import Problem, RobotError, ScenarioError, counted
+from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
-from asrsim.robot.model import UNREAD
+from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
@@ -30,6 +30,8 @@ from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
+MOST_TICKS = 100
+"""Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
 PLAIN_FIELDS = (
     "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
     "engine", "stepping", "substeps", "motor_substeps", "substep_cap", "compiled", "velocity_cutoff",
@@ -57,7 +59,9 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
 
 def robot_of(scenario: Scenario) -> Robot:
     """Robot in the file that the scenario names, with the problems of the file. Raises RobotError if the file has no robot."""
-    return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+    return read_robot(
+        scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths, locked=scenario.locked
+    )
 
 
 def check_against_robot(
@@ -200,6 +204,14 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
 
 
+def _locked(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    for name in scenario.locked:
+        joints = tuple(joint.name for joint in robot.joints)
+        if not any(is_locked(joint, [name]) for joint in joints):
+            message = "the robot has no such joint"
+            yield Problem(message, key="locked", value=name, hint=did_you_mean(name, joints), code="unknown-joint")
+
+
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
     numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
@@ -259,12 +271,16 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: delays of sensors and commands that would need too much memory."""
+    """Errors: delays and rates of sensors and commands that would need too much memory."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for name, effects in table.items():
             if effects.delay > MOST_DELAY * scenario.step:
                 message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, the limit"
                 yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
+            if (effects.rate or 0.0) * scenario.step > MOST_TICKS:
+                message = f"has more than {MOST_TICKS} ticks in a step of {scenario.step:g} s, the limit"
+                key, hint = f"effects.{section}.{name}.rate", "Leave the rate out: values are then continuous"
+                yield Problem(message, key=key, value=effects.rate, hint=hint, code="fast-rate")
 
 
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -289,6 +305,7 @@ def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Problem]]], ...] = (
     ((), unknown_names),
     ((), _initial),
+    (("locked",), _locked),
     ((), _motor_starts),
     ((), _too_large),
     (("base", "engine"), _floating),

@@ -103,6 +103,11 @@ class Scenario:
         default={},
         doc="folders of `package://` names",
     )
+    locked: tuple[str, ...] = declare(
+        ListOf(of=Text()),
+        default=(),
+        doc="joints that are fixed at 0, whatever the robot file says of their motion; `*` stands for any text: `[gripper_*]`",
+    )
     base_position: Vector = declare(
         POSITION, key="base.position", default=ORIGIN, unit="m", doc="position of the robot's root in the world"
     )

@@ -65,6 +65,8 @@ class RecordingPlan:
     """Duration of the simulation, s."""
     initial: Mapping[str, float]
     """First recorded positions other than 0, by joint."""
+    initial_motors: Mapping[str, tuple[float, ...]]
+    """First recorded positions of motors with dynamics, by joint; only joints of which all motors were recorded."""
     remarks: tuple[str, ...] = ()
 
     @property
@@ -89,6 +91,9 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
+    slides = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
+    # A name such as `tau_cmd` says torque, which is a force on a prismatic joint.
+    columns = {key: replace(c, unit="N") if key[0] in slides and c.unit == "N m" else c for key, c in columns.items()}
     remarks = [*filter(None, (_beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []
@@ -119,14 +124,16 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     commands = {one.column.source for one in played}
     by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)
     lag, end = _span(columns, LATEST if by_scenario else SOON)
+    changed, _ = overridden(robot, modes, {})
     return RecordingPlan(
-        robot=overridden(robot, modes, {})[0], modes=modes, recording=recording, played=tuple(played),
+        robot=changed, modes=modes, recording=recording, played=tuple(played),
         compared=tuple(
             (joint, column) for (joint, quantity), column in columns.items()
             if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
         ),
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
-        initial=_initial(robot, columns, played, remarks), remarks=tuple(remarks),
+        initial=_initial(robot, columns, played, remarks), initial_motors=_initial_motors(changed, columns),
+        remarks=tuple(remarks),
     )  # fmt: skip
 
 
@@ -231,8 +238,8 @@ def _initial(
         sources += [
             one.column for one in played if (one.joint, one.slot) == (joint.name, 0) and one.column.unit not in UNIT_MODES
         ]
-        recorded = [values[0] for column in sources if (values := column.values[np.isfinite(column.values)]).size]
-        start = float(recorded[0]) if recorded else 0.0
+        recorded = [value for column in sources if (value := _first(column)) is not None]
+        start = recorded[0] if recorded else 0.0
         inside = min(max(start, joint.stops[0]), joint.stops[1])
         if inside != start:
             remarks.append(f"{joint.name}: its first position {start:.6g} is outside of its limits; it starts at {inside:.6g}")
@@ -240,6 +247,23 @@ def _initial(
             # A limit keeps all digits: a rounded start could exceed it.
             initial[joint.name] = inside if inside != start else float(f"{inside:.9g}")
     return initial
+
+
+def _initial_motors(robot: Robot, columns: Mapping[tuple[str, str], Column]) -> dict[str, tuple[float, ...]]:
+    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded."""
+    found = {}
+    for block in robot.actuators:
+        names = [(block.joint, f"motor_{i}_position") for i in range(1, ACTUATORS.get(block.actuator).motors + 1)]
+        first = [value for name in names if name in columns and (value := _first(columns[name])) is not None]
+        if MODES[block.mode].motor and len(first) == len(names):
+            found[block.joint] = tuple(float(f"{value:.9g}") for value in first)
+    return found
+
+
+def _first(column: Column) -> float | None:
+    """First number of a column; None without a number."""
+    values = column.values[np.isfinite(column.values)]
+    return float(values[0]) if values.size else None
 
 
 def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> RecordingError:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,8 @@ from asrsim.document.kinds import File, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.errors import OutputError, Problem, RobotError
-from asrsim.outfile import check_output, make_folder, write_text
+from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, UnresolvedSpringError, listed
+from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.scenario.data import SCENARIO, Scenario
@@ -40,6 +42,9 @@ MOUNTED_MODE = 6
 """Mode of actuators that the scenario puts on joints, unless another mode is chosen."""
 ROUNDS = 6
 """Number of rounds in which presets and parameters are found that hold the arm."""
+FASTEST = (2000.0, 700.0, 250.0, 90.0, 30.0)
+"""Highest natural frequencies of joints, rad/s, that are tried in turn until a run resolves the springs. The springs of light
+fingers are softened: a stiffer spring would need more substeps than a run allows, and its motion could not be seen."""
 VISIBLE = 1e-3
 """Smallest sag of a joint, rad or m, for which the scenario starts at equilibrium."""
 SCHEMA_FILE = "asrsim.schema.json"
@@ -158,15 +163,15 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     """
     joint = robot.joint(block.joint)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
-    bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
-    low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
+    lower, upper = joint.stops
+    low, high = max(lower, min(-10.0, upper - 20.0)), min(upper, max(10.0, lower + 20.0))
     margin = min(size, 0.25 * (high - low))
     start = min(max(0.0, low + margin), high - margin)
     start = _rounded(start, 3) if low < _rounded(start, 3) < high else start
     # A soft joint without damping swings to twice its step, which must not reach a stop.
     up, down = high - start, start - low
     step = min(size, LARGEST_SHARE * max(up, down))
-    target = _rounded(start + (step if up > 2.0 * size or up >= down else -step))
+    target = min(max(_rounded(start + (step if up > 2.0 * size or up >= down else -step)), low), high)
     return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 
@@ -238,6 +243,14 @@ class Starter:
             )
         return yaml_text(*self.data(), heading)
 
+    def scenarios(self, folder: Path) -> Iterator[Scenario]:
+        """Variants of the scenario, for a file in `folder`."""
+        data, _ = self.data()
+        for variant in data.get("variants", {"default": {}}).values():
+            changes = variant.get("references", {})
+            references = {joint: {**own, **changes.get(joint, {})} for joint, own in data["references"].items()}
+            yield scenario_of({**data, "references": references}, self.robot, folder)
+
     def scenario(self, folder: Path) -> Scenario:
         """Scenario without its variants, for a file in `folder`."""
         return scenario_of(self.data()[0], self.robot, folder)
@@ -282,41 +295,77 @@ def write_starter(
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file exists or cannot be written.
     """
-    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
-
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
     changed = with_actuators(loaded, given, {})
-    starter = Starter(
+    bare = Starter(
         robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
         given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
     )
-    for _ in range(ROUNDS if given else 0):
+    for fastest in FASTEST if given else FASTEST[:1]:
+        try:
+            starter, notes = _finished(bare, loaded, out.parent, fastest)
+            break
+        except UnresolvedSpringError:
+            # Softer springs of the given actuators need fewer substeps.
+            if not given or fastest == FASTEST[-1]:
+                raise
+    schema = out.parent / SCHEMA_FILE
+    check_output(out, "schema", inputs=[robot], replace=True)
+    check_output(schema, "schema")
+    write_new({out: starter.text()}, schema, force=force)
+    return (out, schema), tuple(notes)
+
+
+def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> tuple[Starter, list[Problem]]:
+    """Starter with parameters, damping and start, and its warnings. Raises the errors of a run.
+
+    loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
+    """
+    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
+
+    for _ in range(ROUNDS if starter.given else 0):
         # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
-        starter = _sized(starter, strengthened(starter.scenario(out.parent), starter.robot))
-    found = sizing(starter.scenario(out.parent), starter.robot)
+        starter = _sized(starter, strengthened(starter.scenario(folder), starter.robot, fastest=fastest))
+    found = sizing(starter.scenario(folder), starter.robot)
     notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
-    if given:
+    if starter.given:
         notes = [problem for problem in notes if problem.key != loaded.name]
-    lasts, damped = calming(starter.scenario(out.parent), starter.robot)
+    lasts, damped = calming(starter.scenario(folder), starter.robot)
     if damped:
-        message = f"its joints have too little damping, so the arm would oscillate for {lasts:.2g} s after a step"
-        hint = "`link_damping` in the scenario damps it" if given else f"`link_damping: {damped}` would damp it"
-        notes.append(Problem(message, file=robot, hint=hint, code="swings-on"))
+        message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
+        hint = "`link_damping` in the scenario damps it" if starter.given else f"`link_damping: {damped}` would damp it"
+        notes.append(Problem(message, file=loaded.path, hint=hint, code="swings-on"))
     held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
     starter = replace(
         starter,
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
-        at_rest=bool(given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
+        at_rest=bool(starter.given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
     )
-    schema = out.parent / SCHEMA_FILE
-    check_output(out, "schema", inputs=[robot], replace=True)
-    check_output(schema, "schema")
-    write_new(out, starter.text(), force=force)
-    write_text(schema, schema_text(), "schema")
-    return (out, schema), tuple(notes)
+    return _runnable(starter, loaded, folder), notes
+
+
+def _runnable(starter: Starter, loaded: Robot, folder: Path) -> Starter:
+    """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
+    from asrsim.simulation.prepare import prepare
+
+    try:
+        for scenario in starter.scenarios(folder):
+            prepare(scenario, loaded)
+    except ScenarioError:
+        if not starter.at_rest:
+            raise
+        return _runnable(replace(starter, at_rest=False), loaded, folder)
+    return starter
+
+
+def _lasting(seconds: float) -> str:
+    """Duration of an oscillation as text."""
+    if seconds < 100.0:
+        return f"for {seconds:.2g} s"
+    return "for minutes" if seconds < 3600.0 else "for hours" if math.isfinite(seconds) else "without end"
 
 
 def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
@@ -336,19 +385,29 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
     return robot
 
 
-def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path) -> Scenario:
-    """Scenario from the data of a file in `folder`, without its variants."""
+def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path, files: Mapping[str, Path] | None = None) -> Scenario:
+    """Scenario from the data of a file in `folder`, without its variants. files: paths of files that are not in the folder."""
     return scenario_from_data(
-        {key: value for key, value in data.items() if key != "variants"}, base_dir=folder, robot=robot.path
+        {key: value for key, value in data.items() if key != "variants"}, base_dir=folder, robot=robot.path, files=files
     )
 
 
-def write_new(path: Path, text: str, *, force: bool) -> None:
-    """Write a text file and create its folder. Raises OutputError if the file exists (unless `force`) or cannot be written."""
-    if path.exists() and not force:
-        raise OutputError(f"{path} exists: use --overwrite to replace it, or --out to choose another file")
-    make_folder(path.parent)
-    write_text(path, text, "schema", replace=force)
+def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: bool) -> None:
+    """Write all text files, and the JSON Schema of scenarios, or none of them; creates their folders.
+
+    Raises OutputError if a file exists (unless `force`) or cannot be written.
+    """
+    present = [path for path in files if path.exists() and not force]
+    if present:
+        verb, them = ("exists", "it") if len(present) == 1 else ("exist", "them")
+        raise OutputError(f"{listed(present, 3)} {verb}: use --overwrite to replace {them}, or --out to choose another file")
+    with ExitStack() as stack:
+        # Each file replaces an older one when the block ends, so none does if one cannot be written.
+        for path, text in files.items():
+            make_folder(path.parent)
+            stack.enter_context(written(path, "schema", replace=force)).write(text.encode())
+        if schema is not None:
+            stack.enter_context(written(schema, "schema")).write(schema_text().encode())
 
 
 def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:

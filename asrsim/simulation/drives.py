@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
+from asrsim.quantities import MOST_MOTORS
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
@@ -175,8 +176,12 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
         effects, sensor = for_joint(scenario.sensor_effects, drive.name), None
         if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
-            noises = tuple(Noise((scenario.seed, j, 2 + i), effects.noise) if effects.noise else None for i in encoders)
-            sensor = Sensor(effects, round(effects.delay / substep), not drive.mode.motor, noises)
+            # The numbers below MOST_MOTORS are those of the commands.
+            seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
+            sensor = Sensor(
+                effects=effects, step=scenario.step, substep=substep, on_link=not drive.mode.motor,
+                noises=tuple(Noise(seed, effects.noise) if effects.noise else None for seed in seeds),
+            )  # fmt: skip
         found.append(replace(drive, sensor=sensor))
     return tuple(found)
 

@@ -70,22 +70,30 @@ class Imperfect(Signal):
     def jumps(self, start: float, end: float) -> Array:
         effects = self.effects
         if effects.rate:
-            period = 1.0 / effects.rate
-            return rounded(np.arange(np.ceil(start / period - 1e-9), np.floor(end / period + 1e-9) + 1) * period)
-        return self._delayed.jumps(max(start, effects.delay), end)
+            return ticks(1.0 / effects.rate, start, end)
+        jumps = self._delayed.jumps(max(start, effects.delay), end)
+        return np.union1d(jumps, ticks(self.step, start, end)) if effects.noise else jumps
 
     @cached_property
     def _delayed(self) -> Signal:
         return Delay(by=self.effects.delay, of=self.of) if self.effects.delay else self.of
 
 
-@dataclass(frozen=True)
+def ticks(period: float, start: float, end: float) -> Array:
+    """Multiples of the period in [start, end], s."""
+    return rounded(np.arange(np.ceil(start / period - 1e-9), np.floor(end / period + 1e-9) + 1) * period)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """The encoders of a joint's controllers."""
+    """The encoders of a joint's controllers. An encoder with a rate measures at its ticks and holds the measurements; other
+    encoders measure at all times."""
 
     effects: Effects
-    delay: int
-    """Delay in substeps."""
+    step: float
+    """Sampling interval in s of noise without a declared rate."""
+    substep: float
+    """Length of a substep in s."""
     on_link: bool
     """Whether the encoders measure the position of the link (mode 1) instead of the motors."""
     noises: tuple[Noise | None, ...]
@@ -96,15 +104,35 @@ class Sensor:
         """Number of encoders."""
         return len(self.noises)
 
-    def fill(self, table: Array, first: int, substep: float) -> None:
-        """Fill `table` (n, 2 count): whether each encoder takes a sample, and its noise, at the substeps from `first` on."""
-        every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
-        # A tick at the time of a substep belongs to this substep, even if rounding makes the tick slightly later.
-        ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
-        samples_now = np.diff(ticks) > 0.0
-        if first == 0:
-            samples_now[0] = True
+    @property
+    def delay(self) -> float:
+        """Delay in substeps."""
+        return self.effects.delay / self.substep
+
+    @property
+    def memory(self) -> int:
+        """Number of substeps whose positions and velocities are remembered."""
+        return int(self.delay + 0.5) + 3
+
+    @property
+    def _period(self) -> float:
+        """Time in s for which a draw of the noise acts."""
+        return 1.0 / self.effects.rate if self.effects.rate else self.step
+
+    def jumps(self, start: float, end: float) -> Array:
+        """Times in [start, end] at which measurements jump, s; all substeps for a quantised measurement at all times."""
+        effects = self.effects
+        if effects.rate or (effects.noise and not effects.quantum):
+            return ticks(self._period, start, end)
+        return ticks(self.substep, start, end) if effects.quantum else np.empty(0)
+
+    def fill(self, table: Array, begins: Array, margin: float, window: float) -> None:
+        """Fill `table` (n, 2 count): whether each encoder takes a sample at the beginning of a piece of a kick, and its noise
+        in this piece. begins: times (n,) in s at which the pieces begin. A sample is taken if a tick is at most `margin` s
+        later, and less than `window` s earlier."""
+        numbers = np.floor((begins + margin) / self._period)
+        samples = begins - numbers * self._period < window if self.effects.rate else True
         for index, noise in enumerate(self.noises):
-            table[:, 2 * index] = samples_now
+            table[:, 2 * index] = samples
             if noise is not None:
-                table[:, 2 * index + 1] = noise.draw(ticks[1:])
+                table[:, 2 * index + 1] = noise.draw(numbers)

@@ -5,10 +5,8 @@ A run is divided into chunks. After each chunk, samples go to the sinks, energy 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +20,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Imperfect
+from asrsim.simulation.effects import Imperfect, Sensor
 from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
@@ -34,6 +32,8 @@ LONGEST_WORK = 10_000_000
 """Largest number of motor substeps, of all joints, in a chunk: about half a second, after which a run can be stopped."""
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""
+SLACK = 1e-6
+"""Times that differ by less than this part of a substep are equal."""
 KEPT = 4
 """Number of chunks that are cached, since worlds may be at different times and return to their start."""
 
@@ -43,8 +43,9 @@ class Given(NamedTuple):
     of inputs and references; worlds with equal signals and times share a set of the other tables."""
 
     inputs: Array
-    """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample, and
-    the noise); shape (sets, rows, joints, columns)."""
+    """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample at the
+    beginning of the piece, and the noise); shape (sets, rows, joints, columns). The row of a substep whose kick is split
+    belongs to the time of the substep."""
     references: Array
     """External torques and references before the reference map, and, if commands have effects, the references as they were
     sent, without effects; shape (sets, rows, joints, columns)."""
@@ -58,7 +59,7 @@ class Given(NamedTuple):
 
 
 class Inputs:
-    """All input signals of a run, by joint."""
+    """All input signals of a run, and the measurements of its sensors, by joint."""
 
     def __init__(
         self, scenario: Scenario, drives: Sequence[SteppedJoint], *, substep: float, staggered: bool, longest: int
@@ -75,6 +76,11 @@ class Inputs:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
         self._signals = signals_of(scenario, drives)
+        listed = [signal for row in (*self._signals, *self._wrenches) for signal in row if type(signal) is not Constant]
+        self._jumping: dict[int, Signal | Sensor] = {
+            id(one): one for one in (*listed, *self._sensors) if one is not None
+        }  # fmt: skip
+        """Signals and sensors that may jump, without repetitions."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
         self._goals = len(self._signals[0])
@@ -93,26 +99,30 @@ class Inputs:
     def _make_chunk(self, first: int, count: int) -> Given:
         """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set). The rows of pieces follow those of the
         substeps."""
-        times, pieces, cuts = [grid(first, count, self.substep)], [np.ones(count)], []
-        begin = count
-        for substep, edges in self._cuts(first, count):
-            middles = [0.5 * (a + b) for a, b in pairwise(edges)]
-            times.append(np.array(edges[:1] if not substep and len(middles) == 1 else middles))
-            pieces.append(np.diff(edges) / self.substep)
-            end = begin + len(middles)
-            cuts.append((substep - first, begin, end, begin + edges.index(substep * self.substep)))
-            begin = end
-        lengths = np.concatenate(pieces)
-        time = np.concatenate(times)
+        h, now = self.substep, grid(first, count, self.substep)
+        begins, ends, cuts = self._pieces(first, count)
+        middles = 0.5 * (begins + ends)
+        if first == 0 and len(cuts) and cuts[0, 2] - cuts[0, 1] == 1:
+            # A first kick without jumps is computed with the inputs of the start.
+            middles[0] = begins[0]
+        lengths = np.concatenate([np.ones(count), (ends - begins) / h])
+        time = np.concatenate([now, middles])
         references, wrenches = _sampled(self._recorded, time)[None], _sampled(self._wrenches, time, 6)[None]
         goals = self._goals
         inputs = np.empty((*references.shape[:-1], goals + self._sensed))
         inputs[..., :goals], inputs[..., goals:] = references[..., :goals], 0.0
         self._map(inputs, references)
-        for joint, sensor in enumerate(self._sensors):
-            if sensor is not None:
-                sensor.fill(inputs[0, :count, joint, goals:], first, self.substep)
-        return Given(inputs, references, wrenches, lengths[None], np.array(cuts, dtype=np.int64).reshape(1, -1, 4))
+        if self._sensed:
+            # The row of a split kick belongs to the time of the substep, the row of another kick to the whole kick.
+            since, window = np.concatenate([now, begins]), h
+            if self.staggered:
+                window = 2.0 * SLACK * h
+                since[:count] -= 0.5 * h
+                since[cuts[:, 0]] = now[cuts[:, 0]]
+            for joint, sensor in enumerate(self._sensors):
+                if sensor is not None:
+                    sensor.fill(inputs[0, :, joint, goals:], since, SLACK * h, window)
+        return Given(inputs, references, wrenches, lengths[None], cuts[None])
 
     def given(self, substep: int, length: int, held: Array | None) -> Given:
         """Inputs of `length` substeps that lie in one chunk, from number `substep` on.
@@ -143,28 +153,32 @@ class Inputs:
         self._map(inputs, references)
         return given._replace(references=references, inputs=inputs)
 
-    def _cuts(self, first: int, count: int) -> list[tuple[int, list[float]]]:
-        """Kicks that are split into pieces because inputs jump in them, and the first kick of a run: number of the substep, and
-        the times in s at which the pieces begin and end. A kick is also split at the time of its substep; no piece lies before
-        t = 0."""
-        if not self.staggered:
-            return []
+    def _pieces(self, first: int, count: int) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Pieces of the kicks that are split because inputs or measurements jump in them, and of the first kick of a run: the
+        times in s at which they begin and end, and the table `Given.cuts` (c, 4). A kick is also split at the time of its
+        substep; no piece lies before t = 0."""
         h = self.substep
-        least, start, end = 1e-6 * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
-        listed = (signal for row in (*self._signals, *self._wrenches) for signal in row)
-        signals = {id(signal): signal for signal in listed if type(signal) is not Constant}.values()
-        kicks: dict[int, set[float]] = {0: set()} if first == 0 else {}
-        for jump in (jump for signal in signals for jump in signal.jumps(start, end).tolist()):
-            substep = math.floor(jump / h + 0.5 + 1e-6)
-            if least < jump < end - least and first <= substep < first + count:
-                inner = kicks.setdefault(substep, set())
-                if least < abs(jump - substep * h) < 0.5 * h - least:
-                    inner.add(jump)
-        cuts = []
-        for substep, inner in sorted(kicks.items()):
-            now = substep * h
-            cuts.append((substep, sorted({max(now - 0.5 * h, 0.0), now, now + 0.5 * h, *inner})))
-        return cuts
+        least, start, end = SLACK * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
+        jumping = self._jumping.values() if self.staggered else ()
+        jumps = np.unique(np.concatenate([np.empty(0), *(one.jumps(start, end) for one in jumping)]))
+        at = np.floor(jumps / h + 0.5 + SLACK).astype(np.int64)
+        valid = (least < jumps) & (jumps < end - least) & (first <= at) & (at < first + count)
+        jumps, at = jumps[valid], at[valid]
+        kicks = np.unique(np.append(at, 0) if first == 0 and self.staggered else at)
+        # A jump near the time of a substep, or near the end of a kick, makes no piece of its own.
+        away = abs(jumps - at * h)
+        inner = (least < away) & (away < 0.5 * h - least)
+        now = kicks * h
+        number = np.concatenate([kicks[kicks > 0], kicks, at[inner]])
+        begins = np.concatenate([(now - 0.5 * h)[kicks > 0], now, jumps[inner]])
+        order = np.lexsort((begins, number))
+        number, begins = number[order], begins[order]
+        ends = np.append(begins[1:], 0.0)[: len(begins)]
+        last = np.append(number[1:] != number[:-1], True)[: len(number)]
+        ends[last] = number[last] * h + 0.5 * h
+        rows = count + np.searchsorted(number, kicks), count + np.searchsorted(number, kicks, side="right")
+        middle = count + np.flatnonzero(begins == number * h)
+        return begins, ends, np.column_stack([kicks - first, *rows, middle]).astype(np.int64)
 
 
 def signals_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> list[list[Signal]]:

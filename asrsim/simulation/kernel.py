@@ -11,7 +11,7 @@ step is too large for a spring, the residual stays large, which reveals divergen
 
 from __future__ import annotations
 
-from math import ceil, exp, floor, sqrt
+from math import ceil, exp, floor, isfinite, nan, sqrt
 from typing import Any
 
 from asrsim.actuators.hysteresis import dahl
@@ -118,6 +118,7 @@ from asrsim.simulation.layout import (
     P_PROPORTIONAL,
     P_QUANTUM,
     P_REST,
+    P_SAMPLED,
     P_SHARE,
     P_SPRING,
     P_STRIBECK,
@@ -208,39 +209,48 @@ def run(
             if jumped:
                 begin, end, on_time = own_cuts[cut][1], own_cuts[cut][2], own_cuts[cut][3]
                 cut += 1
+            # Time at which the kick begins, in substeps after the time of the substep.
+            first_moment = -0.5 * z[STAGGERED] if substep > 0 else 0.0
             for j in range(len(kinds)):
                 s, p, k = row(s_all, j), row(p_all, j), row(kinds, j)
                 v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
                 if k[CONTROLLERS]:
-                    read_sensors(s, p, k, z, row(u_all[step], j))
+                    remember_positions(s, p, k, z)
                 if jumped:
                     _clear_means(s)
                 total = torque = applied = push = drag = stiffness = energy = 0.0
+                since, until = first_moment, -first_moment
                 # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing
                 # moves.
                 for turn in range(begin, end + 1 if jumped else end):
-                    at, h, noted = turn, z[STEP], True
+                    at, h, noted, on_row = turn, z[STEP], True, jumped and turn == on_time
                     whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
-                    if jumped and turn == on_time:
-                        h = 0.0
+                    if on_row:
+                        at, h, since, until = step, 0.0, 0.0, 0.0
                     elif jumped:
                         at = turn - 1 if turn > on_time else turn
                         h, noted, whole = float(own_lengths[at]) * z[STEP], False, p[P_DAMPING_RATIO] != 0.0
+                        until = since + float(own_lengths[at])
                     u = row(u_all[at], j)
+                    if k[CONTROLLERS]:
+                        read_sensors(s, p, k, z, u, since, until)
+                    since = until
                     advance(s, p, k, z, u, h, noted, whole)
                     s[BRAKE] = limit(s, p, v)
                     s[PUSH] = push_of(s, p, u[EXTERNAL])
                     s[DRAG] = damping_of(s, p)
                     load = s[APPLIED] + s[PUSH]
                     total += load
-                    exchange[at - begin, j, E_TORQUE] = load
-                    exchange[at - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
-                    exchange[at - begin, j, E_FRICTION] = friction_of(s, p, v)
-                    if jumped and turn == on_time:
+                    if on_row:
                         s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
                         torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
                         stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
-                    elif jumped:
+                        continue
+                    exchange[at - begin, j, E_TORQUE] = load
+                    exchange[at - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                    exchange[at - begin, j, E_FRICTION] = friction_of(s, p, v)
+                    if jumped:
+                        exchange[at - begin, j, E_VELOCITY] = nan
                         _add_piece(s, p, 2.0 * float(own_lengths[at]), turn > on_time)
                 if jumped:
                     s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
@@ -254,7 +264,12 @@ def run(
             for j in range(len(kinds)):
                 s, p, k = row(s_all, j), row(p_all, j), row(kinds, j)
                 velocity = exchange[end - begin - 1, j, E_VELOCITY]
-                _read_engine(s, p, z, velocity, jumped, substep == 0)
+                now = 0.5 * (s[ENGINE_VELOCITY] + velocity)
+                if substep == 0 or z[STAGGERED] == 0.0:
+                    now = s[ENGINE_VELOCITY]
+                elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
+                    now = exchange[on_time - begin - 1, j, E_VELOCITY]
+                _read_engine(s, p, z, velocity, now, jumped)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
                 if watched:
@@ -330,18 +345,22 @@ def _add_piece(s: Any, p: Any, share: float, late: bool) -> None:
         s[FREE_AFTER if late else FREE_BEFORE] += share
 
 
-def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
-    """Compute damping torque, applied torque and link velocity of this kick from the link's new velocity in the engine. Damping
-    and derivative action act on the mean velocity over the kick."""
+def _read_engine(s: Any, p: Any, z: Any, velocity: float, now: float, jumped: bool) -> None:
+    """Compute damping torque, applied torque and link velocity at the time of the substep. Damping and derivative action act on
+    the mean velocity over the kick; if an input jumps, the values at the time of the substep are different.
+
+    velocity: of the link in the engine after the kick; now: of the link at the time of the substep.
+    """
     mean = s[ENGINE_VELOCITY] + z[LINK_IMPLICITNESS] * (velocity - s[ENGINE_VELOCITY])
     brake = -s[BRAKE] * mean
     s[DAMPING] = -s[DRAG] * mean
-    s[VELOCITY] = s[ENGINE_VELOCITY] if first or z[STAGGERED] == 0.0 else 0.5 * (s[ENGINE_VELOCITY] + velocity)
+    s[VELOCITY] = now
     if jumped:
         s[APPLIED_BEFORE] += brake * s[FREE_BEFORE]
         s[APPLIED_NEXT] += brake * s[FREE_AFTER]
         s[APPLIED_BEFORE + 2] = s[APPLIED_NEXT + 2] = s[DAMPING]
-        applied = s[APPLIED] - s[FREE] * p[P_BRAKE] * mean
+        s[DAMPING] = -s[DRAG] * now
+        applied = s[APPLIED] - s[FREE] * p[P_BRAKE] * now
         s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
     else:
         s[APPLIED] += brake
@@ -350,42 +369,90 @@ def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
 # -- substep of a joint -------------------------------------------------------------------------------------------------
 
 
-def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
-    """Compute the errors of the measured positions and velocities. Measurements are delayed and held until the next sample;
-    positions are also noisy and quantised.
+def remember_positions(s: Any, p: Any, k: Any, z: Any) -> None:
+    """Store the present positions and velocities in the memory of the sensors.
 
-    A ring buffer stores past positions and velocities. The buffer is followed by the index of its newest entry and by the last
-    measurement.
+    A ring buffer stores positions at the times of the substeps, and velocities at the times to which they belong. The buffer is
+    followed by the index of its newest entry and by the last sample.
     """
-    size = int(p[P_DELAY]) + 2
+    size = _ring_size(p)
     for i in range(k[CONTROLLERS]):
         m, ring = FIRST_MOTOR + i * PER_MOTOR, k[RINGS] + i * k[RING]
+        newest = (int(s[ring + 2 * size]) + 1) % size
+        s[ring + 2 * size] = float(newest)
         if k[ON_LINK]:
-            ahead = 0.0
-            x, lagging = s[POSITION], z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
-            gain = p[P_DERIVATIVE]
+            s[ring + 2 * newest], s[ring + 2 * newest + 1] = s[POSITION], s[ENGINE_VELOCITY]
         else:
-            # The sensor measures at the time of the kick, to which the motor's position is extrapolated by this fraction of a
-            # step.
-            ahead = z[FIRST_DRIFT]
-            lagging = s[m + MOTOR_VELOCITY]
-            x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
-            gain = p[FIRST_DRIVE + i * PER_DRIVE + D_DERIVATIVE]
-        newest = int(s[ring + 2 * size])
-        speed = (1.0 + ahead) * lagging - ahead * s[ring + 2 * ((newest + size - 1) % size) + 1]
-        s[ring + 2 * newest], s[ring + 2 * newest + 1] = x, lagging
-        oldest = (newest + 1) % size
-        s[ring + 2 * size] = float(oldest)
-        samples = GOALS + k[MOTORS] + 2 * i
-        if u[samples] != 0.0:
-            late = (newest + 2) % size
-            reading = s[ring + 2 * late] + u[samples + 1]
+            # The position of a motor is known at the beginning of the substep.
+            ahead = z[FIRST_DRIFT] * z[STEP] * s[m + MOTOR_VELOCITY]
+            s[ring + 2 * newest], s[ring + 2 * newest + 1] = s[m + MOTOR_POSITION] + ahead, s[m + MOTOR_VELOCITY]
+
+
+def _ring_size(p: Any) -> int:
+    """Number of entries of a sensor's ring buffer; see `asrsim.simulation.effects.Sensor.memory`."""
+    return int(p[P_DELAY] + 0.5) + 3
+
+
+def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any, since: float, until: float) -> None:
+    """Compute the errors of the measured positions and velocities in a piece of a kick. Measurements are late; positions are
+    also noisy and quantised.
+
+    since, until: times at which the piece begins and ends, in substeps after the time of the substep. Sensors with ticks take
+    samples at the beginning of a piece and hold them. Measurements of other sensors are those in the middle of the piece; the
+    mean over the piece if they are quantised.
+    """
+    middle, size, delay = 0.5 * (since + until), _ring_size(p), p[P_DELAY]
+    for i in range(k[CONTROLLERS]):
+        m, ring, samples = FIRST_MOTOR + i * PER_MOTOR, k[RINGS] + i * k[RING], GOALS + k[MOTORS] + 2 * i
+        sample, noise = ring + 2 * size + 1, u[GOALS + k[MOTORS] + 2 * i + 1]
+        lag = 0.5 * z[STAGGERED] if k[ON_LINK] else z[FIRST_DRIFT]
+        gain = p[P_DERIVATIVE] if k[ON_LINK] else p[FIRST_DRIVE + i * PER_DRIVE + D_DERIVATIVE]
+        if p[P_SAMPLED] != 0.0:
+            if u[samples] != 0.0:
+                place = _position_at(s, z, ring, size, since - delay) + noise
+                s[sample] = _quantised(place, place, p[P_QUANTUM])
+                s[sample + 1] = _velocity_at(s, ring, size, lag, since - delay)
+            place, speed = s[sample], s[sample + 1]
+        else:
+            place = _position_at(s, z, ring, size, middle - delay) + noise
+            speed = _velocity_at(s, ring, size, lag, middle - delay)
             if p[P_QUANTUM] > 0.0:
-                reading = p[P_QUANTUM] * floor(reading / p[P_QUANTUM] + 0.5)
-            s[ring + 2 * size + 1] = reading
-            s[ring + 2 * size + 2] = (1.0 + ahead) * s[ring + 2 * late + 1] - ahead * s[ring + 2 * oldest + 1]
-        s[m + READ_ERROR] = s[ring + 2 * size + 1] - x
-        s[m + READ_PUSH] = -gain * (s[ring + 2 * size + 2] - speed)
+                before = _position_at(s, z, ring, size, since - delay) + noise
+                place = _quantised(before, _position_at(s, z, ring, size, until - delay) + noise, p[P_QUANTUM])
+        s[m + READ_ERROR] = place - (s[POSITION] if k[ON_LINK] else _position_at(s, z, ring, size, middle))
+        s[m + READ_PUSH] = -gain * (speed - _velocity_at(s, ring, size, lag, middle))
+
+
+def _position_at(s: Any, z: Any, ring: int, size: int, time: float) -> float:
+    """Position in rad at a time in substeps after the present one, on straight lines between the stored positions."""
+    newest = int(s[ring + 2 * size])
+    if time >= 0.0:
+        return s[ring + 2 * newest] + time * z[STEP] * s[ring + 2 * newest + 1]  # type: ignore[no-any-return]
+    back = int(-time)
+    later, earlier = ring + 2 * ((newest + size - back) % size), ring + 2 * ((newest + size - back - 1) % size)
+    return s[later] + (-time - back) * (s[earlier] - s[later])  # type: ignore[no-any-return]
+
+
+def _velocity_at(s: Any, ring: int, size: int, lag: float, time: float) -> float:
+    """Velocity in rad/s at a time in substeps after the present one, on straight lines through the stored velocities, which
+    belong to times `lag` substeps before those of the positions."""
+    newest = int(s[ring + 2 * size])
+    back = int(max(-time - lag, 0.0))
+    later, earlier = ring + 2 * ((newest + size - back) % size), ring + 2 * ((newest + size - back - 1) % size)
+    return s[later + 1] + (-time - lag - back) * (s[earlier + 1] - s[later + 1])  # type: ignore[no-any-return]
+
+
+def _quantised(first: float, last: float, quantum: float) -> float:
+    """Mean of the nearest multiples of the quantum for values that change evenly from `first` to `last`."""
+    if quantum <= 0.0:
+        return 0.5 * (first + last)
+    start, end = first / quantum + 0.5, last / quantum + 0.5
+    lowest = floor(start)
+    steps = floor(end) - lowest
+    if steps == 0:
+        return quantum * lowest
+    # The integral of the staircase floor(x) from 0 to x is steps (x - (steps + 1) / 2).
+    return quantum * (lowest + steps * (end - lowest - 0.5 * (steps + 1)) / (end - start))
 
 
 def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, noted: bool, whole: bool) -> None:

@@ -156,10 +156,11 @@ LOGGED_OF_MOTORS = {
     P_MAX_DEFLECTION,  # largest deflection of the springs, rad
     P_LEVEL,  # level of the springs' hysteresis torque, N m
     P_LENGTH,  # deflection over which the hysteresis torque reverses, rad
+    P_SAMPLED,  # flag: 1 if the sensors measure at ticks and hold the measurements, 0 if they measure at all times
     P_DELAY,  # delay of the sensors in substeps
     P_QUANTUM,  # resolution of the sensors, rad
     FIRST_DRIVE,  # column at which the block of the first motor begins
-) = range(25)
+) = range(26)
 
 # P: columns of a motor, beginning with the parameters of asrsim.actuators.motor.motor_kick in the order of that function.
 (
@@ -206,7 +207,7 @@ PASSIVE, DIRECT, CONTROLLED, SPRUNG = range(4)
 
 EXTERNAL, GOALS = 0, 1
 """First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
-the sensor takes a sample, and the noise."""
+the sensor takes a sample at the beginning of the kick or piece, and the noise."""
 
 (STEP, WEIGHT_NOW, WEIGHT_LAST, FIRST_DRIFT, IMPLICITNESS, LINK_IMPLICITNESS, STAGGERED) = range(7)
 """Constants of a stepping: substep in s; weights of the present and the previous engine velocity in the velocity at the whole

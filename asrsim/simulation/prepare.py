@@ -21,7 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
-from asrsim.samples import Frame, JointInfo, RunInfo
+from asrsim.samples import Array, Frame, JointInfo, RunInfo
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant, robot_model
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -29,8 +29,10 @@ from asrsim.scenario.signal_checks import undersampled
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
+from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
+from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
@@ -179,6 +181,15 @@ class Prepared:
             found[drive.name] = j, {**columns, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
+    def undelayed_inputs(self, time: Array) -> Array:
+        """External torques, then references before the reference map, (columns, joints, n), at the times `time` (n,) in s.
+        Commands have the imperfections that the scenario states, except for delays."""
+        drives = [
+            replace(drive, command_effects=drive.command_effects and replace(drive.command_effects, delay=0.0))
+            for drive in self.drives
+        ]
+        return sampled_signals(self.scenario, drives, time)
+
     def started(self, start: Start) -> Prepared:
         """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
         given = {"initial": start.positions, "velocities": start.velocities, "motors": start.motors}
@@ -313,6 +324,7 @@ def prepare(
             *warnings,
             *engine_warnings,
             *undersampled(scenario, resolution.substeps),
+            *resonance_doubts(scenario, drives, model, resolution),
         ),
         _spare=[engine],
     )

@@ -92,7 +92,7 @@ def shape_of(drives: Sequence[SteppedJoint]) -> RowShape:
     """Sizes of the rows that these joints need."""
     return RowShape(
         motors=max(drive.positions for drive in drives),
-        ring=max((2 * (drive.sensor.delay + 2) + 3 for drive in drives if drive.sensor), default=0),
+        ring=max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0),
         parameters=max(len(drive.elastic) for drive in drives),
     )
 
@@ -129,7 +129,7 @@ def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, c
         joint.friction, joint.stribeck_friction, 1.0 / joint.stribeck_velocity, joint.load_friction,
         *(values.get(f"controller_1_{name}", 0.0) for name in gains), motor_substeps if drive.dynamic_motors else 1,
         values.get("max_deflection", np.inf), level, length,
-        sensor.delay if sensor else 0, sensor.effects.quantum if sensor else 0.0,
+        float(bool(sensor and sensor.effects.rate)), sensor.delay if sensor else 0.0, sensor.effects.quantum if sensor else 0.0,
     ]  # fmt: skip
     motors = [_motor(drive, index) for index in range(1, shape.motors + 1)]
     row += [number for motor in motors for number in motor]
@@ -170,7 +170,7 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
         # The memory of a sensor is filled with the values at the start.
         x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
         ring = shape.thetas + 2 * shape.motors + i * shape.ring
-        seen = [*[x, v] * (sensor.delay + 2), 0.0, x, v]  # type: ignore[union-attr]
+        seen = [*[x, v] * sensor.memory, 0.0, x, v]  # type: ignore[union-attr]
         s[ring : ring + len(seen)] = seen
     return s
 

@@ -200,16 +200,17 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
         for drive, k in zip(drives, limited, strict=True)
     ]
     omega, shape = _fastest(masses, gains)
-    frequency, stiffest = math.sqrt(omega), drives[int(np.argmax(np.abs(shape)))].name
+    frequency, column = math.sqrt(omega), int(np.argmax(np.abs(shape)))
+    stiffest = drives[column].name
     needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
     if substeps is None:
         if needed > scenario.substep_cap:
             raise UnresolvedSpringError(
-                f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
-                f"cannot be resolved, since a step of {step:g} s would need {needed:.12g} substeps and the cap is "
-                f"{scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit its deflection "
-                "(max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
+                f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its "
+                f"{frequency / math.tau:.4g} Hz cannot be resolved, since a step of {step:g} s would need {needed:.12g} "
+                f"substeps and the cap is {scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit "
+                "its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0).tolist()
@@ -222,7 +223,7 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
-    decay = h * _fastest(masses, [_damping(drive, k) for drive, k in zip(drives, limited, strict=True)])[0]
+    decay = h * _fastest(masses, [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)])[0]
     frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
     rates = max(max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING)
     motor_substeps = 1 if stepping.released else scenario.motor_substeps or _count(rates * h)
@@ -260,7 +261,7 @@ def _count(ratio: float) -> float:
     return max(1, math.ceil(ratio - 1e-9)) if ratio < math.inf else math.inf
 
 
-def _damping(drive: SteppedJoint, stiffness: float) -> float:
+def link_damping(drive: SteppedJoint, stiffness: float) -> float:
     """Largest viscous damping of the link in N m s/rad, with the derivative action of its controller."""
     law = drive.link_damping
     following = 2.0 * law.ratio * math.sqrt(law.inertia * stiffness) if law and law.ratio else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
@@ -32,8 +32,8 @@ class KeyPlan:
     """References that each key sets and that are constant during a run."""
     signals: frozenset[str]
     """Keys inside the signals of references and external torques."""
-    texts: Mapping[str, str]
-    """Key for `--set` that corresponds to each varied key. Keys of numbers that only the robot's file can set are missing."""
+    texts: Mapping[str, tuple[str, ...]]
+    """Keys for `--set` that correspond to each varied key. Keys of numbers that only the robot's file can set are missing."""
     own_resolution: bool
     """Whether every run chooses its own substeps."""
     still: bool
@@ -47,7 +47,7 @@ class KeyPlan:
     @property
     def reads_robot(self) -> bool:
         """Whether each run reads another robot file."""
-        return any(text.partition(".")[0] == "robot" for text in self.texts.values())
+        return any(text.partition(".")[0] == "robot" for texts in self.texts.values() for text in texts)
 
     @property
     def varies_in_place(self) -> bool:
@@ -61,18 +61,23 @@ class KeyPlan:
         robot_only: omit the numbers that `--set` accepts.
         """
         found: dict[str, dict[str, float]] = {}
-        for key in sorted(self.numbers, key=lambda key: "*" not in key):
+        for key in _in_order(self.numbers):
             for owner, name in self.numbers[key] if not (robot_only and key in self.texts) else ():
                 found.setdefault(owner, {})[name] = float(values[key])
         return found
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Values by `--set` key, for the keys that require reading the scenario again."""
-        return {text: values[key] for key, text in self.texts.items() if key not in self.in_place}
+        return {text: values[key] for key in _in_order(self.texts) for text in self.texts[key] if key not in self.in_place}
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Values by `--set` key, for all keys that `--set` accepts."""
-        return {text: values[key] for key, text in self.texts.items()}
+        return {text: values[key] for key in _in_order(self.texts) for text in self.texts[key]}
+
+
+def _in_order(keys: Iterable[str]) -> list[str]:
+    """Keys such that the key of a joint comes after, and so replaces, a key that stands for several joints."""
+    return sorted(keys, key=lambda key: "*" not in key and "?" not in key)
 
 
 def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> KeyPlan:
@@ -81,28 +86,27 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
     numeric: whether all values of a key are numbers; robot: the scenario's robot with its actuators.
     """
     problems: list[Problem] = []
-    texts: dict[str, str] = {}
+    texts: dict[str, tuple[str, ...]] = {}
     numbers: dict[str, Places] = {}
     for key in keys:
         try:
-            places, text = _robot_key(key, robot)
+            places, own_texts = _robot_key(key, robot)
         except InputError as error:
             problems += error.problems
             continue
-        if text is not None:
-            texts[key] = text
+        if own_texts:
+            texts[key] = own_texts
         elif numeric[key]:
             numbers[key] = places
         else:
             problems.append(Problem("accepts only numbers", key=key, code="sweep-values"))
-    own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for text in texts.values())
+    own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for own in texts.values() for text in own)
     # Equilibrium, planned references and substeps depend on all numbers: prepare such a scenario for each run.
     planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
     references: dict[str, Places] = {}
     signals: set[str] = set()
-    for key, text in texts.items():
-        parts = split_path(text)
+    for key, parts in ((key, split_path(text)) for key, own_texts in texts.items() for text in own_texts):
         if "*" in parts[:-1] and shadowed(parts, scenario, robot):
             problems.append(_no_effect(key, "*"))
         elif still and numeric[key]:
@@ -114,7 +118,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
                     table, found = references, _reference_places(parts[1], parts[2], scenario, robot)
                 signals |= {key} if found is None else set()
             if found:
-                table[key] = found
+                table[key] = (*table.get(key, ()), *found)
             elif found is not None:
                 problems.append(_no_effect(key, parts[1]))
     if problems:
@@ -122,22 +126,26 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
     return KeyPlan(numbers, references, frozenset(signals), texts, own_resolution, still)
 
 
-def _robot_key(key: str, robot: Robot) -> tuple[Places, str | None]:
-    """Numbers of the robot that a key sets, or the key for `--set`."""
+def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
+    """Numbers of the robot that a key sets, or the keys for `--set`."""
     parts = split_path(key)
     blocks = {block.joint: block for block in robot.actuators}
     joints = {joint.name: joint for joint in robot.joints}
     links = {link.name: link for link in robot.links}
     owners = [name for name in dict.fromkeys((*joints, *links)) if fnmatchcase(name, parts[0])]
     if len(parts) == 2 and owners:
-        if parts[0] in blocks and parameter_name(ACTUATORS.get(blocks[parts[0]].actuator), parts[1]) is not None:
-            return (), f'parameters."{parts[0]}".{parts[1]}' if "." in parts[0] else f"parameters.{parts[0]}.{parts[1]}"
+        driven = [name for name in owners if name in blocks]
+        having = [name for name in driven if parameter_name(ACTUATORS.get(blocks[name].actuator), parts[1]) is not None]
+        if having:
+            return (), tuple(
+                f'parameters."{name}".{parts[1]}' if "." in name else f"parameters.{name}.{parts[1]}" for name in having
+            )
         places = tuple((owner, parts[1]) for owner in owners if parts[1] in names_of(owner, {}, joints, links))
         if places:
-            return places, None
+            return places, ()
     scenario_keys = tuple(known.name for known in SCENARIO.keys)
     if parts[0] in scenario_keys:
-        return (), key
+        return (), (key,)
     if owners:
         known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
         raise InputError(Problem("has no number of this name", key=key, choices=known, meant=name, code="key"))

@@ -21,12 +21,20 @@ from asrsim.confined import MEMORY, ConfinedError, run_confined
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.extras import library
 from asrsim.outfile import is_ours, make_folder, write_text, written
+from asrsim.plain import misfit
 from asrsim.sweeps.rows import Row
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
 SECONDS, RATIO = 300.0, 16
 """Time limit of the check of the rows, s, and its memory limit in bytes per byte of the files."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
+KINDS = ("int", "float", "bool", "text")
+"""Kinds of columns."""
+MANIFEST_SHAPE: dict[str, Any] = {
+    "scenario": str, "plugins": [str], "study": {"variants": [str], "*": object}, "inputs": object, "versions": object,
+    "runs": int, "columns": [[str]], "claims": {"*": [str]}, "substeps": {"*": {"*": int}}, "*": object,
+}  # fmt: skip
+"""Structure of `study.json`."""
 GROUP = 20_000
 """Number of rows in a group of the final file, and largest number of rows in a part."""
 PATIENCE = 3.0
@@ -48,6 +56,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError(f"contains no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study") from None
     if not isinstance(data, dict) or data.pop("seal", None) != _seal(data):
         raise InputError("was changed after asrsim wrote it: the checksum differs", file=path, hint=NEW_STUDY, code="no-study")
+    wrong = misfit(data, MANIFEST_SHAPE)
+    if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
+        wrong = "a column is not a name, a kind and a unit"
+    # Who knows how the checksum is made can write one.
+    if wrong:
+        raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
     return data
 
 
@@ -64,12 +78,7 @@ def _seal(data: Mapping[str, Any]) -> str:
 def schema_of(columns: Sequence[Sequence[str]]) -> Any:
     """Arrow schema of (name, kind, unit) columns. Raises InputError if pyarrow is not installed."""
     pa = library("pyarrow", "sweep")
-    kinds = {
-        "int": pa.int64(),
-        "float": pa.float64(),
-        "bool": pa.bool_(),
-        "text": pa.string(),
-    }
+    kinds = dict(zip(KINDS, (pa.int64(), pa.float64(), pa.bool_(), pa.string()), strict=True))
     return pa.schema([(name, kinds[kind]) for name, kind, _ in columns])
 
 

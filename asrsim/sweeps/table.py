@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import InputError, did_you_mean
 from asrsim.extras import library
 from asrsim.samples import Array
-from asrsim.sweeps.store import checked_files, read_manifest, read_rows, schema_of
+from asrsim.sweeps.store import MANIFEST, NEW_STUDY, checked_files, read_manifest, read_rows, schema_of
 from asrsim.sweeps.study import Study
 
 BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
@@ -58,9 +58,13 @@ class Table:
         """Study that the description `study.json` defines."""
         given = self.manifest["study"]
         plugins = tuple(map(Path, self.manifest["plugins"]))
-        return Study(
-            **{**given, "variants": tuple(given["variants"])}, scenario=Path(self.manifest["scenario"]), plugins=plugins
-        )
+        try:
+            return Study(
+                **{**given, "variants": tuple(given["variants"])}, scenario=Path(self.manifest["scenario"]), plugins=plugins
+            )
+        except (TypeError, ValueError, AttributeError, KeyError) as error:
+            path = self.folder / MANIFEST
+            raise InputError(f"does not describe a study: {error}", file=path, hint=NEW_STUDY, code="no-study") from None
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -50,6 +50,5 @@ def read_mylog(path, reading):
 
 
 SIGNALS.add(Triangle.kind, Triangle)
-# confined=False: the file is read in this process. The child process that reads other binary formats does not load plugins.
-READERS.add("mylog", Reader(suffixes=(".mylog",), read=read_mylog, confined=False))
+READERS.add("mylog", Reader(suffixes=(".mylog",), read=read_mylog))
 MEASURES.add("crest_factor", Measure(name="crest_factor", function=crest_factor, unit="1", needs="series"))

@@ -166,3 +166,17 @@ def test_strict_makes_errors_of_warnings(runner, good):
     assert "1 error, 0 warnings" in result.stdout
     good.write_text(GOOD.replace("<sprang>1</sprang>", ""))
     assert runner.invoke(app, ["check", "--strict", str(good)]).exit_code == 0
+
+
+@pytest.mark.parametrize("modes", [(9, 9), (9, 11)])
+def test_two_joints_with_one_mistake_keep_values_and_choices(runner, good, modes):
+    second = "<joint " + GOOD.partition("<joint ")[2].partition("</robot>")[0]
+    for old, new in (('"elbow"', '"wrist"'), (">elbow<", ">wrist<"), ('"l"', '"m"'), ('"world"', '"l"')):
+        second = second.replace(old, new)
+    text = GOOD.replace("</robot>", f"{second}</robot>")
+    for mode in modes:
+        text = text.replace("<operation_mode>3<", f"<operation_mode>{mode}<", 1)
+    good.write_text(text)
+    (line,) = [one for one in runner.invoke(app, ["check", str(good)]).stdout.splitlines() if "no such operation mode" in one]
+    assert all(f"'{mode}'" in line for mode in modes)
+    assert "choose from 0 (LinkTorque)" in line

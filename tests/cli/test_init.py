@@ -82,6 +82,52 @@ def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     assert not (tmp_path / "start.yaml").exists()
 
 
+ARM_WITH_FINGER = """
+  <link name="hip_link"><inertial><origin xyz="0.4 0 0"/><mass value="10"/><inertia ixx="0.5" iyy="0.5" izz="0.5"/>
+  </inertial></link>
+  <joint name="hip" type="revolute"><parent link="world"/><child link="hip_link"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="500" velocity="5"/></joint>
+  <link name="tip"><inertial><mass value="{mass}"/><inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}"/></inertial></link>
+  <joint name="finger" type="revolute"><parent link="hip_link"/><child link="tip"/><axis xyz="0 1 0"/><origin xyz="0.5 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="5"/></joint>"""
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
+@pytest.mark.parametrize("inertia", ["1.1e-9", "3e-13"])
+def test_springs_of_light_fingers_are_soft_enough_for_a_run(tmp_path, actuator, inertia):
+    """The default spring of 10 N m/rad on 1.1e-9 kg m^2 (15 kHz) would need 477 substeps."""
+    robot, out = tmp_path / "arm.urdf", tmp_path / "s.yaml"
+    robot.write_text(URDF.format(name="arm", joints=ARM_WITH_FINGER.format(mass=2e-6, inertia=inertia)))
+    write_starter(robot, out, actuators={"*": actuator})
+    for scenario in load_scenario(out, overrides=["duration=0.2"]):
+        assert asrsim.run(scenario).status == "complete"
+
+
+def test_a_joint_whose_limits_are_equal_gets_a_starter_that_runs(tmp_path):
+    """As exporters write them: lower = upper = 0."""
+    robot = write_robot(tmp_path, {"name": "knee", "lower": 0, "upper": 0})
+    robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
+    _, notes = write_starter(robot, tmp_path / "s.yaml", actuators={"*": "sea"})
+    assert "locked-joint" in [note.code for note in notes]
+    result = asrsim.run(tmp_path / "s.yaml", overrides=["duration=0.2"])
+    assert abs(result["knee"].link_position).max() == 0.0
+
+
+@pytest.mark.parametrize(("lower", "upper", "inside"), [("20", "inf", 20.3), ("-inf", "-0.5", -0.8), ("0.5", "0.5", 0.5)])
+def test_a_starter_begins_within_limits_on_one_side(tmp_path, lower, upper, inside):
+    robot = write_robot(tmp_path, {"name": "knee", "lower": lower, "upper": upper})
+    write_starter(robot, tmp_path / "s.yaml")
+    assert all(scenario.initial_positions["knee"] == inside for scenario in load_scenario(tmp_path / "s.yaml"))
+
+
+@pytest.mark.parametrize(("damping", "said"), [("0", "without end"), ("1e-5", "for minutes"), ("1e-8", "for hours")])
+def test_a_long_oscillation_is_told_in_words(tmp_path, damping, said):
+    robot = write_robot(tmp_path, {"name": "knee"})
+    robot.write_text(robot.read_text().replace('damping="0.02"', f'damping="{damping}"'))
+    _, notes = write_starter(robot, tmp_path / "s.yaml")
+    assert f"would oscillate {said} after" in " ".join(note.message for note in notes)
+
+
 def test_a_spring_that_overflows_at_rest_is_an_error(tmp_path):
     """At the typical preset, sinh(a 0.2) overflows for a = 5000, but not for a = 2000."""
     robot = write_robot(tmp_path, {"name": "j"})

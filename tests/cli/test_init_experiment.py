@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import asrsim
 from asrsim.cli.app import app
-from asrsim.errors import RecordingError
+from asrsim.errors import OutputError, RecordingError
 from asrsim.identification import task_of
 from asrsim.identification.problem import set_up
 from asrsim.kinematics.sizing import sizing
@@ -278,3 +278,31 @@ def test_claims_use_quantities_of_the_chosen_mode(tmp_path, mode):
     assert claimed >= {"link_position"} | ({"motor_1_position"} if mode > 1 else set())
     assert ("motor_1_velocity" in claimed) == (mode == 6)
     assert len(asrsim.run(replace(scenario, duration=0.01)).summary.claims) == len(scenario.expect)
+
+
+@pytest.mark.parametrize("kept", ["s.yaml", "s_commands.csv", "s.fit.yaml"])
+def test_all_files_of_a_command_are_written_or_none(tmp_path, kept):
+    experiment = lab(tmp_path)
+    (tmp_path / kept).write_text("mine")
+    with pytest.raises(OutputError, match="exists"):
+        write_from_recording(EXAMPLES / "dof1_sea.urdf", experiment, tmp_path / "s.yaml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["lab.csv", kept])
+    assert (tmp_path / kept).read_text() == "mine"
+
+
+def test_nothing_is_written_where_one_file_cannot_be(tmp_path):
+    (tmp_path / "s.fit.yaml").mkdir()
+    with pytest.raises(OutputError, match=r"s\.fit\.yaml"):
+        write_from_recording(EXAMPLES / "dof1_sea.urdf", lab(tmp_path), tmp_path / "s.yaml", force=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lab.csv", "s.fit.yaml"]
+
+
+def test_recorded_motors_start_where_they_were(tmp_path):
+    header = "time,q1,q1_ref,q1_motor_1_position"
+    table = np.loadtxt(lab(tmp_path), delimiter=",", skiprows=1)
+    table[:, 3] = 0.07 + table[:, 2]
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+    mapping = ["q1=joint_1.link_position", "q1_ref=joint_1.reference_1", "q1_motor_1_position=joint_1.motor_1_position"]
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
+    assert scenario.initial_motor_positions["joint_1"] == (pytest.approx(0.12, abs=1e-8),)
+    assert scenario.initial_positions["joint_1"] == pytest.approx(0.05, abs=1e-8)

@@ -153,6 +153,19 @@ def test_a_motor_sticks_and_slips(limit_cycle):
 
 
 @pytest.mark.parametrize("engine", ENGINES_HERE)
+def test_the_friction_of_a_joint_follows_its_torque_up_to_the_effort_limit(engine):
+    """A reference of 10 N m is limited to 1 N m: 0.1 + 0.2 * 1 N m of friction are left to slow the link."""
+    limits = '<limit lower="-90" upper="90" effort="1" velocity="1000"/>'
+    body = Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1, limits=limits)
+    result = run(
+        rubbing(chain(body), load_friction=0.2), mode=0, engine=engine, gravity=0.0, duration=0.1,
+        references={"link_torque": 10.0}, compiled=False,
+    )  # fmt: skip
+    speed = column(result, "link_velocity")[-1]
+    assert speed == pytest.approx((1.0 - 0.1 - 0.2) / INERTIA * 0.1, rel=1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES_HERE)
 def test_joint_friction_grows_with_the_load(engine):
     """A moving joint obeys I a = tau (1 - c) - tau_c; a joint at rest sticks up to tau_c / (1 - c)."""
     robot = rubbing(chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1)), load_friction=0.2)

@@ -71,14 +71,15 @@
     gl.linkProgram(made);
     return made;
   }
-  // Flat triangles: the normal is that of the surface under the pixel.
+  // Light as on the film strip: a lamp behind the camera, a weaker one from the other side; the side that faces the camera is lit.
   const solid = program(
-    "in vec3 point; uniform mat4 model, view; out vec3 place;\n" +
-    "void main() { vec4 p = model * vec4(point, 1.0); place = p.xyz; gl_Position = view * p; }",
-    "in vec3 place; uniform vec3 colour, eye, sun; out vec4 shown;\n" +
-    "void main() { vec3 n = normalize(cross(dFdx(place), dFdy(place)));\n" +
+    "in vec3 point, normal; uniform mat4 model, view; out vec3 place, facing;\n" +
+    "void main() { vec4 p = model * vec4(point, 1.0); place = p.xyz; facing = mat3(model) * normal; gl_Position = view * p; }",
+    "in vec3 place, facing; uniform vec3 colour, eye, sun, fill; out vec4 shown;\n" +
+    "void main() { vec3 n = normalize(facing);\n" +
     "if (dot(n, eye - place) < 0.0) n = -n;\n" +
-    "shown = vec4(colour * (0.5 + 0.5 * max(dot(n, sun), 0.0) + 0.12 * max(n.z, 0.0)), 1.0); }");
+    "float light = 0.46 + 0.46 * max(dot(n, sun), 0.0) + 0.16 * max(dot(n, fill), 0.0);\n" +
+    "shown = vec4(colour * min(light, 1.12), 1.0); }");
   const ground = program(
     "in vec3 point; uniform mat4 view; uniform vec3 middle; uniform float size; out vec2 place;\n" +
     "void main() { vec3 p = middle + size * point; place = p.xy; gl_Position = view * vec4(p, 1.0); }",
@@ -87,14 +88,31 @@
     "float fade = clamp(2.0 - 2.0 * length(place - middle.xy) / size, 0.0, 1.0);\n" +
     "shown = vec4(mix(vec3(0.88), vec3(0.80), dark), fade); }");
 
+  // The normal of a point is the mean of those of its triangles, weighted by their areas.
+  function normalsOf(points, triangles) {
+    const normals = new Float32Array(points.length);
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [a, b, c] = [0, 1, 2].map((k) => [...points.subarray(3 * triangles[t + k], 3 * triangles[t + k] + 3)]);
+      const own = cross(minus(b, a), minus(c, a));
+      for (let k = 0; k < 3; k++) for (let i = 0; i < 3; i++) normals[3 * triangles[t + k] + i] += own[i];
+    }
+    for (let p = 0; p < normals.length; p += 3) normals.set(unit([...normals.subarray(p, p + 3)]), p);
+    return normals;
+  }
   const scenes = data.scenes.map((parts) => parts.map((part) => {
-    const array = gl.createVertexArray();
+    const array = gl.createVertexArray(), points = new Float32Array(unpack(part.points, part.count));
+    const triangles = new Uint32Array(Uint8Array.from(atob(part.triangles), (c) => c.charCodeAt(0)).buffer);
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(unpack(part.corners, part.count)), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(gl.getAttribLocation(solid, "point"));
-    gl.vertexAttribPointer(gl.getAttribLocation(solid, "point"), 3, gl.FLOAT, false, 0, 0);
-    return { ...part, array };
+    for (const [name, values] of [["point", points], ["normal", normalsOf(points, triangles)]]) {
+      const place = gl.getAttribLocation(solid, name);
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
+    }
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    return { body: part.body, colour: part.colour, corners: triangles.length, array };
   }));
   const floor = gl.createVertexArray();
   gl.bindVertexArray(floor);
@@ -130,12 +148,13 @@
     gl.uniformMatrix4fv(name("view"), true, view);
     gl.uniform3fv(name("eye"), eye);
     gl.uniform3fv(name("sun"), unit(back.map((v, i) => 0.7 * v - 0.35 * right[i] + (i === 2 ? 0.9 : 0))));
+    gl.uniform3fv(name("fill"), unit(back.map((v, i) => 0.2 * v + 0.9 * right[i] + (i === 2 ? 0.1 : 0))));
     const where = frames(clock);
     for (const part of scenes[run.scene]) {
       gl.bindVertexArray(part.array);
       gl.uniformMatrix4fv(name("model"), true, where.get(part.body));
       gl.uniform3fv(name("colour"), part.colour);
-      gl.drawArrays(gl.TRIANGLES, 0, part.count / 3);
+      gl.drawElements(gl.TRIANGLES, part.corners, gl.UNSIGNED_INT, 0);
     }
     if (run.ground !== null) {
       gl.useProgram(ground);
@@ -155,6 +174,7 @@
 
   const play = place.querySelector(".play"), bar = place.querySelector("input"), shown = place.querySelector(".clock");
   const choice = place.querySelector(".run"), speed = place.querySelector(".speed");
+  const shared = window.asrsimClock;
   let clock = run.start, playing = false, last = 0, asked = false;
   const refresh = () => { if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; draw(); }); } };
   function choose(number) {
@@ -169,6 +189,7 @@
     last = now;
     if (clock > run.end) clock = run.start;
     draw();
+    shared.set(clock, "motion");
     requestAnimationFrame(tick);
   }
   play.addEventListener("click", () => {
@@ -178,7 +199,9 @@
     last = performance.now();
     if (playing) requestAnimationFrame(tick);
   });
-  bar.addEventListener("input", () => { clock = Number(bar.value); refresh(); });
+  bar.addEventListener("input", () => { clock = Number(bar.value); refresh(); shared.set(clock, "motion"); });
+  // A plot under the cursor shows the robot at its time; a playing robot plays on.
+  shared.listen("motion", (time) => { if (!playing && time !== null) { clock = Math.min(Math.max(time, run.start), run.end); refresh(); } });
   choice.addEventListener("change", () => choose(Number(choice.value)));
 
   const held = new Map();

@@ -367,3 +367,35 @@ def test_a_plugin_brings_a_recording_format(tmp_path, monkeypatch):
     column = read_recording(tmp_path / "lab.mylog").channels["elbow.link_position"]
     assert column.quantity == "link_position"
     np.testing.assert_allclose(column.values, rows["q"])
+
+
+def test_readers_of_plugins_run_in_a_process_of_their_own(tmp_path, monkeypatch):
+    """What such a reader prints harms nothing, and a reader that takes all memory or time ends that process only."""
+    from asrsim.errors import RecordingError
+    from asrsim.recordings import READERS, Reader, read_recording
+
+    monkeypatch.setattr(READERS, "_entries", {name: READERS.get(name) for name in READERS})
+    plugin = tmp_path / "mine.py"
+    plugin.write_text(
+        "import numpy as np\n"
+        "from asrsim.recordings import READERS, Reader\n"
+        "from asrsim.recordings.data import Content, RawColumn, RawTable\n"
+        "def read(path, reading):\n"
+        "    print('reading')\n"
+        "    if path.stem == 'bomb':\n"
+        "        np.ones(10**11)\n"
+        "    names = ('time', 'elbow.link_position')\n"
+        "    columns = tuple(RawColumn(name=name, values=np.arange(20) / 100.0) for name in names)\n"
+        "    return Content(format='tdms', tables=(RawTable(columns=columns),))\n"
+        "READERS.add('tdms', Reader(suffixes=('.tdms',), read=read))\n"
+    )
+    load_plugin_file(plugin)
+    for name in ("lab", "bomb"):
+        (tmp_path / f"{name}.tdms").write_bytes(b"\0\1")
+    assert read_recording(tmp_path / "lab.tdms").channels["elbow.link_position"].values[-1] == 0.19
+    with pytest.raises(RecordingError, match="needs far more memory"):
+        read_recording(tmp_path / "bomb.tdms")
+    READERS.add("here", Reader(suffixes=(".here",), read=READERS.get("tdms").read))
+    (tmp_path / "lab.here").write_bytes(b"\0\1")
+    with pytest.raises(RecordingError, match="was added by the running program"):
+        read_recording(tmp_path / "lab.here")

@@ -16,6 +16,7 @@ from asrsim.notebook import as_pandas
 from asrsim.recordings.arrays import read_matlab
 from asrsim.recordings.reading import Reading
 from asrsim.render.files import write_mp4
+from asrsim.viewer.server import PageServer
 from asrsim.workers.cluster import Cluster
 from support.paths import ROOT
 
@@ -37,6 +38,7 @@ USES = {
     "foxglove": ("foxglove", lambda: opened(["foxglove"], Interface("/asrsim", (), ()), Access(), print).__enter__()),
     "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
     "hdf5": ("h5py", read_hdf5),
+    "view": ("viser", lambda: PageServer(0)),
     "notebook": ("pandas", lambda: as_pandas(None)),
 }
 """Extra -> the module that it brings, and what needs that."""

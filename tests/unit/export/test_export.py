@@ -49,16 +49,68 @@ def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
     assert (tmp_path / "soft.png").stat().st_size > 10_000
 
 
+STEP, SINE = {"step": {"at": 0.1, "to": 0.8}}, {"sinusoid": {"amplitude": 0.6, "frequency": 1.0}}
+PARTS = {
+    "plain": {},
+    "integral action": {"parameters": {"joint_1": {"controller_1_integral": 50.0}}},
+    "motor friction": {"parameters": {"joint_1": {"motor_1_friction_torque": 0.3, "motor_1_stribeck_friction": 0.3}}},
+    "hysteresis": {"parameters": {"joint_1": {"hysteresis_torque": 0.3, "hysteresis_deflection": 0.02}}},
+    "delay": {"effects": {"commands": {"joint_1": {"delay": 0.0104}}}},
+    "start": {"initial": {"joint_1": {"position": 0.3}}, "effects": {"commands": {"joint_1": {"delay": 0.01}}}},
+}
+
+
+@pytest.mark.parametrize("motion", [STEP, SINE], ids=["step", "sine"])
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_of_a_drive_moves_in_mujoco_as_in_asrsim(tmp_path, part, motion):
+    """A step reaches torque limit and speed limit of the motor."""
+    given = scenario("sea", references={"joint_1": {"equilibrium_position": motion}}, **PARTS[part])
+    found = export_mjcf(given, tmp_path / "soft.xml", plot=False)
+    assert found.remarks == ()
+    assert np.abs(found.replay.error).max() < 2.0
+    assert found.replay.rms.max() < 0.5
+
+
+@pytest.mark.parametrize("actuator", ["qbmove", "bavs"])
+def test_variable_stiffness_actuators_follow_a_step_at_their_limits(tmp_path, actuator):
+    references = {"equilibrium_position": STEP, "stiffness_preset": 0.1}
+    found = export_mjcf(scenario(actuator, references={"joint_1": references}), tmp_path / "soft.xml", plot=False).replay
+    assert np.abs(found.error).max() < 3.0
+    assert found.rms.max() < 0.5
+
+
+def test_the_stiffness_of_an_adjustable_spring_is_a_control(tmp_path):
+    preset = {"sinusoid": {"amplitude": 0.005, "offset": 0.02, "frequency": 0.7}}
+    references = {"equilibrium_position": SINE, "stiffness_preset": preset}
+    found = export_mjcf(scenario("awas_ii", references={"joint_1": references}), tmp_path / "soft.xml", plot=False)
+    assert found.replay.rms.max() < 0.5
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
+    assert [model.actuator(i).name for i in range(model.nu)] == ["joint_1.motor_1", "joint_1.stiffness"]
+
+
+def test_names_contain_no_slash(tmp_path):
+    """Programs that attach models to each other cut names at a slash."""
+    export_mjcf(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", plot=False)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
+    assert b"/" not in model.names
+
+
+@pytest.mark.parametrize("ground", [False, True])
+def test_cones_are_elliptic_only_where_contacts_are(tmp_path, ground):
+    """MuJoCo XLA and mjlab take pyramidal cones."""
+    export_mjcf(scenario("sea", world={"ground": ground}), tmp_path / "soft.xml", plot=False)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
+    assert (model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC) is ground
+
+
 def plain(run):
-    """The run without the effects that MJCF lacks."""
+    """The run without the effort limit, which MuJoCo applies to motors only, and with adjusters at rest."""
     joints = []
     for joint in run.joints:
-        integrals = {name: 0.0 for name in joint.parameters if name.endswith("_integral")}
         references = joint.references
         if joint.actuator == "awas_ii" and joint.mode > 1:
             references = (references[0], replace(references[1], amplitude=0.0, jump=0.0, at=np.inf))
-        parameters = joint.parameters | integrals
-        joints.append(replace(joint, parameters=parameters, effort=np.inf, references=references, delay=0.0))
+        joints.append(replace(joint, effort=np.inf, references=references))
     return replace(run, joints=tuple(joints))
 
 
@@ -123,17 +175,12 @@ def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
 
 
 def test_what_mjcf_does_not_have_is_listed(tmp_path):
-    extras = {"hysteresis_torque": 0.01, "motor_1_stribeck_friction": 0.01, "controller_1_integral": 1.0}
     step = {"joint_1": {"equilibrium_position": {"step": {"to": 0.8}}, "stiffness_preset": 0.01}}
-    given = scenario("awas_ii", references=step, parameters={"joint_1": extras})
-    found = export_mjcf(given, tmp_path / "soft.xml", plot=False)
-    text = "\n".join(found.remarks)
-    for words in (
-        "adjuster stays at 0.01 m", "no speed limit", "reach their speed limit", "pre-sliding", "hysteresis", "speed or load",
-        "integral",
-    ):  # fmt: skip
+    effects = {"commands": {"joint_1": {"quantum": 0.01}}, "sensors": {"joint_1": {"delay": 0.01}}}
+    given = scenario("awas_ii", references=step, parameters={"joint_1": {"motor_1_load_friction": 0.1}}, effects=effects)
+    text = "\n".join(export_mjcf(given, tmp_path / "soft.xml", plot=False).remarks)
+    for words in ("adjuster stays at 0.01 m", "depend on their load", "steps of commands", "delays of sensors"):
         assert words in text
-    assert found.replay.rms.max() > 10.0
 
 
 @pytest.mark.parametrize("effort", [1.9, 2.1])
@@ -156,13 +203,13 @@ def test_intervals_of_a_fit_become_ranges_of_model_fields(tmp_path):
     }))  # fmt: skip
     export_mjcf(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", fit=fit, plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
-    assert model.dof_frictionloss[model.joint("joint_1/motor_1").id] == pytest.approx(0.05)
+    assert model.actuator("joint_1.motor_1").biasprm[3:5] == pytest.approx(0.05)
     ranges = yaml.safe_load((tmp_path / "soft.ranges.yaml").read_text())
     friction = ranges[keys[0]]["fields"]
-    assert friction == {"dof_frictionloss": {"joint_1/motor_1": pytest.approx([0.05 - 0.0196, 0.05 + 0.0196])}}
+    assert np.array(friction["actuator_biasprm"]["joint_1.motor_1"])[:, 3] == pytest.approx([0.05 - 0.0196, 0.05 + 0.0196])
     spring = ranges[keys[1]]
     assert [spring["low"], spring["high"]] == pytest.approx([0.002 * np.exp(-0.098), 0.002 * np.exp(0.098)])
-    low, high = spring["fields"]["tendon_stiffness"]["joint_1/spring_2/1"]
+    low, high = spring["fields"]["tendon_stiffness"]["joint_1.spring_2.1"]
     assert high / low == pytest.approx(np.exp(2 * 0.098))
     assert ranges[keys[2]]["fields"]["body_mass"]["link_1"] == pytest.approx([0.3 * np.exp(-0.196), 0.3 * np.exp(0.196)])
 

@@ -156,13 +156,25 @@ def test_a_model_that_does_not_fit_never_explains_100_percent():
 # -- files -------------------------------------------------------------------------------------------------------------------
 
 ENDINGS = {
-    "fits": ({}, (), 0, {"fit.json", "robot", "picture"}, ""),
-    "does not fit": ({"misfit": ("too large",)}, (), 1, {"fit.json", "picture"}, "no robot is written, since the model"),
-    "all the same": ({"misfit": ("too large",)}, ("--all",), 1, {"fit.json", "robot", "picture"}, ""),
-    "accepted": ({"misfit": ("too large",), "accepted": True}, ("--accept",), 1, {"fit.json", "robot", "picture"}, ""),
+    "fits": ({}, (), 0, {"fit.json", "curves.json", "robot", "picture"}, ""),
+    "does not fit": (
+        {"misfit": ("too large",)},
+        (),
+        1,
+        {"fit.json", "curves.json", "picture"},
+        "no robot is written, since the model",
+    ),
+    "all the same": ({"misfit": ("too large",)}, ("--all",), 1, {"fit.json", "curves.json", "robot", "picture"}, ""),
+    "accepted": (
+        {"misfit": ("too large",), "accepted": True},
+        ("--accept",),
+        1,
+        {"fit.json", "curves.json", "robot", "picture"},
+        "",
+    ),
     "interrupted": ({"status": "interrupted"}, ("--all",), 130, {"fit.json"}, ""),
     "out of time": ({"status": "unfinished"}, (), 1, {"fit.json"}, ""),
-    "without pictures": ({}, ("--no-plot",), 0, {"fit.json", "robot"}, ""),
+    "without pictures": ({}, ("--no-plot",), 0, {"fit.json", "curves.json", "robot"}, ""),
     "checked": ({"status": "checked"}, ("--check",), 0, set(), ""),
 }
 """How a fit ended: changes of the result, options, exit code, files, words."""

@@ -125,8 +125,19 @@ def test_what_is_proposed_reads_the_same_numbers(tmp_path, asrsim_command):
 def test_a_question_is_answered_in_its_line(tmp_path):
     path = tmp_path / "lab.csv"
     np.savetxt(path, np.column_stack([TIME, ALPHA]), delimiter=",", header="time,theta", comments="")
-    document = propose(path)[0]
-    document.write_text(document.read_text().replace("# theta: JOINT.QUANTITY [unit]", "theta: elbow.link_position [deg]"))
+    document = tmp_path / "lab.csv.yaml"
+    document.write_text(propose(path)[0].replace("# theta: JOINT.QUANTITY [unit]", "theta: elbow.link_position [deg]"))
+    np.testing.assert_allclose(read_recording(path).column("elbow", "link_position").values, np.radians(ALPHA))
+
+
+@pytest.mark.parametrize("heading", ["knee_pos_deg", "knee position (degrees)", "theta [deg]"])
+def test_a_question_proposes_the_unit_of_the_heading(tmp_path, heading):
+    """Not the SI unit: the numbers in the file are degrees."""
+    path, document = tmp_path / "lab.csv", tmp_path / "lab.csv.yaml"
+    np.savetxt(path, np.column_stack([TIME, ALPHA]), delimiter=",", header=f"time,{heading}", comments="")
+    text = propose(path)[0]
+    assert f"# {heading}: JOINT.QUANTITY [deg" in text
+    document.write_text(text.replace(f"# {heading}: JOINT.QUANTITY", f"{heading}: elbow.link_position"))
     np.testing.assert_allclose(read_recording(path).column("elbow", "link_position").values, np.radians(ALPHA))
 
 
@@ -135,7 +146,7 @@ def test_proposals_for_real_files_do_not_change_the_reading(tmp_path, shared, na
     path = tmp_path / name
     path.write_bytes((shared / "recordings" / name).read_bytes())
     plain = read_recording(path)
-    propose(path)
+    (tmp_path / f"{name}.yaml").write_text(propose(path)[0])
     stated = read_recording(path)
     for column in plain.channels.values():
         other = stated.channels[column.source]

@@ -21,7 +21,7 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
     assert [run.label for run in runs] == ["soft", "stiff"]
     half = (np.array([0.2, 0.4, 0.6]), np.array([1.0, 3.0, 2.0]))
     sections = joint_sections(runs, {("joint_2", "link_position", 1): half}, grid.time)
-    assert [section["joint"] for section in sections] == ["joint_1", "joint_2"]
+    assert [section["name"] for section in sections] == ["joint_1", "joint_2"]
     names = {style.name(quantity): quantity for quantity in QUANTITIES}
     seen = set()
     for section in sections:
@@ -30,13 +30,13 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
             for line in plot["series"]:
                 values = unpack(line, grid.count)
                 if line["label"].endswith(", recorded"):
-                    assert (section["joint"], line["label"], line["run"]) == ("joint_2", "link position, recorded", 1)
+                    assert (section["name"], line["label"], line["run"]) == ("joint_2", "link position, recorded", 1)
                     wanted = np.interp(time, *half, left=np.nan, right=np.nan)
                     assert line["colour"] == style.darker(style.variant_colour(1))
                 else:
                     quantity, number = names[line["label"]], line["run"] or 0
-                    wanted = runs[number].curves[section["joint"], quantity].values
-                    seen.add((section["joint"], quantity, line["run"]))
+                    wanted = runs[number].curves[section["name"], quantity].values
+                    seen.add((section["name"], quantity, line["run"]))
                     shared = quantity.startswith("reference")
                     assert (line["run"] is None) == shared
                     assert line["colour"] == (style.colour(quantity) if shared else style.variant_colour(number))

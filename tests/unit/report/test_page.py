@@ -82,7 +82,7 @@ def test_a_short_push_is_on_the_page_at_its_time(tmp_path):
     with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
         writer.write(replace(whole.samples, bodies={"box": np.zeros((count, 7))}, contacts={"box/robot": force}))
     grid, (run,) = read_runs([tmp_path / "log.mcap"], quantities=["link_position"])
-    box = next(one for one in joint_sections([run], {}, grid.time) if one["joint"] == "box")
+    box = next(one for one in joint_sections([run], {}, grid.time) if one["name"] == "box")
     labels = [(plot["title"], [line["label"] for line in plot["series"]]) for plot in box["plots"]]
     assert labels == [("displacement", ["along x", "along y", "along z"]), ("contact force", ["without ground"])]
     shown = run.get("box", "force").values
@@ -162,8 +162,8 @@ def test_a_browser_draws_every_plot_without_complaint(browser, page, width):
     assert browser.requests == [page.absolute().as_uri()]
     ink = browser.evaluate(INK)
     data = page_data(page)
-    assert len(ink) == sum(len(joint["plots"]) for joint in data["joints"])
-    titles = [plot["title"] for joint in data["joints"] for plot in joint["plots"]]
+    assert len(ink) == sum(len(joint["plots"]) for joint in data["groups"])
+    titles = [plot["title"] for joint in data["groups"] for plot in joint["plots"]]
     # The residual's line is black; all others have colour.
     assert all(count > 100 for count, title in zip(ink, titles, strict=True) if title != "energy residual")
     assert browser.evaluate("document.documentElement.scrollWidth") == width
@@ -215,7 +215,7 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path):
     page = write_report(tmp_path, film=False)
     assert "Beside experiments" in Page(page).text
     data = page_data(page)
-    position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
+    position = next(p for p in data["groups"][0]["plots"] if p["title"] == "position")
     (recorded,) = (s for s in position["series"] if s["label"] == "link position, recorded")
     assert data["runs"][recorded["run"]]["label"] == "soft"
     assert recorded["high"] == pytest.approx(0.3, abs=1e-3)
@@ -245,7 +245,7 @@ def test_a_log_without_link_positions_has_a_page(tmp_path):
     joints = tuple(replace(joint, quantities=("link_torque", "reference_1")) for joint in whole.info.joints)
     with LogWriter(tmp_path / "log.mcap", replace(whole.info, joints=joints)) as writer:
         writer.write(whole.samples)
-    (joint,) = page_data(write_report(tmp_path / "log.mcap", film=False))["joints"]
+    (joint,) = page_data(write_report(tmp_path / "log.mcap", film=False))["groups"]
     assert [plot["title"] for plot in joint["plots"]] == ["link torque"]
 
 
@@ -270,3 +270,39 @@ def test_the_robot_moves_in_a_browser(browser, tmp_path):
     browser.evaluate("document.querySelector('#motion .play').click(); new Promise((done) => setTimeout(done, 200))")
     assert browser.evaluate(look) != first
     assert browser.complaints == []
+
+
+@needs_browser
+@pytest.mark.slow
+def test_one_time_goes_through_the_moving_view_and_all_plots(browser, page):
+    browser.open(page, width=1200)
+    marked = (
+        "asrsimCharts.filter((chart) => chart.across === 'time').map((chart) => chart.now.hidden ? null : "
+        "chart.posToVal(new DOMMatrix(chart.now.style.transform).m41, 'x'))"
+    )
+    assert set(browser.evaluate(marked)) == {None}
+    slider = "(() => { const bar = document.querySelector('#motion input'); bar.value = 0.2;"
+    browser.evaluate(f"{slider} bar.dispatchEvent(new Event('input')); }})()")
+    shown = browser.evaluate(marked)
+    assert len(shown) > 4
+    assert shown == [pytest.approx(0.2, abs=1e-3)] * len(shown)
+    browser.evaluate("document.querySelector('.u-over').scrollIntoView({block: 'center'})")
+    x, y, width, height = browser.evaluate(
+        "(({x, y, width, height}) => [x, y, width, height])(document.querySelector('.u-over').getBoundingClientRect())"
+    )
+    for share in (0.3, 0.5):
+        place = {"type": "mouseMoved", "x": x + share * width, "y": y + 0.5 * height}
+        browser.call("Input.dispatchMouseEvent", place)
+        browser.evaluate("new Promise((done) => setTimeout(done, 150))")
+    assert browser.evaluate("document.querySelector('#motion .clock').textContent") == "0.15 s"
+    assert browser.complaints == []
+
+
+@needs_browser
+@pytest.mark.slow
+def test_paper_shows_every_plot_without_scrolling(browser, page):
+    browser.open(page, width=1200)
+    browser.evaluate("document.querySelectorAll('details.joint').forEach((part) => { part.open = false; })")
+    browser.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert browser.evaluate("[...document.querySelectorAll('.plot .body')].every((body) => body.dataset.drawn)")
+    assert all(browser.evaluate("[...document.querySelectorAll('details.joint')].map((part) => part.open)"))

@@ -110,9 +110,8 @@ def test_colours_by_name_and_of_their_own(read):
         ("<mesh/>", "l.collision.mesh: attribute 'filename' is missing"),
         ('<ellipsoid radius="1"/>', "l.collision.ellipsoid: this shape is unknown; choose from box"),
         ('<spere radius="1"/>', "Did you mean 'sphere'?"),
-        ('<sphere radius="0"/>', "l.collision.sphere: 'radius' must be larger than 0"),
-        ('<box size="1 1 0"/>', "l.collision.box: 'size' must be larger than 0"),
-        ('<mesh filename="a.stl" scale="1 0 1"/>', "'scale' must not be 0"),
+        ('<sphere radius="-1"/>', "l.collision.sphere: 'radius' must be larger than 0"),
+        ('<box size="1 1 -1"/>', "l.collision.box: 'size' must be larger than 0"),
         ('<mesh filename="a.stl" scale="x"/>', "is not a number"),
     ],
 )

@@ -162,6 +162,40 @@ def test_an_unusual_parameter_is_named_by_its_plugin_and_tag(tiny):
     assert [problem.key for problem in warnings if problem.code == "unusual-value"] == ["elbow_drive.spring_k"]
 
 
+QBMOVE = """<gazebo><plugin name="drive" filename="libqbmove_plugin.so"><joint>elbow</joint><operation_mode>3</operation_mode>
+<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>{}</plugin></gazebo></robot>"""
+
+
+def with_qbmove(tiny, tags):
+    text = tiny.robot.read_text()
+    tiny.robot.write_text(text[: text.index("  <gazebo>")] + QBMOVE.format(tags))
+    return load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(
+    ("a", "k", "doubted"), [(0.019, 9, True), (0.002, 6.7, True), (9, 0.019, False), (22.9, 0.02, False), (0.5, 0.5, False)]
+)
+def test_exchanged_values_of_a_spring_are_doubted(a, k, doubted, tiny):
+    tags = f"<spring_a1>{a}</spring_a1><spring_k1>{k}</spring_k1><spring_a2>{a}</spring_a2><spring_k2>{k}</spring_k2>"
+    found = [problem for problem in with_qbmove(tiny, tags).warnings if problem.code == "exchanged-values"]
+    assert [one.key for one in found] == (["drive.spring_a1, spring_k1, spring_a2, spring_k2"] if doubted else [])
+
+
+def test_a_tag_that_the_block_has_is_not_suggested(tiny):
+    text = tiny.robot.read_text()
+    tags = "<spring_k1>0.02</spring_k1><spring_k3>0.02</spring_k3>"
+    (found,) = [one for one in with_qbmove(tiny, tags).warnings if one.code == "unknown-tag"]
+    assert found.hint == "Did you mean <spring_k2>?"
+    tiny.robot.write_text(text)
+    (found,) = [one for one in with_qbmove(tiny, f"<spring_k2>0.02</spring_k2>{tags}").warnings if one.code == "unknown-tag"]
+    assert "spring_k" not in (found.hint or "")
+
+
+def test_a_tag_with_a_space_gets_its_name(tiny):
+    with pytest.raises(RobotError, match="have no spaces: write <spring_a1>"):
+        with_qbmove(tiny, "<spring a1>9</spring a1>")
+
+
 @pytest.mark.parametrize("moment", ["ixx", "iyy", "izz"])
 def test_a_raised_moment_of_inertia_raises_the_others(moment, tiny):
     """No principal moment exceeds the sum of the others. Those of the arm are 1e-3 kg m^2."""

@@ -6,7 +6,7 @@ import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
@@ -222,3 +222,19 @@ def test_a_device_is_no_file_to_compare_with(load):
     claim = "{joint: vsa, quantity: link_position, measure: rmse, comparison: '<', value: 1, against: /dev/zero}"
     with pytest.raises(ScenarioError, match="there is no recording /dev/zero"):
         load(GOOD + f"expect: [{claim}]\n")
+
+
+@pytest.mark.parametrize(
+    ("given", "modes"),
+    [
+        ("{type: sea, mode: 5}", [5]),
+        ("{type: sea}", [6]),
+        ("{elbow: {type: sea, mode: 5}}", [5]),
+        ("{'*': {type: sea, mode: 3}}\nvariants: {a: {actuators: {type: sea, mode: 5}}, b: {actuators: {elbow: sea}}}", [5, 6]),
+        ("{type: sea, mode: 3}\nvariants: {a: {actuators: {mode: 5, type: sea}}, b: {actuators: sea}}", [5, 6]),
+    ],
+)
+def test_an_actuator_with_its_mode_stands_for_all_joints(tiny, given, modes):
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1\nactuators: {given}\n")
+    found = [apply_to_robot(one, load_robot(one.robot)).actuators for one in load_scenario(tiny.scenario)]
+    assert [[block.mode for block in blocks] for blocks in found] == [[mode] for mode in modes]

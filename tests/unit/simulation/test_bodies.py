@@ -124,7 +124,7 @@ def test_objects_have_the_inertia_of_their_shape(tmp_path):
     with Simulation(scenario) as simulation:
         model = simulation.engine.raw_model
         for name, (_, moments) in shapes.items():
-            body = model.body(f"object/{name}")
+            body = model.body(f"object.{name}")
             # MuJoCo may have turned the axes of a cube's inertia.
             turn = Rotation.from_quat(np.roll(body.iquat, -1)).as_matrix()
             tensor = turn @ np.diag(body.inertia) @ turn.T

@@ -20,14 +20,6 @@ PROPORTIONAL = joint(
 """Joint whose torque in N m is -5 times its measured position in rad."""
 
 
-@pytest.mark.parametrize(("delay", "substeps"), [(0.0026, 3), (0.0024, 2), (0.0004, 0)])
-def test_a_sensor_delay_is_the_nearest_number_of_substeps(tmp_path, delay, substeps):
-    given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
-    found = samples(given, tmp_path, effects={"sensors": {"*": {"delay": delay}}}, substeps=1)
-    q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
-    np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
-
-
 def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path):
     """A sensor of 250 Hz in steps of 1 ms."""
     given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)

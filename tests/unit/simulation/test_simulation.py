@@ -14,6 +14,7 @@ from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.simulation import Simulation
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples, truth
+from support.paths import EXAMPLES
 from validation.models import INSTALLED, Body, chain, column, run
 
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
@@ -133,3 +134,14 @@ def test_an_engine_is_released_with_its_simulation(engine):
         assert engine_left() is None
     finally:
         gc.enable()
+
+
+def test_samples_may_be_read_after_the_first_substep_of_a_hard_start():
+    """The spring is stretched by half a rad at the start. The energy balance of one substep is not known yet (a divergence was
+    reported)."""
+    arm = asrsim.make_scenario(
+        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, references={"joint_1": {"equilibrium_position": 0.5}}
+    )
+    with asrsim.Simulation(arm, record=True) as simulation:
+        simulation.advance_to(1)
+        assert len(simulation.samples.time) == 1

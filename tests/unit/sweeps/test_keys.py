@@ -70,6 +70,18 @@ def test_reference_ranges_do_not_clamp_varied_references():
     assert_rows_are_runs(key, [0.2, 0.5], **{"reference_ranges.joint_1.stiffness_preset": "[0.1, 0.3]"})
 
 
+@pytest.mark.parametrize("initial", ["{}", "equilibrium"])
+def test_a_pattern_sets_the_parameter_of_each_actuator_that_it_matches(initial):
+    """Also if each run reads the scenario again (a start at equilibrium); a joint's own key replaces the pattern's."""
+    over = {"joint_1.spring_a_1": [8.0], "joint_*.spring_a_1": [5.0, 7.0]}
+    for (given, row), value in zip(rows_of(over, initial=initial), [5.0, 7.0], strict=True):
+        named = {"parameters.joint_1.spring_a_1": 8.0, "parameters.joint_2.spring_a_1": value}
+        assert named.items() <= given.items()
+        result = asrsim.run(TWO_JOINTS, variant="soft", overrides={"initial": initial, **given})
+        for joint in result.summary.joints:
+            assert row[f"{joint.name}.steady_state"] == joint.measures.as_dict()["steady_state"]
+
+
 BAD = {
     "parameters.joint_1.spring_a_1": (8.0, -1.0, "must be"),
     "parameters.*.motor_1_min_position & parameters.*.motor_1_max_position": (

@@ -1,0 +1,90 @@
+"""`asrsim view`: the robot in a browser, live, played back, or before there is a scenario."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from pathlib import Path
+from typing import Annotated, Any
+
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say
+from asrsim.cli.interrupt import Interruption
+from asrsim.cli.options import (
+    Align,
+    Arguments,
+    ColumnMap,
+    Files,
+    Overrides,
+    Overwrite,
+    Packages,
+    Rate,
+    Variant,
+    argument,
+    folders,
+    into_folder,
+    lag_of,
+    option,
+    pairs,
+)
+
+PORT = 8080
+"""Port of the page."""
+
+
+@command()
+def view(
+    target: Annotated[Path, argument("FILE", "Scenario (YAML): runs live. Log or folder of logs: played back. URDF, xacro.")],
+    beside: Annotated[Files, argument("[LOG]...", "Logs of other runs, shown as ghosts.")] = None,
+    experiment: Annotated[
+        Files, option("Recording to show beside it; may be repeated.", "--experiment", "-e", metavar="FILE")
+    ] = None,
+    mapping: ColumnMap = None,
+    align: Align = "auto",
+    rate: Rate = None,
+    variant: Variant = None,
+    speed: Annotated[float, option("Simulated seconds per second.", metavar="FACTOR", min=0.01, max=100.0)] = 1.0,
+    port: Annotated[int, option("Port of the page; 0: any free port.", min=0, max=65535)] = PORT,
+    duration: Annotated[float | None, option("Time after which the view ends, s.", min=0.1, default="until Ctrl-C")] = None,
+    browser: Annotated[bool, option("Open the page in the browser.", "--browser/--no-browser")] = True,
+    overrides: Overrides = None,
+    arguments: Arguments = None,
+    packages: Packages = None,
+    out: Annotated[Path | None, into_folder("Folder for the log of a live run.", "out/<scenario>/<variant>_view")] = None,
+    overwrite: Overwrite = False,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
+    """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, plots that move.
+
+    A live run writes a log with all that was done by hand, which `asrsim rerun` repeats. Listens on this machine only.
+    Ctrl-C ends the view. Needs the extra `view`.
+
+    Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
+    """
+    from asrsim.plugins import command_line
+    from asrsim.viewer.open import View, maker
+    from asrsim.viewer.server import PageServer, announcement, open_browser
+
+    make = maker(
+        target, beside or (), variant=variant, overrides=overrides or (), plugins=plugin, experiments=experiment or (),
+        lag=lag_of(align), mapping=mapping, rate=rate, speed=speed, out=out, overwrite=overwrite,
+        arguments=pairs(arguments, "--arg"), packages=folders(packages, "--package"), tell=complain,
+    )  # fmt: skip
+    with Interruption("") as interruption:
+        page = View(PageServer(port, tell=complain), make)
+        for line in () if quiet else announcement(page.server):
+            complain(line)
+        if browser and not quiet:
+            open_browser(page.server)
+        end = math.inf if duration is None else clock.monotonic() + duration
+        summary: Any = page.run(lambda: interruption.stop() or clock.monotonic() > end)
+    if summary is None:
+        return Done(data={"ok": True})
+
+    def text() -> None:
+        say(f"{summary.simulated_time:.2f} s simulated; {summary.live['applied']} changes by hand")
+        say(f"repeat it: {command_line('rerun', str(summary.files['log']), plugin)}")
+
+    return Done(data={"ok": summary.ok, "runs": [summary.as_dict()]}, text=text, code=int(not summary.ok))

@@ -1,0 +1,76 @@
+"""Error of the time step at the resonances of links and motors: oscillations that last are early by a phase that grows.
+
+The leapfrog step raises the frequency w of a mode by the fraction (w h)^2 / 24, with the substep h. An oscillation with the
+decay rate s is therefore ahead by the phase w t (w h)^2 / 24 after the time t, when its amplitude is exp(-s t).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from asrsim.errors import Problem, counted
+from asrsim.robot.dynamics import RobotModel
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.substeps import Resolution, link_damping
+
+TOLERATED = 0.1
+"""Largest error of an oscillation without a warning, as a fraction of its first amplitude."""
+AIM = 0.02
+"""Error that the proposed number of substeps gives."""
+
+
+def resonance_doubts(
+    scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, resolution: Resolution
+) -> Iterator[Problem]:
+    """Warning about the resonance with the largest error, if this error is above `TOLERATED`. Friction is neglected."""
+    if model is None or STEPPINGS.get(scenario.stepping).order < 2 or not any(resolution.stiffness):
+        return
+    h = scenario.step / resolution.substeps
+    matrix, names = _system(drives, model, resolution.stiffness)
+    values, vectors = np.linalg.eig(matrix)
+    rates, frequencies = np.maximum(-values.real, 0.0), np.abs(values.imag)
+    with np.errstate(divide="ignore"):
+        times = np.minimum(scenario.duration, 1.0 / rates)
+    errors = frequencies * times * (frequencies * h) ** 2 / 24.0 * np.exp(-rates * times)
+    worst = int(np.argmax(errors))
+    if errors[worst] <= TOLERATED:
+        return
+    share = np.abs(vectors[: len(drives), worst])
+    needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
+    message = (
+        f"its resonance at {frequencies[worst] / math.tau:.3g} Hz has omega h = {frequencies[worst] * h:.2g} with "
+        f"{counted(resolution.substeps, 'substep')}: an oscillation that friction does not end is {errors[worst]:.2g} rad "
+        f"ahead after {times[worst]:.2g} s, {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of its amplitude"
+    )
+    hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"
+    yield Problem(message, key=names[int(np.argmax(share))], hint=hint, code="resonance")
+
+
+def _system(drives: Sequence[SteppedJoint], model: RobotModel, stiffness: Sequence[float]) -> tuple[Array, list[str]]:
+    """Matrix of the linear system of positions and velocities of links and motors at the start, and the joints' names.
+
+    Each motor of a joint has an equal part of the joint's stiffness.
+    """
+    motors = [(j, i) for j, drive in enumerate(drives) if drive.mode and drive.mode.spring for i in range(drive.dynamic_motors)]
+    n, size = len(drives), len(drives) + len(motors)
+    mass, spring, damping = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    mass[:n, :n] = model.mass_matrix([drive.initial_position for drive in drives])
+    for j, (drive, k) in enumerate(zip(drives, stiffness, strict=True)):
+        spring[j, j], damping[j, j] = k + max(drive.joint.spring_stiffness, 0.0), link_damping(drive, k)
+    for row, (j, i) in enumerate(motors, start=n):
+        own = drives[j].drive
+        assert own is not None  # motors belong to drives
+        k = stiffness[j] / own.dynamic_motors
+        gains = (own.proportional[i], own.derivative[i]) if own.mode.controller else (0.0, 0.0)
+        mass[row, row] = own.motor_inertia[i]
+        spring[row, row], spring[row, j], spring[j, row] = k + gains[0], -k, -k
+        damping[row, row] = own.motor_damping[i] + gains[1]
+    inverse = np.linalg.inv(mass)
+    upper = np.hstack([np.zeros((size, size)), np.eye(size)])
+    return np.vstack([upper, np.hstack([-inverse @ spring, -inverse @ damping])]), [drive.name for drive in drives]

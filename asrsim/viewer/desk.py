@@ -1,0 +1,264 @@
+"""Desk of a live run: a person pauses, steps and resets it, sets references, pulls links, and tunes parameters on a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from asrsim.live.commands import Target
+from asrsim.live.session import Session
+from asrsim.plots.style import unit
+from asrsim.samples import Samples
+from asrsim.simulation.drives import EXTERNAL_TORQUE
+from asrsim.simulation.prepare import Numbers
+from asrsim.summary import RunSummary
+from asrsim.viewer.colours import words_of
+from asrsim.viewer.figure import frames_of
+from asrsim.viewer.page import Page, by_hand, on_click, plain
+from asrsim.viewer.pull import LIMIT, SPRING, Grip, torques_by_joint
+from asrsim.viewer.stage import Pull
+from asrsim.viewer.subject import Companion, Subject
+from asrsim.viewer.tuning import tunable, unit_of_number
+
+FOLLOWED = 0.25
+"""Time between two updates of the sliders that follow the scenario's signals, s."""
+WIDE = 10.0
+"""Range of a reference without limits, in its unit."""
+
+
+class Desk:
+    """Controls of one live run on a page. It is the operator of `asrsim.live.session.Session`."""
+
+    def __init__(
+        self, page: Page, session: Session, subject: Subject, *, variants: Sequence[str] = (),
+        companions: Sequence[Companion] = (),
+    ) -> None:  # fmt: skip
+        """variants: names of the scenario's variants; companions: ghosts."""
+        self._page = page
+        self._sliders: dict[Target, Any] = {}
+        self._show_number: Callable[[], None] = lambda: None
+        """Shows the present value of the parameter to tune."""
+        self._floats = not session.simulation.scenario.fixed_base
+        self._begin(session, subject)
+        tabs = page.show(subject, companions=companions)
+        self._add_run(tabs, variants)
+        self._add_joints(tabs)
+        self._add_tuning(tabs)
+        page.finish()
+        page.stage.on_drag(self._drag)
+
+    def _begin(self, session: Session, subject: Subject) -> None:
+        self.session, self.subject = session, subject
+        self.tuned: Numbers = {}
+        """Numbers that the user has changed, by joint and name."""
+        self.wish: Mapping[str, Any] | None = None
+        """What the next run shall be, after a reset or a change: `variant` or `tuned`."""
+        self._news = ""
+        self._by_hand: dict[Target, float | None] = {}
+        """References that the user has set, and those that follow the scenario's signals again (None)."""
+        self._pushed: set[str] = set()
+        """Joints whose external torque is not 0 because of a pull."""
+        self._grip: Grip | None = None
+        self._pull: Pull | None = None
+        self._followed = -1.0
+
+    def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
+        """Go on with another run of the same variant. tuned: numbers that the user has changed; news: a text for the user."""
+        self._begin(session, subject)
+        self.tuned, self._news = tuned, news
+        self._page.renew(subject)
+        for target in self._sliders:
+            if target[1] == EXTERNAL_TORQUE:
+                self._sliders[target].value = 0.0
+        self._pause.label = "Go on" if session.paused else "Pause"
+        self._show_number()
+
+    # -- controls ---------------------------------------------------------------------------------------------------
+
+    def _add_run(self, tabs: Any, variants: Sequence[str]) -> None:
+        gui = self._page.server.gui
+        with tabs.add_tab("Run"):
+            self._pause = gui.add_button("Go on" if self.session.paused else "Pause")
+            step, reset = gui.add_button("Step", hint="One step of the simulation, while it is paused"), gui.add_button("Reset")
+            speed = gui.add_slider(
+                "Speed", min=0.05, max=4.0, step=0.05, initial_value=min(max(self.session.pace.speed, 0.05), 4.0)
+            )
+            if len(variants) > 1:
+                name = self.session.simulation.scenario.variant
+                variant = gui.add_dropdown("Variant", tuple(variants), initial_value=name)
+                by_hand(variant, lambda chosen: self._ask_for(variant=chosen))
+            with gui.add_folder("Pull", expand_by_default=True):
+                self._spring = gui.add_number("Stiffness, N/m", SPRING, min=0.0, step=1.0)
+                self._limit = gui.add_number("Largest force, N", LIMIT, min=0.0, step=1.0)
+                what = "Not for robots with a floating base" if self._floats else "Drag a link; let go to release it"
+                gui.add_markdown(f"{what}.")
+        on_click(self._pause, self._toggle)
+        on_click(step, self._step)
+        on_click(reset, self._ask_for)
+        by_hand(speed, lambda value: self.session.set_speed(float(value)))
+
+    def _add_joints(self, tabs: Any) -> None:
+        gui, prepared = self._page.server.gui, self.session.simulation.prepared
+        infos = {joint.name: joint for joint in prepared.info.joints}
+        recorded = {name for joint in infos.values() for name in joint.quantities}
+        now = self.session.simulation.read([name for name in ("reference_1", "reference_2") if name in recorded])
+        with tabs.add_tab("Joints"):
+            release = gui.add_button("Follow the scenario", hint="References by hand end; the scenario's signals act again")
+            for j, drive in enumerate(prepared.drives):
+                with gui.add_folder(drive.name, expand_by_default=len(prepared.drives) < 4):
+                    for slot, name in enumerate(drive.acting_references):
+                        low, high = self.session.publisher.ranges[drive.name][name]
+                        column = f"reference_{slot + 1}"
+                        value = float(now[column][j]) if column in now else 0.0
+                        label = f"{words_of(name)}, {unit(column, infos[drive.name])}"
+                        self._add_slider((drive.name, name), label, low, high, value if math.isfinite(value) else 0.0)
+                    most = drive.joint.most_effort
+                    label = f"external torque, {unit(EXTERNAL_TORQUE, infos[drive.name])}"
+                    self._add_slider((drive.name, EXTERNAL_TORQUE), label, -most, most, 0.0)
+        on_click(release, self._release)
+
+    def _add_slider(self, target: Target, label: str, low: float, high: float, value: float) -> None:
+        low, high = max(low, -WIDE) if math.isinf(low) else low, min(high, WIDE) if math.isinf(high) else high
+        if not low < high:
+            return
+        step = 10.0 ** math.floor(math.log10((high - low) / 200.0))
+        slider = self._page.server.gui.add_slider(label, min=low, max=high, step=step, initial_value=min(max(value, low), high))
+        self._sliders[target] = slider
+        by_hand(slider, partial(self._set, target))
+
+    def _add_tuning(self, tabs: Any) -> None:
+        gui, prepared = self._page.server.gui, self.session.simulation.prepared
+        numbers = tunable(prepared)
+        if not numbers:
+            return
+        with tabs.add_tab("Tune"):
+            joint = gui.add_dropdown("Joint", tuple(numbers))
+            first = next(iter(numbers))
+            name = gui.add_dropdown("Parameter", tuple(numbers[first]))
+            value: Any = gui.add_number("Value", next(iter(numbers[first].values())), step=None)
+            now = gui.add_markdown("")
+            apply = gui.add_button("Apply and start again", hint="The run before stays as a ghost and as dashed curves")
+
+        def show(_: Any = None) -> None:
+            own = tunable(self.session.simulation.prepared)[str(joint.value)]
+            if tuple(name.options) != tuple(own):
+                name.options = tuple(own)
+            value.value = own[str(name.value)]
+            of = unit_of_number(prepared, str(joint.value), str(name.value))
+            now.content = f"Now {value.value:g} {of}"
+
+        def change() -> None:
+            own = dict(self.tuned.get(str(joint.value), {}))
+            own[str(name.value)] = float(value.value)
+            self._ask_for(tuned={**self.tuned, str(joint.value): own})
+
+        show()
+        self._show_number = show
+        by_hand(joint, show)
+        by_hand(name, show)
+        on_click(apply, change)
+
+    # -- what the user does -----------------------------------------------------------------------------------------
+
+    def _set(self, target: Target, value: Any) -> None:
+        self._by_hand[target] = float(value)
+
+    def _toggle(self) -> None:
+        self.session.paused = not self.session.paused
+        self._pause.label = "Go on" if self.session.paused else "Pause"
+
+    def _step(self) -> None:
+        if not self.session.paused:
+            self._toggle()
+        self.session.single_step()
+
+    def _release(self) -> None:
+        self._by_hand = dict.fromkeys(self._by_hand)
+
+    def _ask_for(self, **wish: Any) -> None:
+        self.wish = {"tuned": self.tuned, **wish}
+
+    def _moves(self, grip: Grip) -> bool:
+        """Whether a joint moves the point of a grip."""
+        model = self.session.simulation.model
+        return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.link, grip.point).any())
+
+    def _drag(self, body: str, event: Any) -> None:
+        """A user drags a point of a body."""
+        latest = self.subject.history.latest
+        if event.phase == "end" or latest is None or self._floats:
+            self._grip = None
+            return
+        target = np.array(event.end_position)
+        if event.phase == "start":
+            if body in self.subject.scene.objects:
+                return
+            frame = frames_of(self.subject.scene, latest)[body]
+            grip = Grip.at(body, frame, np.array(event.start_position), target)
+            self._grip = grip if self._moves(grip) else None
+        elif self._grip is not None:
+            self._grip = Grip(self._grip.link, self._grip.point, target)
+
+    # -- the session's operator -------------------------------------------------------------------------------------
+
+    def ask(self, session: Session) -> Mapping[Target, float | None]:
+        """Implements `asrsim.live.session.Operator`; also shows the newest sample when a picture is due."""
+        values = {**self._by_hand}
+        grip, model = self._grip, session.simulation.model
+        if grip is not None and model is not None:
+            order = [session.simulation.joints.index(name) for name in model.joints]
+            positions = session.simulation.observe().link_position[order]
+            torques, self._pull = grip.pulled(model, positions, float(self._spring.value), float(self._limit.value))
+            for joint, torque in torques_by_joint(model, torques).items():
+                values[joint, EXTERNAL_TORQUE] = torque + (self._by_hand.get((joint, EXTERNAL_TORQUE)) or 0.0)
+                self._pushed.add(joint)
+        elif self._pushed:
+            self._pull = None
+            for joint in self._pushed:
+                values.setdefault((joint, EXTERNAL_TORQUE), None)
+            self._pushed = set()
+        if self._page.due():
+            session.simulation.flush()
+            self._show(session)
+        return values
+
+    def write(self, samples: Samples) -> None:
+        """Implements `asrsim.live.session.Operator`."""
+        self.subject.history.write(samples)
+
+    def ended(self, summary: RunSummary) -> None:
+        """Say why the run has ended; a reset starts the next one."""
+        why = summary.message if summary.status == "diverged" else f"The run has ended: {summary.status}."
+        self._page.say(f"**{summary.simulated_time:.2f} s**\n\n{plain(why)}\n\nReset starts again.")
+
+    def _show(self, session: Session) -> None:
+        latest = self.subject.history.latest
+        if latest is None:
+            return
+        time = float(latest.time[-1])
+        self._page.draw(latest, pull=self._pull)
+        if abs(time - self._followed) >= FOLLOWED or time < self._followed:
+            self._followed = time
+            self._follow(session, latest)
+            self._page.say(self._status(session, time))
+
+    def _follow(self, session: Session, latest: Samples) -> None:
+        """Move the sliders that the user has not touched along with the scenario's signals."""
+        for target, slider in self._sliders.items():
+            if self._by_hand.get(target) is None:
+                j, column = session.simulation.prepared.slot_of(*target)
+                name = f"reference_{column}" if target[1] != EXTERNAL_TORQUE else ""
+                value = float(latest.values[name][-1, j]) if name in latest.values else math.nan
+                if math.isfinite(value):
+                    slider.value = min(max(value, slider.min), slider.max)
+
+    def _status(self, session: Session, time: float) -> str:
+        pace = "paused" if session.paused else f"{1e3 * session.pace.late:.0f} ms behind"
+        parts = [f"**{time:.2f} s**", pace]
+        if self._pull is not None:
+            parts.append(f"pull {np.linalg.norm(self._pull.force):.3g} N")
+        return " · ".join(parts) + (f"\n\n{plain(self._news)}" if self._news else "")

@@ -1,0 +1,93 @@
+"""Events of a log to which a page jumps: limits that were reached, stops, claims that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import AsrsimError
+from asrsim.log import open_log
+from asrsim.plots.claims import judge
+from asrsim.robot.model import Robot
+from asrsim.samples import Array, JointInfo, Samples
+from asrsim.viewer.history import values_of
+
+NEAR = 1e-3
+"""Distance from a limit, as a fraction of it, within which the limit counts as reached."""
+APART = 0.05
+"""Time between two events of a kind and joint, s."""
+
+
+@dataclass(frozen=True, order=True)
+class Event:
+    """Something that happened at a time in s."""
+
+    time: float
+    text: str
+
+
+def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: Robot) -> list[Event]:
+    """Events of a log in the order of time: from its samples, and the claims that do not hold."""
+    reader = open_log(path)
+    parameters = reader.info.resolved.get("parameters", {})
+    found = [*limit_events(samples, joints, robot, parameters if isinstance(parameters, Mapping) else {})]
+    end = float(samples.time[-1])
+    try:
+        claims = judge(reader)
+    except AsrsimError as error:
+        claims = ()
+        found.append(Event(end, f"claims cannot be read: {error}"))
+    found += [Event(_time_of(claim.expectation, samples), claim.text) for claim in claims if not claim.holds]
+    if reader.status == "diverged":
+        found.append(Event(end, reader.metadata.get("message", "diverged")))
+    return sorted(found)
+
+
+def limit_events(
+    samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]
+) -> Iterator[Event]:  # fmt: skip
+    """Times at which a link reached a stop or an effort limit, a motor its largest torque, a spring its largest deflection.
+
+    parameters: values of the actuators by joint.
+    """
+    known = {joint.name: joint for joint in robot.joints}
+    for column, name in enumerate(samples.joints):
+        joint, own = known.get(name), parameters.get(name, {})
+        position = samples.values["link_position"][:, column]
+        if joint is not None and joint.moves:
+            low, high = joint.stops
+            yield from _begins(samples.time, position >= high - NEAR * abs(high), f"{name} at its upper stop")
+            yield from _begins(samples.time, position <= low + NEAR * abs(low), f"{name} at its lower stop")
+            torque = samples.values.get("link_torque")
+            if torque is not None:
+                most = joint.most_effort
+                yield from _begins(samples.time, np.abs(torque[:, column]) >= (1 - NEAR) * most, f"{name} at its effort limit")
+        limits = [("deflection", "max_deflection", "deflection limit")]
+        limits += [(f"motor_{i}_torque", f"motor_{i}_max_torque", f"motor {i} at its torque limit") for i in (1, 2)]
+        for quantity, parameter, text in limits:
+            values, largest = values_of(samples, quantity, joints), own.get(parameter) if isinstance(own, Mapping) else None
+            if values is not None and isinstance(largest, float | int):
+                yield from _begins(samples.time, np.abs(values[:, column]) >= (1 - NEAR) * largest, f"{name}: {text}")
+
+
+def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Event]:
+    """An event at the beginning of each interval in which something is the case; short breaks do not count."""
+    rows = np.flatnonzero(reached)
+    if len(rows):
+        fresh = np.diff(time[rows], prepend=-np.inf) > APART
+        yield from (Event(float(at), text) for at in time[rows[fresh]])
+
+
+def _time_of(claim: Any, samples: Samples) -> float:
+    """Time at which a claim about a quantity fails most, s: that of its extreme; else the end."""
+    values = samples.values.get(claim.quantity)
+    if claim.joint in samples.joints and values is not None and claim.measure in ("maximum", "minimum", "peak", "overshoot"):
+        column = values[:, samples.joints.index(claim.joint)]
+        if np.isfinite(column).any():
+            return float(samples.time[np.nanargmin(column) if claim.measure == "minimum" else np.nanargmax(np.abs(column))])
+    return float(samples.time[-1])

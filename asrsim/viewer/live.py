@@ -1,0 +1,150 @@
+"""Live runs on a page: one run after the other, until the user ends them. Each run writes a log that `rerun` repeats."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import AsrsimError
+from asrsim.live.session import Session, Settings
+from asrsim.live.transport import Tell
+from asrsim.render.scene import RenderScene
+from asrsim.render.shapes import drawable
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.prepare import Numbers, Prepared
+from asrsim.summary import RunSummary
+from asrsim.viewer.desk import Desk
+from asrsim.viewer.history import History
+from asrsim.viewer.page import FRAME, Page
+from asrsim.viewer.subject import Companion, Subject, as_companion
+from asrsim.viewer.tuning import differences, tunable, tuned_scenario
+
+BEFORE = "the run before"
+"""Label of the ghost of the run before a reset."""
+WAIT = 0.05
+"""Time between two looks at the page after a run has ended, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """The run that the user wants."""
+
+    variant: str
+    tuned: Numbers
+    speed: float
+    paused: bool = False
+    news: str = ""
+
+
+class LiveView:
+    """Live runs of a scenario's variants on a page."""
+
+    def __init__(
+        self, page: Page, scenarios: Sequence[Scenario], *, variant: str | None = None, out: Path | None = None,
+        overwrite: bool = False, settings: Settings | None = None, companions: Sequence[Companion] = (),
+        tell: Tell = lambda text: None,
+    ) -> None:  # fmt: skip
+        """variant: variant of the first run; out: folder of the log, or of a folder for each
+        of several variants; settings: of the live runs; companions: ghosts."""
+        self._page, self._scenarios, self._tell = page, {one.variant: one for one in scenarios}, tell
+        self._settings = replace(settings or Settings(), batch=FRAME)
+        self._out, self._overwrite, self._companions = out, overwrite, list(companions)
+        first = variant or scenarios[0].variant
+        self._wish = Wish(variant=first, tuned={}, speed=self._settings.speed)
+        self.session: Session | None = None
+        """The present run."""
+        self._numbers: Numbers = {}
+        """Numbers that could be tuned in the run before."""
+
+    def run(self, stop: Callable[[], bool]) -> RunSummary | None:
+        """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; those of
+        later ones are shown on the page, and the run before starts again."""
+        summary: RunSummary | None = None
+        desk: Desk | None = None
+        last = self._wish
+        while not stop():
+            try:
+                session = self._session(self._wish)
+            except AsrsimError as error:
+                if desk is None:
+                    raise
+                self._wish = replace(last, news=f"Not changed: {error}")
+                continue
+            session.paused = self._wish.paused
+            desk = self._desk(session, desk, same=desk is not None and last.variant == self._wish.variant)
+            session.operator, self.session, last = desk, session, self._wish
+            summary = session.run(stop=partial(_ends, desk, stop))
+            if desk.wish is None and not stop():
+                self._wait(desk, summary, stop)
+            self._wish = self._next(session, desk)
+        return summary
+
+    def _session(self, wish: Wish) -> Session:
+        scenario, robot = tuned_scenario(self._scenarios[wish.variant], wish.tuned)
+        folder = Path("out") / scenario.name / f"{scenario.variant}_view"
+        if self._out is not None:
+            folder = self._out / scenario.variant if len(self._scenarios) > 1 else self._out
+        settings = replace(self._settings, speed=wish.speed)
+        return Session(scenario, folder, settings, robot=robot, overwrite=self._overwrite, tell=self._tell)
+
+    def _desk(self, session: Session, desk: Desk | None, *, same: bool) -> Desk:
+        """The desk for a run: the desk of the run before, or a new one for another variant."""
+        prepared, before = session.simulation.prepared, desk.subject if desk is not None else None
+        changes = differences(self._numbers, tunable(prepared)) if same else []
+        self._numbers = tunable(prepared)
+        if desk is None or before is None or not same:
+            return Desk(
+                self._page, session, live_subject(prepared), variants=tuple(self._scenarios), companions=self._companions
+            )
+        subject = replace(before, history=History(prepared.info.joints))
+        if before.history.latest is not None:
+            self._page.add(as_companion(before, BEFORE, shown=bool(changes)))
+            self._page.list_ghosts()
+        news = "; ".join(filter(None, (self._wish.news, *changes)))
+        desk.begin(session, subject, tuned=self._wish.tuned, news=news)
+        return desk
+
+    def _wait(self, desk: Desk, summary: RunSummary, stop: Callable[[], bool]) -> None:
+        """After the end of a run, wait for a reset."""
+        desk.ended(summary)
+        while desk.wish is None and not stop():
+            clock.sleep(WAIT)
+
+    def _next(self, session: Session, desk: Desk) -> Wish:
+        wish: Mapping[str, Any] = desk.wish or {}
+        variant = str(wish.get("variant", self._wish.variant))
+        # Another variant has its own parameters.
+        tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
+        return Wish(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
+
+
+def _ends(desk: Desk, stop: Callable[[], bool]) -> bool:
+    return stop() or desk.wish is not None
+
+
+def live_subject(prepared: Prepared) -> Subject:
+    """Robot and world of a scenario, without samples yet."""
+    scenario, info = prepared.scenario, prepared.info
+    robot, notes = drawable(prepared.robot, scenario.package_paths)
+    scene = RenderScene(robot, scenario)
+    title = f"{scenario.name} / {scenario.variant}"
+    return Subject(
+        title=title, joints=info.joints, scene=scene, history=History(info.joints), notes=(*notes, *scene.notes),
+        path=_task_path(prepared),
+    )  # fmt: skip
+
+
+def _task_path(prepared: Prepared) -> Array | None:
+    """Desired path (n, 3) of a Cartesian task, m; None without a task."""
+    if prepared.scenario.task is None:
+        return None
+    from asrsim.kinematics.tip import TipPoses
+
+    return TipPoses(prepared.scenario, prepared.robot).goals(np.linspace(0.0, prepared.scenario.duration, 300))

@@ -1,0 +1,171 @@
+"""The page: 3-D scene, moving plots, and what is shown. It knows samples only, not where they come from."""
+
+from __future__ import annotations
+
+import html
+import time as clock
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from asrsim.samples import Samples
+from asrsim.viewer.colours import SCALES, words_of
+from asrsim.viewer.plots import Plots
+from asrsim.viewer.server import PageServer
+from asrsim.viewer.stage import SEEN, Pull, Stage
+from asrsim.viewer.subject import Companion, Subject
+
+FRAME = 1.0 / 30.0
+"""Time between two pictures of the 3-D scene, s."""
+PLOT = 0.125
+"""Time between two pictures of the plots, s."""
+OWN = "their own"
+"""Choice of the links' own colours."""
+BRAND = (0, 90, 140)
+"""Colour of the page's controls."""
+
+
+class Page:
+    """Page of one subject at a time. `show` begins with a new subject, `draw` shows a sample of it."""
+
+    def __init__(self, server: PageServer) -> None:
+        self.server = server.viser
+        self.stage: Stage
+        self.plots: Plots
+        self._drawn = self._plotted = -1.0
+        """Wall-clock times of the last pictures, s."""
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
+
+    def show(self, subject: Subject, *, companions: Sequence[Companion] = ()) -> Any:
+        """Begin with a new subject; returns the group of tabs, to which the caller adds its own."""
+        gui = self.server.gui
+        with self.server.atomic():
+            gui.reset()
+            self.server.scene.reset()
+            gui.set_panel_label(subject.title)
+            self.stage = Stage(self.server, subject)
+            self._status = gui.add_markdown("")
+            tabs = gui.add_tab_group()
+            panel = gui.add_panel()
+            panel.dock_left()
+            self.plots = Plots(gui, subject, panel.add_tab("Plots"))
+        self._companions: dict[str, Any] = {}
+        self._notes = subject.notes
+        self._tabs = tabs
+        for companion in companions:
+            self.add(companion)
+        return tabs
+
+    def finish(self) -> None:
+        """Add the tab for what is shown, after the caller's own tabs."""
+        with self.server.atomic():
+            self._add_look(self._tabs)
+
+    def renew(self, subject: Subject) -> None:
+        """Go on with another stream of the same robot."""
+        self.stage.subject = self.plots.subject = subject
+        self._drawn = self._plotted = -1.0
+
+    def add(self, companion: Companion) -> None:
+        """Show a second motion beside the subject's."""
+        self.stage.add(companion)
+        self.plots.companions[companion.label] = companion
+
+    def drop(self, label: str) -> None:
+        """Take a second motion away."""
+        self.stage.drop(label)
+        self.plots.companions.pop(label, None)
+
+    def say(self, text: str) -> None:
+        """Show a text in Markdown above the tabs."""
+        if text != self._status.content:
+            self._status.content = text
+
+    def due(self) -> bool:
+        """Whether it is time for the next picture."""
+        return clock.perf_counter() - self._drawn >= FRAME
+
+    def draw(self, samples: Samples, *, pull: Pull | None = None, time: float | None = None) -> None:
+        """Show the only sample, and the plots up to its time, or up to `time` in s."""
+        now = clock.perf_counter()
+        self._drawn = now
+        at = float(samples.time[-1]) if time is None else time
+        with self.server.atomic():
+            self.stage.draw(samples, pull=pull)
+            if now - self._plotted >= PLOT:
+                self._plotted = now
+                self.plots.draw(at)
+                self.stage.draw_trace(at)
+                self._show_legend()
+
+    # -- what is shown ----------------------------------------------------------------------------------------------
+
+    def _add_look(self, tabs: Any) -> None:
+        gui, look, stage = self.server.gui, self.stage.look, self.stage
+        with tabs.add_tab("Show"):
+            boxes = {
+                "equilibrium": ("Equilibrium (faint)", "A faint robot where the springs would rest without load"),
+                "forces": ("Forces and torques", "Contact forces and external torques as arrows"),
+                "trace": ("Trace of the tip", "Way of the tip in the last 5 s"),
+                "collisions": ("Collision shapes", "What touches, instead of what is seen"),
+            }
+            for name, (label, hint) in boxes.items():
+                box = gui.add_checkbox(label, bool(getattr(look, name)), hint=hint)
+                by_hand(box, partial(setattr, look, name))
+                if name == "collisions":
+                    by_hand(box, lambda shown: stage.figure.fade(SEEN if shown else None))
+            names = [name for name in SCALES if name in self.plots.subject.quantities()]
+            if names:
+                colour = gui.add_dropdown("Colour of the links", (OWN, *map(words_of, names)), initial_value=OWN)
+                known = dict(zip(map(words_of, names), names, strict=True))
+                by_hand(colour, lambda word: setattr(look, "colour", known.get(word, "")))
+            self._legend = gui.add_html("")
+            self._ghosts = gui.add_folder("Ghosts")
+            self.list_ghosts()
+            if self._notes:
+                gui.add_markdown("**Notes**\n" + "\n".join(f"- {plain(note)}" for note in self._notes))
+
+    def list_ghosts(self) -> None:
+        """List the ghosts with a box for each."""
+        known = self.stage.ghosts
+        for label in [label for label in self._companions if label not in known]:
+            self._companions.pop(label).remove()
+        for label, (_, figure) in known.items():
+            if label not in self._companions:
+                with self._ghosts:
+                    box = self._companions[label] = self.server.gui.add_checkbox(label, figure.visible)
+                by_hand(box, partial(self._set_visible, label))
+        self._ghosts.visible = bool(known)
+
+    def _set_visible(self, label: str, shown: bool) -> None:
+        if label in self.stage.ghosts:
+            self.stage.ghosts[label][1].visible = shown
+
+    def _show_legend(self) -> None:
+        if hasattr(self, "_legend") and self._legend.content != (text := self.stage.legend()):
+            self._legend.content = text
+
+
+def by_hand(control: Any, act: Callable[[Any], object]) -> None:
+    """Call `act` with the value of a control when a user changes it, in the order of the changes."""
+
+    async def changed(event: Any) -> None:
+        if event.client_id is not None:
+            act(event.target.value)
+
+    control.on_update(changed)
+
+
+def on_click(button: Any, act: Callable[[], object]) -> None:
+    """Call `act` when a user presses a button."""
+
+    async def clicked(event: Any) -> None:
+        act()
+
+    button.on_click(clicked)
+
+
+def plain(text: str) -> str:
+    """Text of others, such as names in a robot's file, without effect as Markdown or HTML."""
+    escaped = html.escape(text, quote=False)
+    return "".join(f"\\{sign}" if sign in "\\`*_[]()#!|{}" else sign for sign in escaped)

@@ -1,0 +1,100 @@
+"""Server of the page: viser behind a proxy that refuses web pages of other origins."""
+
+from __future__ import annotations
+
+import io
+import os
+import secrets
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from typing import TYPE_CHECKING, Any
+
+from asrsim.errors import InputError
+from asrsim.extras import library
+from asrsim.live.origin import OriginProxy
+
+if TYPE_CHECKING:
+    import viser
+
+PORT = 8080
+"""Port of the page, unless the user chooses another."""
+
+
+class PageServer:
+    """Page at an address of this machine; a context manager that ends it whatever clients do."""
+
+    def __init__(self, port: int = PORT, *, tell: Callable[[str], None] = lambda text: None) -> None:
+        """port: port of the page; 0: any free port. tell: receives one sentence for each refused origin. Raises InputError if
+        viser is missing or the port is taken."""
+        server: Any = library("viser", "view").ViserServer
+
+        class Local(server):  # type: ignore[misc]
+            """Server that stays on this machine: viser's public address for sharing a page is refused."""
+
+            def request_share_url(self, verbose: bool = True) -> None:
+                return None
+
+        try:
+            self._proxy = OriginProxy(("127.0.0.1", port), (), tell)
+        except OSError as error:
+            message = f"a page at 127.0.0.1:{port} cannot be opened: {error.strerror or error}"
+            raise InputError(message, hint="Choose another --port, or 0 for any", code="port") from error
+        # The server listens at a random local address, so that web pages cannot find it directly.
+        behind = "127.0.0.1"
+        if sys.platform == "linux":
+            behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
+        # viser prints its own address, which is not the page's.
+        with redirect_stdout(io.StringIO()):
+            self.viser: viser.ViserServer = Local(host=behind, port=0, label="asrsim", verbose=False)
+        self._proxy.start(behind, self.viser.get_port())
+        self.port, self._closed = self._proxy.port, False
+
+    @property
+    def address(self) -> str:
+        """Address of the page."""
+        return f"http://localhost:{self.port}"
+
+    def __enter__(self) -> PageServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the page; further calls do nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        self._proxy.close()
+        # viser prints a line when it ends.
+        with redirect_stdout(io.StringIO()):
+            self.viser.stop()
+
+
+def has_display() -> bool:
+    """Whether a browser of this machine can show a page to the user."""
+    remote = "SSH_CONNECTION" in os.environ
+    return not remote and (sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}))
+
+
+def announcement(server: PageServer) -> Sequence[str]:
+    """Lines that tell the user where the page is, and on a machine without a display how to forward its port."""
+    lines = [f"view: {server.address} (Ctrl-C ends it)"]
+    if not has_display():
+        forward = f"ssh -N -L {server.port}:localhost:{server.port} {_user()}{socket.gethostname()}"
+        lines.append(f"from another machine: {forward}, then open the same address there")
+    return lines
+
+
+def open_browser(server: PageServer) -> None:
+    """Open the page in the user's browser, if the machine has a display."""
+    if has_display():
+        webbrowser.open(server.address)
+
+
+def _user() -> str:
+    name: Any = os.environ.get("USER") or os.environ.get("USERNAME")
+    return f"{name}@" if name else ""

@@ -1,0 +1,80 @@
+"""What a page shows: a robot in its world, and the stream of its samples, whatever they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from asrsim.errors import LogError
+from asrsim.log import open_log
+from asrsim.log.derived import recorded_sources
+from asrsim.quantities import DERIVED
+from asrsim.render.motion import logged_scene
+from asrsim.render.scene import RenderScene
+from asrsim.samples import Array, JointInfo
+from asrsim.viewer.history import History
+
+ROWS = 20_000
+"""Number of samples that are read of a long log."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """Robot, world and samples. The page does not know whether they come from a log, a simulation or a live run."""
+
+    title: str
+    joints: tuple[JointInfo, ...]
+    scene: RenderScene
+    history: History
+    path: Array | None = None
+    """Positions (n, 3) of the desired path of a Cartesian task, m."""
+    notes: tuple[str, ...] = ()
+
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the quantities that a plot can show, logged and derived."""
+        logged = dict.fromkeys(name for joint in self.joints for name in joint.quantities)
+        return (*logged, *(name for name in DERIVED if recorded_sources([name], self.joints)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Companion:
+    """A second motion beside the subject's: another run or variant, or a recording. Its robot is a ghost, its curves are
+    dashed."""
+
+    label: str
+    curve: Callable[[str, str, float, float], tuple[Array, Array]]
+    """Function that returns times and values of a joint's quantity between two times, on the subject's clock."""
+    history: History | None = None
+    """Motion of the ghost; None without positions."""
+    scene: RenderScene | None = None
+    """Robot of the ghost; None: the subject's."""
+    shown: bool = True
+    """Whether the ghost is shown at first."""
+    notes: tuple[str, ...] = ()
+
+
+def logged(path: Path) -> Subject:
+    """Robot, world and samples of a log; the samples of a long log are thinned. Raises the errors of `asrsim.render.Film`."""
+    reader = open_log(path)
+    info = reader.info
+    if not any("link_position" in joint.quantities for joint in info.joints):
+        raise LogError("the log contains no link positions", file=path, code="no-motion")
+    scene, notes = logged_scene(info, path)
+    count = reader.duration / (info.step * max(info.log_every, 1)) + 1
+    samples = reader.read(stride=max(1, round(count / ROWS))).samples
+    if not len(samples.time):
+        raise LogError("the log contains no samples", file=path, code="empty-log")
+    name = Path(info.scenario_path).stem or info.robot
+    title = f"{name} / {info.variant}" if info.variant else name
+    goal = samples.bodies.get("tip_goal")
+    return Subject(
+        title=title, joints=info.joints, scene=scene, history=History(info.joints, samples), notes=notes,
+        path=None if goal is None else goal[:: max(1, len(goal) // 300), :3],
+    )  # fmt: skip
+
+
+def as_companion(subject: Subject, label: str, *, shown: bool = True) -> Companion:
+    """Another subject as a ghost."""
+    history = subject.history
+    return Companion(label=label, history=history, scene=subject.scene, curve=history.curve, shown=shown)

@@ -1,0 +1,84 @@
+"""Parameters that a user tunes on a page: those of actuators, and damping and friction of joints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from asrsim.actuators import ACTUATORS
+from asrsim.robot import Robot, load_robot
+from asrsim.robot.edit import edited_urdf
+from asrsim.scenario.check import robot_of
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.prepare import Numbers, Prepared
+
+OF_JOINTS = {"damping": "N m s/rad", "friction": "N m"}
+"""Numbers of every joint, which are in the robot's file, with their units."""
+
+
+def tunable(prepared: Prepared) -> dict[str, dict[str, float]]:
+    """Present values of the numbers that a user may tune, by joint and name: those that act."""
+    return {drive.name: _own(drive) for drive in prepared.drives}
+
+
+def _own(drive: SteppedJoint) -> dict[str, float]:
+    found: dict[str, float] = {}
+    if drive.actuator is not None:
+        declared = {parameter.name: parameter for parameter in ACTUATORS.get(drive.actuator.name).all_parameters()}
+        found = {
+            name: value for name, value in drive.values.items()
+            if math.isfinite(value) and name in declared and not declared[name].unused and not declared[name].optional
+        }  # fmt: skip
+    return {**found, "damping": drive.joint.damping, "friction": drive.joint.friction}
+
+
+def unit_of_number(prepared: Prepared, joint: Any, name: Any) -> str:
+    """SI unit of a number of a joint."""
+    drive = next(drive for drive in prepared.drives if drive.name == joint)
+    if name in OF_JOINTS:
+        unit = OF_JOINTS[name]
+        return unit.replace("N m s/rad", "N s/m").replace("N m", "N") if drive.joint.kind == "prismatic" else unit
+    declared = ACTUATORS.get(drive.actuator.name).all_parameters() if drive.actuator else ()
+    return next((parameter.unit for parameter in declared if parameter.name == name), "")
+
+
+def tuned_scenario(scenario: Scenario, numbers: Numbers) -> tuple[Scenario, Robot | None]:
+    """Scenario and robot with other numbers, by joint and name, which the run's log describes completely; None for the
+    scenario's own robot.
+
+    Parameters of actuators become parameters of the scenario, numbers of joints are edited in the robot's text. Raises
+    RobotError.
+    """
+    if not numbers:
+        return scenario, None
+    parameters, joints = dict(scenario.parameters), {}
+    for joint, own in numbers.items():
+        if given := {name: value for name, value in own.items() if name not in OF_JOINTS}:
+            parameters[joint] = {**for_joint(scenario.parameters, joint, {}), **given}
+        if edited := {name: value for name, value in own.items() if name in OF_JOINTS}:
+            joints[joint] = edited
+    robot = _edited(robot_of(scenario), joints) if joints else None
+    return replace(scenario, parameters=parameters), robot
+
+
+def _edited(robot: Robot, changes: Numbers) -> Robot:
+    """Robot whose text has other numbers."""
+    with TemporaryDirectory(prefix="asrsim-view-") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_bytes(edited_urdf(robot.text.encode(), robot, changes))
+        return replace(load_robot(path), path=robot.path)
+
+
+def differences(before: Mapping[str, Mapping[str, float]], after: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A line for each number that differs: `joint_1.spring_k_1: 0.02 -> 0.05`."""
+    return [
+        f"{joint}.{name}: {before[joint][name]:.6g} -> {value:.6g}"
+        for joint, own in after.items()
+        for name, value in own.items()
+        if name in before.get(joint, {}) and before[joint][name] != value
+    ]

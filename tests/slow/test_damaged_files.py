@@ -1,0 +1,28 @@
+"""Thousands of damaged files of every kind: each command ends soon, with little memory, and says in words what is wrong."""
+
+import os
+
+import pytest
+
+from support.rough import KINDS, made, trials
+
+SEED = int(os.environ.get("ASRSIM_SEED", "0"))
+COUNT = int(os.environ.get("ASRSIM_DAMAGED", "60"))
+"""Number of damaged files of each kind."""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory):
+    pytest.importorskip("pandas")
+    return made(tmp_path_factory.mktemp("whole") / "base")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_read_or_refused_in_words(base, tmp_path, kind):
+    if not (base / KINDS[kind].file).exists():
+        pytest.skip("the library of this format is not installed")
+    found = trials(base, tmp_path / "damaged", (kind,), COUNT, SEED)
+    faults = {f"{number}: asrsim {line}: {outcome.fault}" for _, line, number, outcome in found if outcome.fault}
+    assert not faults, "\n".join(sorted(faults))

@@ -1,0 +1,149 @@
+"""Files as the field writes them: what ROS, Gazebo and Drake read is read with a warning, and means the same."""
+
+import pytest
+
+import asrsim
+from asrsim.errors import RobotError
+from asrsim.robot import load_robot
+from support.tiny import PENDULUM
+
+SPRING = '<gazebo reference="elbow"><springStiffness value="200"/><springReference value="0.1"/></gazebo></robot>'
+COMMENT = "<!-- a -- dash and a long line ------>"
+AS_WRITTEN = {
+    # what: (text of the pendulum, replacement, code of the warning)
+    "blank line before the declaration": ("<?xml", "\n \n<?xml", "mended-xml"),
+    "comment before the declaration": ("<?xml", "<!-- made by a tool -->\n<?xml", "mended-xml"),
+    "dashes in a comment": ("<axis", f"{COMMENT}<axis", "mended-xml"),
+    "dashes in the comment before the declaration": ("<?xml", f"{COMMENT}\n<?xml", "mended-xml"),
+    "undeclared name space": ("</robot>", "<drake:collision_filter_group/></robot>", "mended-xml"),
+    "undeclared name space of an attribute": ("<limit ", '<limit drake:acceleration="1" ', "mended-xml"),
+    "text after the end": ("</robot>", "</robot>\n</robot>", "mended-xml"),
+    "default name space": ("<robot ", '<robot xmlns="http://www.ros.org/wiki/urdf" ', "default-xmlns"),
+    "undeclared world": ('<link name="world"/>', "", "undeclared-world"),
+    "velocity of -1": ('velocity="100"', 'velocity="-1"', "negative-limit"),
+    "effort of -1": ('effort="50"', 'effort="-1"', "negative-limit"),
+    "collision without size": (
+        "</inertial>", '</inertial><collision><geometry><sphere radius="0"/></geometry></collision>', "empty-shape",
+    ),
+    "collision without height": (
+        "</inertial>", '</inertial><collision><geometry><box size="1 1 0"/></geometry></collision>', "empty-shape",
+    ),
+    "collision scaled to nothing": (
+        "</inertial>",
+        '</inertial><collision><geometry><mesh filename="a.stl" scale="1 0 1"/></geometry></collision>', "empty-shape",
+    ),
+    "collision without shape": ("</inertial>", "</inertial><collision><geometry/></collision>", "empty-shape"),
+    "mesh without name": (
+        "</inertial>", '</inertial><collision><geometry><mesh filename=""/></geometry></collision>', "empty-shape",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", AS_WRITTEN)
+def test_files_of_the_field_mean_what_the_plain_file_means(case, tiny):
+    plain = load_robot(tiny.robot)
+    old, new, code = AS_WRITTEN[case]
+    assert old in PENDULUM
+    tiny.robot.write_text(PENDULUM.replace(old, new, 1))
+    robot = load_robot(tiny.robot)
+    assert {problem.code for problem in robot.findings} == {code}
+    assert [joint.name for joint in robot.joints] == [joint.name for joint in plain.joints]
+    assert [(link.name, link.mass, link.inertia) for link in sorted(robot.links, key=lambda link: link.name)] == [
+        (link.name, link.mass, link.inertia) for link in sorted(plain.links, key=lambda link: link.name)
+    ]
+    assert robot.actuators[0].values() == plain.actuators[0].values()
+    # The text in the log is well-formed and stands alone.
+    tiny.robot.write_text(robot.text)
+    assert load_robot(tiny.robot).joints[0].stops == robot.joints[0].stops
+
+
+@pytest.mark.parametrize("case", ["blank line before the declaration", "default name space", "undeclared world"])
+def test_runs_of_such_files_are_repeated_from_their_logs(case, tiny):
+    from asrsim.runs.repeat import repeat
+
+    old, new, _ = AS_WRITTEN[case]
+    tiny.robot.write_text(PENDULUM.replace(old, new, 1))
+    asrsim.run(tiny.scenario, out=tiny.folder / "out")
+    (log,) = (tiny.folder / "out").rglob("log.mcap")
+    assert repeat(log).identical
+
+
+def test_negative_limits_are_none(tiny):
+    tiny.robot.write_text(PENDULUM.replace('effort="50" velocity="100"', 'effort="-1" velocity="-1"'))
+    joint = load_robot(tiny.robot).joint("elbow")
+    assert (joint.effort, joint.velocity) == (None, None)
+
+
+def test_a_spring_may_state_its_number_as_an_attribute(tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", SPRING))
+    joint = load_robot(tiny.robot).joint("elbow")
+    assert (joint.spring_stiffness, joint.spring_reference) == (200.0, 0.1)
+
+
+def test_bytes_that_are_not_utf_8_are_no_obstacle(tiny):
+    tiny.robot.write_bytes(PENDULUM.replace("<axis", "<!-- Größe --><axis").encode("latin-1"))
+    assert [problem.code for problem in load_robot(tiny.robot).findings] == ["mended-xml"]
+
+
+@pytest.mark.parametrize("end", ["<link name='a'", "<a></b></robot>", "&bad;</robot>"])
+def test_other_faults_of_xml_stay_errors_with_their_line(end, tiny):
+    tiny.robot.write_text("\n" + PENDULUM.replace("</robot>", end))
+    with pytest.raises(RobotError) as caught:
+        load_robot(tiny.robot)
+    assert caught.value.problems[0].code == "malformed-xml"
+
+
+@pytest.mark.parametrize("prolog", ["\n", "<!-- -- -->"])
+def test_mended_files_declare_no_entities(prolog, tiny):
+    bomb = '<!DOCTYPE robot [<!ENTITY a "aaaa">]>'
+    tiny.robot.write_text(prolog + PENDULUM.replace("<robot", f"{bomb}<robot"))
+    with pytest.raises(RobotError, match="entities"):
+        load_robot(tiny.robot)
+
+
+GRIPPER = """
+<link name="palm"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial></link>
+<joint name="wrist" type="revolute"><parent link="arm"/><child link="palm"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<link name="left"/><link name="right"/>
+<joint name="finger_left" type="{kind}"><parent link="palm"/><child link="left"/><axis xyz="0 1 0"/>
+<limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint>
+<joint name="finger_right" type="{kind}"><parent link="palm"/><child link="right"/><axis xyz="0 1 0"/>
+<limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(("kind", "lower"), [("revolute", "2"), ("screw", "0"), ("planar", "0"), ("revolute", "zero")])
+def test_a_robot_with_an_impossible_gripper_runs_with_locked_joints(kind, lower, tiny, asrsim_command):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind=kind, lower=lower)))
+    with pytest.raises(RobotError):
+        load_robot(tiny.robot)
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}locked: [finger_*]\n")
+    result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
+    assert set(result.joints) == {"elbow", "wrist"}
+    (log,) = (tiny.folder / "out").rglob("log.mcap")
+    assert asrsim_command("rerun", log).code == 0
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("finger_*", "fingr_left"))
+    assert "Did you mean 'finger_left'?" in asrsim_command("check", tiny.scenario).out
+
+
+def test_a_locked_joint_has_no_actuator_and_its_links_keep_their_mass(tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    robot = load_robot(tiny.robot, locked=["elbow"])
+    assert [joint.name for joint in robot.moving_joints] == ["wrist"]
+    assert not robot.actuators
+    assert robot.joint("elbow").child == "arm"
+
+
+def test_a_joint_that_moves_no_mass_is_fixed_with_a_warning(tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    robot = load_robot(tiny.robot)
+    assert [joint.name for joint in robot.moving_joints] == ["elbow", "wrist"]
+    told = [problem.key for problem in robot.warnings if problem.code == "massless-joint"]
+    assert told == ["finger_left", "finger_right"]
+
+
+def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
+    text = PENDULUM.replace("<joint>elbow<", "<joint>finger_left<")
+    tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
+        load_robot(tiny.robot)

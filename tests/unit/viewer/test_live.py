@@ -1,0 +1,150 @@
+"""Live runs on a page, without a browser: the desk's wishes, what the log says, and who may connect."""
+
+import contextlib
+import socket
+import time
+
+import numpy as np
+import pytest
+import websockets.exceptions
+from websockets.sync.client import connect
+
+import asrsim
+from asrsim.errors import InputError
+from asrsim.log import open_log, read_log
+from asrsim.runs.repeat import repeat
+from asrsim.simulation.drives import EXTERNAL_TORQUE
+from asrsim.viewer.pull import Grip
+from support.paths import EXAMPLES
+
+SOFT_ARM = EXAMPLES / "scenarios" / "step_2dof.yaml"
+
+
+def until(fact, patience=60.0):
+    end = time.monotonic() + patience
+    while not (found := fact()):
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)
+    return found
+
+
+@pytest.fixture
+def arm(tmp_path):
+    with asrsim.view(SOFT_ARM, variant="soft", out=tmp_path / "run", speed=4.0) as view:
+        until(lambda: view.show.session is not None and view.show.session.operator is not None)
+        yield view
+
+
+def test_a_live_view_gives_the_samples_of_a_run(arm, tmp_path):
+    until(lambda: arm.show.session.time > 0.5)
+    # References may be set anywhere in their ranges, which takes more substeps than the scenario's own.
+    substeps = arm.show.session.simulation.substeps
+    arm.close()
+    live = read_log(tmp_path / "run" / "soft" / "log.mcap").samples
+    run = asrsim.run(SOFT_ARM, variant="soft", overrides={"substeps": substeps}).samples
+    count = min(len(live.time), len(run.time))
+    assert count > 400
+    for name, values in run.values.items():
+        np.testing.assert_array_equal(live.values[name][:count], values[:count], err_msg=name)
+
+
+@pytest.mark.parametrize(("name", "value"), [("spring_a_1", 5.0), ("damping", 0.3)])
+def test_a_changed_parameter_starts_a_run_that_its_log_describes(arm, tmp_path, name, value):
+    first = arm.show.session
+    until(lambda: first.time > 0.1)
+    first.operator._ask_for(tuned={"joint_1": {name: value}})
+    second = until(lambda: arm.show.session if arm.show.session is not first else None)
+    assert f"joint_1.{name}" in second.operator._news
+    assert "the run before" in second.operator._page.stage.ghosts
+    until(lambda: second.time > 0.1)
+    drive = second.simulation.prepared.drives[0]
+    assert {**drive.values, "damping": drive.joint.damping}[name] == value
+    arm.close()
+    assert repeat(tmp_path / "run" / "soft" / "log.mcap").identical
+
+
+def test_a_change_that_is_not_physical_is_said_and_the_run_starts_again(arm):
+    first = arm.show.session
+    first.operator._ask_for(tuned={"joint_1": {"spring_a_1": -1.0}})
+    second = until(lambda: arm.show.session if arm.show.session is not first else None)
+    assert "must be at least 0" in second.operator._news
+    assert second.simulation.prepared.drives[0].values["spring_a_1"] == 11.0
+
+
+def test_another_variant_is_another_run(arm):
+    first = arm.show.session
+    first.operator._ask_for(variant="stiff")
+    second = until(lambda: arm.show.session if arm.show.session is not first else None)
+    assert second.simulation.scenario.variant == "stiff"
+
+
+def test_a_run_that_diverges_says_so_and_a_reset_goes_on(tmp_path):
+    push = {"step": {"at": 0.05, "to": 1e9}}
+    scenario = asrsim.make_scenario(
+        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, compiled=False, external_torques={"joint_1": push},
+        references={"joint_1": {"equilibrium_position": 0.5}},
+    )  # fmt: skip
+    with asrsim.view(scenario, out=tmp_path / "run") as view:
+        first = until(lambda: view.show.session)
+        until(lambda: "diverged at t = 0.05" in (text := first.operator._page._status.content) and "Reset" in text)
+        first.operator._ask_for()
+        until(lambda: view.show.session is not first)
+
+
+def test_a_pull_is_the_force_of_a_spring_up_to_its_limit():
+    model = asrsim.prepare(SOFT_ARM, variant="soft").model
+    q = np.array([0.4, -0.7])
+    frames = model.poses(q)
+    place = frames["link_2"][:3, 3] + frames["link_2"][:3, :3] @ [0.05, 0.01, 0.0]
+    for away, size in ((0.1, 5.0), (1.0, 20.0)):
+        target = place + away * np.array([0.6, 0.8, 0.0])
+        torques, pull = Grip.at("link_2", frames["link_2"], place, target).pulled(model, q, 50.0, 20.0)
+        np.testing.assert_allclose(pull.force, size * np.array([0.6, 0.8, 0.0]), atol=1e-12)
+        # Virtual work: the force on the way of the point is the torques on the way of the joints.
+        step = 1e-7 * np.array([0.3, -0.5])
+        moved, _ = model.pose(q + step, "link_2", (0.05, 0.01, 0.0))
+        assert pull.force @ (moved - place) == pytest.approx(torques @ step, rel=1e-5)
+
+
+def test_letting_go_gives_the_torque_back_to_the_scenario(arm, tmp_path):
+    session = arm.show.session
+    desk = session.operator
+    until(lambda: desk.subject.history.latest is not None)
+    frame = session.simulation.model.poses(session.simulation.observe().link_position)["link_2"]
+    desk._grip = Grip.at("link_2", frame, frame[:3, 3] + 0.05, frame[:3, 3] + 0.2)
+    until(lambda: desk._pull is not None)
+    desk._grip = None
+    until(lambda: desk._pull is None)
+    until(lambda: session.time > 0.2)
+    arm.close()
+    path = tmp_path / "run" / "soft" / "log.mcap"
+    last = {one.joint: one for one in open_log(path).commands()}
+    assert {(one.reference, one.value) for one in last.values()} == {(EXTERNAL_TORQUE, None)}
+    assert repeat(path).identical
+
+
+def test_pages_of_other_origins_are_refused(arm):
+    address = arm.address.replace("http", "ws")
+    with pytest.raises(websockets.exceptions.InvalidStatus):
+        connect(address, origin="https://example.org", subprotocols=["viser-v1.1.1"]).__enter__()
+    with connect(address, origin=arm.address, subprotocols=["viser-v1.1.1"]) as client:
+        assert client.recv(timeout=20)
+
+
+def test_a_client_that_never_reads_neither_stops_the_run_nor_its_end(arm):
+    with socket.create_connection(("127.0.0.1", arm.server.port)) as client:
+        head = "GET / HTTP/1.1", f"Host: localhost:{arm.server.port}", "Upgrade: websocket", "Connection: Upgrade"
+        key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: viser-v1.1.1"
+        client.sendall("\r\n".join([*head, *key, "", ""]).encode())
+        before = arm.show.session.time
+        until(lambda: arm.show.session.time > before + 1.0)
+        began = time.monotonic()
+        arm.close()
+        assert time.monotonic() - began < 20.0
+
+
+def test_a_port_that_is_taken_is_named():
+    with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=f"127.0.0.1:{port} cannot be opened"):
+            asrsim.view(SOFT_ARM, variant="soft", port=port)
