@@ -25,6 +25,14 @@ MAX_MOVING = 121
 """Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. With more
 joints, PyBullet silently confuses positions and velocities.
 """
+OTHER_FORMATS = {
+    "sdf": (" (an SDF file is not a URDF)", "Convert it: `sdf2urdf` of the ROS package pysdf makes a URDF of SDF"),
+    "mujoco": (
+        " (an MJCF file is not a URDF)",
+        "Convert it: `mjcf_urdf_simple_converter` (pip install mjcf-urdf-simple-converter) makes a URDF of MJCF",
+    ),
+}
+"""Root element of other formats of robots -> remark and hint."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -76,9 +84,9 @@ def read_robot(
 def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> Robot:
     path, mended = findings.file, bool(findings.warnings)
     if root.tag != "robot":
-        what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
+        what, hint = OTHER_FORMATS.get(root.tag, ("", None))
         message = f"the root element is <{root.tag}>, not <robot>{what}"
-        raise RobotError(message, file=path, line=findings.line(root), code="not-a-urdf")
+        raise RobotError(message, file=path, line=findings.line(root), hint=hint, code="not-a-urdf")
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
