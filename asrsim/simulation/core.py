@@ -156,7 +156,7 @@ class Core:
         _, self.P[world] = tables(prepared, self.shape)
         self._plain_links.pop(world, None)
         self._engines[world] = self._shared
-        if prepared.robot.links != self.prepared.robot.links:
+        if prepared.robot.inertials != self.prepared.robot.inertials:
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
                 own = self._bound(prepared.make_engine(), prepared)
