@@ -60,8 +60,8 @@ def test_init_plays_the_recording_and_identify_compares_each_motor(three, asrsim
     outcome = asrsim_command("init", "arm.urdf", "--experiment", "lab.csv", "--out", "i.yaml", "--plugin", "three.py")
     assert outcome.code == 0, outcome.err
     (three / "i.yaml").write_text((three / "i.yaml").read_text().replace("stiffness_preset: 0.0", "stiffness_preset: 0.1"))
-    free = ["--free", "elbow.k=6", "--free", "elbow.damping"]
-    outcome = asrsim_command("identify", "i.yaml", "--experiment", "lab.csv", *free, "--plugin", "three.py", "--out", "fit", "--no-plot")
+    options = ["--free", "elbow.k=6", "--free", "elbow.damping", "--plugin", "three.py", "--out", "fit", "--no-plot"]
+    outcome = asrsim_command("identify", "i.yaml", "--experiment", "lab.csv", *options)
     assert outcome.code == 0, outcome.err
     (path,) = three.rglob("fit.json")
     fit = json.loads(path.read_text())
