@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli import complete
+
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
@@ -34,10 +36,10 @@ def argument(metavar: str, words: str, **details: Any) -> Any:
 
 
 Scenario = Annotated[Path, argument("SCENARIO", "Scenario file (YAML).")]
-Variant = Annotated[str | None, option("Variant of the scenario.", default="the only one")]
+Variant = Annotated[str | None, option("Variant of the scenario.", default="the only one", autocompletion=complete.variants)]
 Variants = Annotated[
     Texts,
-    option("This variant only; may be repeated.", "--variant", default="all"),
+    option("This variant only; may be repeated.", "--variant", default="all", autocompletion=complete.variants),
 ]
 Arguments = Annotated[Texts, option("A xacro argument; may be repeated.", "--arg", metavar="NAME=VALUE")]
 Packages = Annotated[Texts, option("Folder of a ROS package; may be repeated.", "--package", metavar="NAME=FOLDER")]

@@ -10,7 +10,7 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
 from asrsim.errors import Details, did_you_mean, nearest
 from asrsim.robot.findings import Findings
-from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, Origin, ParameterValue
+from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, Origin, ParameterValue, is_locked
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
 from asrsim.robot.values import parameter_fault
@@ -34,13 +34,18 @@ def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> Param
     return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
 
 
-def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings) -> tuple[tuple[ActuatorBlock, ...], frozenset[str]]:
-    """Blocks of all known actuators, and joints whose actuator or mode is invalid. Plugins of other programs are ignored."""
+def read_blocks(
+    root: Any, joints: Sequence[Joint], findings: Findings, locked: Sequence[str] = ()
+) -> tuple[tuple[ActuatorBlock, ...], frozenset[str]]:
+    """Blocks of all known actuators, and joints whose actuator or mode is invalid. Plugins of other programs, and those of
+    locked joints, are ignored."""
     blocks: dict[str, ActuatorBlock] = {}
     unread: set[str] = set()
     known = {joint.name: joint for joint in joints}
     for gazebo in elements(root, "gazebo"):
         for plugin in elements(gazebo, "plugin"):
+            if any(is_locked(text_of(tag), locked) for tag in elements(plugin, "joint")):
+                continue
             actuator, named = _actuator_of(plugin, name_of(gazebo, "reference"), findings)
             unread |= named
             if actuator is None:

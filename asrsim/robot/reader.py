@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,12 @@ from typing import Any
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
+from asrsim.robot.mechanics import read_mechanics
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import with_rotors
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import declare_world, read_joints, read_links
-from asrsim.robot.tree import check_movable, check_tree, without_floating_root
+from asrsim.robot.tree import check_tree, without_floating_root, without_massless_joints
 from asrsim.robot.unread import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
@@ -23,6 +25,14 @@ MAX_MOVING = 121
 """Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. With more
 joints, PyBullet silently confuses positions and velocities.
 """
+OTHER_FORMATS = {
+    "sdf": (" (an SDF file is not a URDF)", "Convert it: `sdf2urdf` of the ROS package pysdf makes a URDF of SDF"),
+    "mujoco": (
+        " (an MJCF file is not a URDF)",
+        "Convert it: `mjcf_urdf_simple_converter` (pip install mjcf-urdf-simple-converter) makes a URDF of MJCF",
+    ),
+}
+"""Root element of other formats of robots -> remark and hint."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -31,14 +41,16 @@ def load_robot(
     *,
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
+    locked: Sequence[str] = (),
 ) -> Robot:
     """Robot from a `.urdf` or `.xacro` file, which may be hostile.
 
     `xacro_arguments` are values for `<xacro:arg>`; `package_paths` (name -> folder) resolve `$(find name)` and
-    `package://name`. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of
-    the file. Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
+    `package://name`. `locked` names joints that are fixed at 0, whatever the file says of their motion; `*` stands for any
+    text. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of the file.
+    Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
     """
-    robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
+    robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths, locked=locked)
     if robot.faults:
         raise RobotError(robot.faults, warnings=robot.warnings)
     return robot
@@ -49,6 +61,7 @@ def read_robot(
     *,
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
+    locked: Sequence[str] = (),
 ) -> Robot:
     """Robot as from `load_robot`, but with the problems of the file in its `faults`.
 
@@ -65,22 +78,22 @@ def read_robot(
         findings.warnings += warnings
         findings.expanded = True
         root = parse_xml(data, path, notes=findings.warnings)
-    return _read(root, data, findings)
+    return _read(root, data, findings, locked)
 
 
-def _read(root: Any, data: bytes, findings: Findings) -> Robot:
+def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> Robot:
     path, mended = findings.file, bool(findings.warnings)
     if root.tag != "robot":
-        what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
+        what, hint = OTHER_FORMATS.get(root.tag, ("", None))
         message = f"the root element is <{root.tag}>, not <robot>{what}"
-        raise RobotError(message, file=path, line=findings.line(root), code="not-a-urdf")
+        raise RobotError(message, file=path, line=findings.line(root), hint=hint, code="not-a-urdf")
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     contact_words = check_words(findings, root)
     mended |= declare_world(findings, root)
     links = read_links(findings, root)
-    joints = read_joints(findings, root, links)
+    links, joints = read_mechanics(findings, root, links, read_joints(findings, root, links, locked))
     moving = sum(joint.moves for joint in joints)
     if moving > MAX_MOVING:
         message = f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}"
@@ -91,16 +104,16 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
     if not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
-    blocks, unread = read_blocks(root, joints, findings)
+    blocks, unread = read_blocks(root, joints, findings, locked)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root, mended=mended), links=links, joints=joints,
         actuators=blocks,
-        unread=unread, contact_words=contact_words,
+        unread=unread, contact_words=contact_words, locked=tuple(locked),
     )  # fmt: skip
     if whole:
-        check_movable(findings, robot)
+        robot = without_massless_joints(findings, robot)
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
-    return replace(robot, findings=tuple(findings.warnings), faults=faults)
+    return with_rotors(replace(robot, findings=tuple(findings.warnings), faults=faults), {})
 
 
 def _text(data: bytes, root: Any, *, mended: bool) -> str:

@@ -13,7 +13,7 @@ from lxml import etree
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
 from asrsim.robot.inertia import numbers_of, tensor_of
-from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector
+from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector, is_locked
 from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
@@ -56,10 +56,13 @@ def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
     return tuple(_link(findings, element, name, colours, largest) for element, name in _named(findings, root, "link"))
 
 
-def read_joints(findings: Findings, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
-    """All joints with a name, in file order; invalid values are replaced by their defaults."""
+def read_joints(findings: Findings, root: Any, links: Sequence[Link], locked: Sequence[str] = ()) -> tuple[Joint, ...]:
+    """All joints with a name, in file order; invalid values are replaced by their defaults. locked: joints that are fixed."""
     names = tuple(link.name for link in links)
-    joints = [_joint(findings, element, name, names) for element, name in _named(findings, root, "joint")]
+    joints = [
+        _joint(findings, element, name, names, fixed=is_locked(name, locked))
+        for element, name in _named(findings, root, "joint")
+    ]
     return _with_passive(findings, root, joints)
 
 
@@ -205,8 +208,8 @@ def _largest_moment(root: Any) -> float:
 # -- joints ------------------------------------------------------------------------------------------------------------
 
 
-def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) -> Joint:
-    kind = name_of(element, "type")
+def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...], *, fixed: bool) -> Joint:
+    kind = "fixed" if fixed else name_of(element, "type")
     if kind not in JOINT_KINDS:
         message = "joint type is unknown" if kind else "joint has no type"
         findings.error(message, element, name, code="joint-type", value=kind or None, choices=JOINT_KINDS, meant=kind)
@@ -214,6 +217,8 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) 
     parent, child = (_end(findings, element, tag, name, links) for tag in ("parent", "child"))
     origin, rpy = findings.origin(element, name)
     joint = Joint(name=name, kind=kind, parent=parent, child=child, origin=origin, rpy=rpy, line=findings.line(element))
+    if fixed:
+        return joint
     changes: dict[str, Any] = {}
     if joint.moves:
         changes["axis"] = _axis(findings, element, name)
@@ -294,8 +299,14 @@ def _dynamics(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[st
     return values
 
 
+def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, Any]:
+    multiplier = findings.number(tag, "multiplier", f"{name}.mimic", required=False) if "multiplier" in tag.attrib else 1.0
+    offset = findings.number(tag, "offset", f"{name}.mimic", required=False)
+    return {"mimic": name_of(tag, "joint"), "multiplier": multiplier, "offset": offset}
+
+
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": lambda _findings, tag, _name, _joint: {"mimic": name_of(tag, "joint")},
+    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
 }  # fmt: skip
 """Functions that read the fields of a joint, by tag."""
 

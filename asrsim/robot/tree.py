@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from asrsim.robot.findings import Findings
+from asrsim.robot.mechanics import fixed_at
 from asrsim.robot.model import Joint, Link, Robot
 
 FREEDOMS = {
@@ -65,17 +67,35 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
             return
 
 
-def check_movable(findings: Findings, robot: Robot) -> None:
-    """Report moving joints with neither mass nor inertia behind them, whose motion is undefined."""
+def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
+    """Robot in which joints with neither mass nor inertia behind them are fixed: their motion is undefined, and moves nothing.
+
+    Such a joint is an error if it has an actuator, and where no other joint moves. A rotor gives a joint inertia, and so do the
+    joints that follow it; a joint that follows another one moves with it.
+    """
     bodies = {link.name: link for link in robot.links}
+    driven = {block.joint for block in robot.actuators}
+    light = []
     for joint in robot.moving_joints:
         behind = [joint.child]
-        heavy = False
+        heavy = joint.rotor_inertia > 0.0
         while behind and not heavy:
             link = bodies[behind.pop()]
             heavy = bool(link.mass) or any(link.inertia or ())
             behind += [carried.child for carried in robot.carried.get(link.name, ())]
         if not heavy:
-            message = "nothing behind this joint has mass or inertia, so its motion is not defined"
-            hint = f"Give link '{joint.child}' an <inertial>"
+            light.append(joint)
+    moved = {joint.mimic for joint in robot.moving_joints if joint not in light}
+    massless = [joint for joint in light if not joint.mimic and joint.name not in moved]
+    held = [joint for joint in massless if joint.name not in driven]
+    held = held if len(massless) < len(robot.moving_joints) else []
+    for joint in massless:
+        message = "nothing behind this joint has mass or inertia, so its motion is not defined"
+        hint = f"Give link '{joint.child}' an <inertial>"
+        if joint in held:
+            findings.warn(f"{message}: it is fixed", joint.line, joint.name, code="massless-joint", hint=hint)
+        else:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
+    fixed = {joint.name: replace(joint, kind="fixed") for joint in held}
+    fixed |= {joint.name: fixed_at(joint, joint.offset) for joint in robot.moving_joints if joint.mimic in fixed}
+    return replace(robot, joints=tuple(fixed.get(joint.name, joint) for joint in robot.joints)) if fixed else robot

@@ -85,7 +85,7 @@ def _robot_as_read(robot: Robot) -> Robot:
     with TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot.text, encoding="utf-8")
-        return load_robot(path)
+        return load_robot(path, locked=robot.locked)
 
 
 def _value(value: Any, files: dict[str, bytes]) -> Any:

@@ -163,9 +163,6 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     files = unpacked(info.attachments, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
-    robot = load_robot(urdf)
-    # Meshes are read from the folder in which they were when the log was written.
-    robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
     # Claims do not change a run, and may refer to recordings that do not exist on this computer.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
@@ -176,6 +173,9 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
         name=Path(info.scenario_path).stem if info.scenario_path else "scenario",
         variant=info.variant,
     )
+    robot = load_robot(urdf, locked=scenario.locked)
+    # Meshes are read from the folder in which they were when the log was written.
+    robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
     plugins = {name: path for name, path in files.items() if name.startswith(PLUGINS)}
     path = Path(info.scenario_path) if info.scenario_path else None
     return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot

@@ -15,12 +15,12 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.kinds import Integer, attempt, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
-from asrsim.errors import Problem, RobotError, ScenarioError, counted
+from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
-from asrsim.robot.model import UNREAD
-from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
+from asrsim.robot.model import UNREAD, is_locked
+from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
@@ -59,7 +59,9 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
 
 def robot_of(scenario: Scenario) -> Robot:
     """Robot in the file that the scenario names, with the problems of the file. Raises RobotError if the file has no robot."""
-    return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+    return read_robot(
+        scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths, locked=scenario.locked
+    )
 
 
 def check_against_robot(
@@ -135,6 +137,11 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         table = {"modes": scenario.modes, "parameters": parameters}.get(section, {})
         set_there = fault.file is not None or joint in table or "*" in table
         problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
+    changed = with_rotors(changed, scenario.armature)
+    if scenario.weightless:
+        off = scenario.weightless
+        links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
+        changed = replace(changed, links=links)
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
@@ -200,6 +207,14 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _locked(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    for name in scenario.locked:
+        joints = tuple(joint.name for joint in robot.joints)
+        if not any(is_locked(joint, [name]) for joint in joints):
+            message = "the robot has no such joint"
+            yield Problem(message, key="locked", value=name, hint=did_you_mean(name, joints), code="unknown-joint")
 
 
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -295,6 +310,7 @@ def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Problem]]], ...] = (
     ((), unknown_names),
     ((), _initial),
+    (("locked",), _locked),
     ((), _motor_starts),
     ((), _too_large),
     (("base", "engine"), _floating),

@@ -147,7 +147,7 @@ class Core:
         """Give a world other parameters. The world must then be started again."""
         _, self.P[world] = tables(prepared, self.shape)
         self._engines[world] = self._shared
-        if prepared.robot.links != self.prepared.robot.links:
+        if prepared.robot.inertials != self.prepared.robot.inertials:
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
                 own = self._bound(prepared.make_engine(), prepared)

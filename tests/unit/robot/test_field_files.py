@@ -99,3 +99,58 @@ def test_mended_files_declare_no_entities(prolog, tiny):
     tiny.robot.write_text(prolog + PENDULUM.replace("<robot", f"{bomb}<robot"))
     with pytest.raises(RobotError, match="entities"):
         load_robot(tiny.robot)
+
+
+GRIPPER = """
+<link name="palm"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial></link>
+<joint name="wrist" type="revolute"><parent link="arm"/><child link="palm"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<link name="left"/><link name="right"/>
+<joint name="finger_left" type="{kind}"><parent link="palm"/><child link="left"/><axis xyz="0 1 0"/>
+<limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint>
+<joint name="finger_right" type="{kind}"><parent link="palm"/><child link="right"/><axis xyz="0 1 0"/>
+<limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(("kind", "lower"), [("revolute", "2"), ("screw", "0"), ("planar", "0"), ("revolute", "zero")])
+def test_a_robot_with_an_impossible_gripper_runs_with_locked_joints(kind, lower, tiny, asrsim_command):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind=kind, lower=lower)))
+    with pytest.raises(RobotError):
+        load_robot(tiny.robot)
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}locked: [finger_*]\n")
+    result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
+    assert set(result.joints) == {"elbow", "wrist"}
+    (log,) = (tiny.folder / "out").rglob("log.mcap")
+    assert asrsim_command("rerun", log).code == 0
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("finger_*", "fingr_left"))
+    assert "Did you mean 'finger_left'?" in asrsim_command("check", tiny.scenario).out
+
+
+def test_a_locked_joint_has_no_actuator_and_its_links_keep_their_mass(tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    robot = load_robot(tiny.robot, locked=["elbow"])
+    assert [joint.name for joint in robot.moving_joints] == ["wrist"]
+    assert not robot.actuators
+    assert robot.joint("elbow").child == "arm"
+
+
+def test_a_joint_that_moves_no_mass_is_fixed_with_a_warning(tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    robot = load_robot(tiny.robot)
+    assert [joint.name for joint in robot.moving_joints] == ["elbow", "wrist"]
+    told = [problem.key for problem in robot.warnings if problem.code == "massless-joint"]
+    assert told == ["finger_left", "finger_right"]
+
+
+def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
+    text = PENDULUM.replace("<joint>elbow<", "<joint>finger_left<")
+    tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
+        load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(("text", "tool"), [("<mujoco model='a'/>", "mjcf_urdf"), ("<sdf version='1.7'/>", "sdf2urdf")])
+def test_other_formats_are_told_how_to_convert(text, tool, tmp_path, asrsim_command):
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    assert tool in asrsim_command("check", path).out
