@@ -274,7 +274,7 @@ def save_small(made: Path, shown: Path) -> None:
 HOME = {
     "home_sweep.png": (
         "sweep examples/scenarios/step_2dof.yaml --variant soft --out {folder}/sweep"
-         " --over references.joint_1.stiffness_preset=0.2:0.6:6 --over parameters.joint_1.motor_1_max_torque=[4,8,12]"
+        " --over references.joint_1.stiffness_preset=0.2:0.6:6 --over parameters.joint_1.motor_1_max_torque=[4,8,12]"
         + "".join(f" --result joint_1.{name}" for name in ("overshoot", "settling", "frequency", "peak_deflection")),
         "sweep/results.png",
     ),
