@@ -73,12 +73,13 @@ def as_html(result: Result) -> str:
     from io import BytesIO
 
     from asrsim.report.html import bullets, column_table, data_address
-    from asrsim.summary.table import headline, limit_columns, measure_columns
+    from asrsim.summary.table import headline, limit_columns, measure_columns, rest_note
 
     summary = result.summary
     joints = [joint.as_dict() for joint in summary.joints]
     columns = (*measure_columns(joints), *limit_columns(joints, [summary.total_substeps or 1] * len(joints)))
     remarks = [f"{'pass' if claim.holds else 'FAIL'} {claim.text}" for claim in summary.claims]
+    remarks += filter(None, [rest_note(joints)])
     remarks += [f"warning {warning}" for warning in summary.warnings[:5]]
     figure = draw(result)
     stream = BytesIO()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
@@ -18,7 +19,12 @@ def design(
     seconds: Annotated[float, option("Length of the experiment.", metavar="SECONDS")] = 10.0,
     free: Annotated[
         Texts,
-        option("Parameter to identify, as in `identify`; may be repeated.", "--free", metavar="KEY"),
+        option(
+            "Parameter to identify, as in `identify`; may be repeated.",
+            "--free",
+            metavar="KEY",
+            autocompletion=complete.robot_keys,
+        ),
     ] = None,
     tie: Annotated[Texts, option("As in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")] = None,
     after: Annotated[Files, option("An existing recording; may be repeated.", metavar="FILE")] = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
@@ -32,6 +33,7 @@ def identify(
             "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
             "--free",
             metavar="KEY[=START]",
+            autocompletion=complete.robot_keys,
         ),
     ] = None,
     tie: Annotated[
@@ -53,10 +55,6 @@ def identify(
     hold_out: Annotated[
         float | None,
         option("Fraction at the end of each recording that is predicted but not fitted.", min=0.0, max=0.9, default="0.25"),
-    ] = None,
-    starts: Annotated[
-        int | None,
-        option("Largest number of starts that the search tries until the model fits.", min=1, default="6"),
     ] = None,
     check: Annotated[
         bool,
@@ -104,7 +102,7 @@ def identify(
 
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "mapping": mapping,
-        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "starts": starts, "plugins": plugin,
+        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "plugins": plugin,
     }  # fmt: skip
     task = task_of(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
@@ -178,6 +176,5 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to identify more parameters:", "bold")
     for text in (*(f"  {text}" for text in advices), *said):
         say(text)
-    starts = f"{result.attempts} starts, {result.successes} ended at the same error" if result.attempts > 1 else "1 start"
-    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
+    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s", "dim")
     say_written(files)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli import complete
+
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
@@ -34,10 +36,10 @@ def argument(metavar: str, words: str, **details: Any) -> Any:
 
 
 Scenario = Annotated[Path, argument("SCENARIO", "Scenario file (YAML).")]
-Variant = Annotated[str | None, option("Variant of the scenario.", default="the only one")]
+Variant = Annotated[str | None, option("Variant of the scenario.", default="the only one", autocompletion=complete.variants)]
 Variants = Annotated[
     Texts,
-    option("This variant only; may be repeated.", "--variant", default="all"),
+    option("This variant only; may be repeated.", "--variant", default="all", autocompletion=complete.variants),
 ]
 Arguments = Annotated[Texts, option("A xacro argument; may be repeated.", "--arg", metavar="NAME=VALUE")]
 Packages = Annotated[Texts, option("Folder of a ROS package; may be repeated.", "--package", metavar="NAME=FOLDER")]
@@ -48,6 +50,7 @@ ColumnMap = Annotated[
 ]
 Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
 Align = Annotated[str, option("Alignment of the recording's time.", "--align", "--lag", metavar="auto|off|start|SECONDS")]
+View = Annotated[bool, option("Show it in the browser, as `asrsim view` does.", "--view")]
 Plot = Annotated[bool, option("Draw pictures.", "--plot/--no-plot")]
 Overwrite = Annotated[bool, option("Also replace results that another scenario or study wrote.", "--overwrite")]
 Start = Annotated[float | None, option("Start of the pictures, s.", default="the log's start")]

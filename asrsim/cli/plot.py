@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_columns, say_problems, say_table, say_written, styled
 from asrsim.cli.options import (
@@ -49,8 +50,8 @@ def plot(
         ),
     ] = None,
     mapping: ColumnMap = None,
-    joint: Annotated[Texts, option("Only this joint; may be repeated.")] = None,
-    quantity: Annotated[Texts, option("Only this quantity; may be repeated.")] = None,
+    joint: Annotated[Texts, option("Only this joint; may be repeated.", autocompletion=complete.joints)] = None,
+    quantity: Annotated[Texts, option("Only this quantity; may be repeated.", autocompletion=complete.quantities)] = None,
     align: Align = "auto",
     rate: Rate = None,
     bode: Annotated[bool, option("Draw frequency responses with coherence.", "--bode")] = False,

@@ -1,4 +1,4 @@
-"""Progress bars on stderr, only on a terminal and for work that takes a while."""
+"""Progress on stderr of work that takes a while: a bar on a terminal, else a line now and then."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import sys
 import time as clock
 from typing import TYPE_CHECKING, Any, Self
 
-from asrsim.cli.console import is_terminal
+from asrsim.cli.console import complain, is_terminal
+from asrsim.errors import printable
 
 if TYPE_CHECKING:
     from asrsim.identification import Progress as FitProgress
@@ -17,15 +18,19 @@ PATIENCE = 0.4
 """Delay before a progress bar appears, s: short work needs neither a progress bar nor the import of rich."""
 
 
+EVERY = 10.0
+"""Time between lines of progress in a pipe or a file, s."""
+
+
 class Bar:
     """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr: stdout contains only
-    results.
+    results. A pipe or a file gets a line every `EVERY` seconds instead.
     """
 
     def __init__(self, title: str = "", *, show: bool) -> None:
         self._title = title
-        self._show = show and is_terminal(sys.stderr)
-        self._began = clock.perf_counter()
+        self._show, self._lines = show, not is_terminal(sys.stderr)
+        self._began = self._said = clock.perf_counter()
         self._bar: Any = None
 
     def __enter__(self) -> Self:
@@ -38,7 +43,12 @@ class Bar:
 
     def draw(self, fraction: float | None, note: str = "", title: str | None = None) -> None:
         """Show the completed fraction of the work (None: unknown), a note, and another title."""
-        if not self._show or (self._bar is None and clock.perf_counter() - self._began < PATIENCE):
+        if not self._show:
+            return
+        if self._lines:
+            self._say(note, self._title if title is None else title)
+            return
+        if self._bar is None and clock.perf_counter() - self._began < PATIENCE:
             return
         if self._bar is None:
             from rich.console import Console
@@ -51,6 +61,12 @@ class Bar:
             self._bar.start()
         (task,) = self._bar.task_ids
         self._bar.update(task, completed=fraction, note=note, description=self._title if title is None else title)
+
+    def _say(self, note: str, title: str) -> None:
+        now = clock.perf_counter()
+        if now - self._said >= EVERY:
+            self._said = now
+            complain(printable(f"{title}: {note}" if title else note))
 
 
 class FractionBar(Bar):

@@ -7,7 +7,7 @@ from pathlib import Path
 from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
 from asrsim.errors import counted
 from asrsim.summary.data import RunSummary
-from asrsim.summary.table import difference_columns, headline, limit_columns, limit_note, measure_columns
+from asrsim.summary.table import difference_columns, headline, limit_columns, limit_note, measure_columns, rest_note
 
 
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
@@ -25,6 +25,8 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
         if summary.tip:
             words = {"last": "at the end", "largest": "at most", "rms": "RMS"}
             say(f"  tip off its path by {', '.join(f'{1e3 * summary.tip[key]:.3g} mm {word}' for key, word in words.items())}")
+        if moving := rest_note(joints):
+            say(f"  {moving}", "dim")
         say(f"  {limit_note(summary)}", "dim")
         if limits := limit_columns(joints, [summary.total_substeps or 1] * len(joints)):
             say_table([columns[0], *limits])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_rows, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
@@ -29,6 +30,7 @@ def sweep(
             "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
             "--over",
             metavar="KEY=VALUES",
+            autocompletion=complete.robot_keys,
         ),
     ] = None,
     variant: Variants = None,

@@ -16,7 +16,7 @@ from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text, at
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
-from asrsim.metrics.measures import MEASURES, measure, option_problems
+from asrsim.metrics.measures import MEASURES, measure, option_problems, unrest
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES, unit_of
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
@@ -53,6 +53,9 @@ class ExpectationResult:
     measured: float
     """Measured number; NaN if the measure is undefined: the claim then does not hold."""
     unit: str
+    moving: float = 0.0
+    """Motion that is left at the end of a series that is not at rest, in the unit of the series, if the measure needs rest."""
+    moving_unit: str = ""
     reading: str = ""
     """Description of the recording's column that the run was compared with."""
 
@@ -62,12 +65,15 @@ class ExpectationResult:
         claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-        got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}"
+        got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}{tail}"
+        if self.moving:
+            left = f"{self.moving:.2g} {self.moving_unit}".rstrip()
+            got += f", since it is not at rest at the end ({left} of motion is left)"
         other = Path(claim.against).name if claim.against else claim.reference
         against = f" against {other}" if other else ""
         verdict = "holds" if self.holds else "does not hold"
         read = f"; compared with {self.reading}" if self.reading else ""
-        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}{read}"
+        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}, expected {wanted}{tail}: {verdict}{read}"
 
 
 def evaluate_expectation(
@@ -105,8 +111,10 @@ def evaluate_expectation(
         reference = columns[expectation.reference]
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
         reference = columns["position_error"] + series
+    options = _of_measure(expectation)
     try:
-        measured = measure(expectation.measure, time, series, reference, **_of_measure(expectation))
+        measured = measure(expectation.measure, time, series, reference, **options)
+        moving = unrest(expectation.measure, time, series, reference, **options) if math.isnan(measured) else 0.0
     except InputError as error:
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
     found = MEASURES.get(expectation.measure)
@@ -114,13 +122,15 @@ def evaluate_expectation(
         series_unit = unit_of(expectation.quantity, prismatic=prismatic)
     else:
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
-    return judged(expectation, measured, found.unit_of(series_unit))
+    return ExpectationResult(
+        expectation=expectation, holds=holds(expectation, measured), measured=measured, unit=found.unit_of(series_unit),
+        moving=moving, moving_unit=series_unit,
+    )  # fmt: skip
 
 
-def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationResult:
-    """Verdict on a claim from its measured number."""
-    holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
-    return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
+def holds(expectation: Expectation, measured: float) -> bool:
+    """Whether a claim holds for its measured number."""
+    return compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
 
 
 def subject_of(expectation: Expectation) -> tuple[object, ...]:

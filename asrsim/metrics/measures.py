@@ -13,6 +13,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem
 from asrsim.metrics import difference, motion, oscillation, response, step, values
+from asrsim.metrics.rest import SHARE, motion_left
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
@@ -90,6 +91,8 @@ for _function, _unit, _needs in (
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
 """Measures that a comparison of two series reports."""
+AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
+"""Measures that are undefined unless the series is at rest at its end."""
 STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
 """Measures that a comparison reports for each series if the reference steps."""
 
@@ -112,6 +115,33 @@ def measure(
     Raises:
         InputError: For an unknown measure or option, or if a reference is missing.
     """
+    found, time, arguments = _chosen(name, time, series, reference, start, end, options)
+    return float(found.function(time, *arguments, **options)) if len(time) else math.nan
+
+
+def unrest(
+    name: str, time: Array, series: Array, reference: Array | None = None, *, start: float | None = None,
+    end: float | None = None, **options: Any,
+) -> float:  # fmt: skip
+    """Motion that is left at the end of the series of a measure that needs rest, in the unit of the series; 0 if the series is
+    at rest, or if the measure needs no rest. The arguments are those of `measure`.
+    """
+    if name not in AT_REST or np.ndim(series) != 1:
+        return 0.0
+    _, time, (values, *others) = _chosen(name, time, series, reference, start, end, options)
+    if not len(time):
+        return 0.0
+    extent = float(np.ptp(values))
+    if name == "steady_state_error" and others and options.get("target") is None:
+        values = others[0] - values
+    return motion_left(time, values, share=options.get("share", SHARE), extent=extent)
+
+
+def _chosen(
+    name: str, time: Array, series: Array, reference: Array | None, start: float | None, end: float | None,
+    options: dict[str, Any],
+) -> tuple[Measure, Array, list[Array]]:  # fmt: skip
+    """The measure, and the times and series to which it applies. Raises InputError."""
     found = MEASURES.get(name)
     problems = option_problems(found, options)
     if found.needs == "pair" and reference is None:
@@ -132,7 +162,7 @@ def measure(
         keep &= time <= end
     if not keep.all():
         time, arguments = time[keep], [argument[keep] for argument in arguments]
-    return float(found.function(time, *arguments, **options)) if len(time) else math.nan
+    return found, time, arguments
 
 
 def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:

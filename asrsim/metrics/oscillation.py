@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from asrsim.metrics.values import steady_state
+from asrsim.metrics.rest import SHARE
+from asrsim.metrics.values import last_part, mean
 from asrsim.samples import Array
 
 _FLOOR = (0.001, 0.03)
@@ -29,7 +30,7 @@ def frequency(time: Array, values: Array) -> float:
         return math.nan
     # A decaying oscillation swings about its steady state, a sustained oscillation about the middle of its range.
     decays = np.ptp(values[len(time) // 2 :]) < 0.5 * (largest - smallest)
-    x = values - (steady_state(time, values) if decays else 0.5 * (largest + smallest))
+    x = values - (mean(*last_part(time, values, SHARE)) if decays else 0.5 * (largest + smallest))
     excursion = float(np.max(np.abs(x)))
     noise = 4 * float(np.std(x[-max(len(time) // 10, 2) :]))
     up, down = _crossings(time, x, min(max(noise, _FLOOR[0] * excursion), _FLOOR[1] * excursion))

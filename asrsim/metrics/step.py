@@ -2,7 +2,7 @@
 
 The step goes from `initial` (default: first value of the window) to `target` (default: steady state, the mean of the last
 tenth), as in Ogata, Modern Control Engineering, chapter 5. The steady state replaces the final value to reduce the effect
-of noise.
+of noise. Without a target, the measures are undefined unless the series is at rest at its end.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from asrsim.metrics.values import SHARE, last_part, steady_state
+from asrsim.metrics.rest import SHARE
+from asrsim.metrics.values import last_part, steady_state
 from asrsim.samples import Array
 
 ROUNDING = 1e-9

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from asrsim.metrics.measures import measure
+from asrsim.metrics.measures import measure, unrest
 from asrsim.plain import finite_or_none
 from asrsim.samples import Array
 
@@ -27,6 +27,9 @@ class JointSummary:
     """Frequency of the link position's dominant oscillation, Hz."""
     peak_deflection: float
     """Largest magnitude of equilibrium minus link position, rad (m)."""
+    motion_left: float = 0.0
+    """Motion of the link that is left at the end, rad (m); 0 at rest. Steady state, error, overshoot and settling time are NaN
+    if the link is not at rest."""
 
     def as_dict(self) -> dict[str, float | None]:
         """Measures as data for JSON: undefined numbers are null."""
@@ -55,4 +58,5 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         settling=of("settling", start=start),
         frequency=of("frequency"),
         peak_deflection=of("peak", "deflection"),
+        motion_left=unrest("steady_state", time, columns["link_position"]) if "link_position" in columns else math.nan,
     )

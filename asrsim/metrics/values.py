@@ -6,10 +6,8 @@ import math
 
 import numpy as np
 
+from asrsim.metrics.rest import SHARE, motion_left
 from asrsim.samples import Array
-
-SHARE = 0.1
-"""Last fraction of the duration over which the steady state is averaged."""
 
 
 def final(_time: Array, values: Array) -> float:
@@ -54,21 +52,23 @@ def at(time: Array, values: Array, *, when: float) -> float:
 
 
 def steady_state(time: Array, values: Array, *, share: float = SHARE) -> float:
-    """Mean over the last part of the record, the fraction `share` of its duration."""
-    return mean(*last_part(time, values, share))
+    """Mean over the last part of the record, the fraction `share` of its duration; undefined unless the series is at rest."""
+    return math.nan if motion_left(time, values, share=share) else mean(*last_part(time, values, share))
 
 
 def steady_state_error(
     time: Array, values: Array, reference: Array | None = None, *, target: float | None = None, share: float = SHARE
 ) -> float:
-    """Reference minus value, mean over the last part of the record.
+    """Reference minus value, mean over the last part of the record; undefined unless the error is at rest.
 
-    The reference is the second series, or the constant `target`.
+    The reference is the second series, or the constant `target`. The motion of the error is compared with the range of the
+    values, too.
     """
     if reference is None and target is None:
         return math.nan
-    wanted = np.full_like(values, target) if target is not None else np.asarray(reference)
-    return mean(*last_part(time, wanted - values, share))
+    error = (np.full_like(values, target) if target is not None else np.asarray(reference)) - values
+    moves = motion_left(time, error, share=share, extent=float(np.ptp(values)))
+    return math.nan if moves else mean(*last_part(time, error, share))
 
 
 def last_part(time: Array, values: Array, share: float) -> tuple[Array, Array]:

@@ -38,7 +38,8 @@ _SUMMARY_SHAPE: Shape = {
     "joints": [
         {
             "name": str, "actuator": str, "mode": (int, None), "prismatic": bool, "limits?": {"*": int},
-            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "peak_deflection?"), _NUMBER),
+            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?"), _NUMBER),
+            **dict.fromkeys(("peak_deflection?", "motion_left?"), _NUMBER),
         }
     ],
     "expect": [{"text": str, "holds": bool}],

@@ -12,7 +12,7 @@ from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, column_table, number, section, table
 from asrsim.report.page import HINT, NO_SCRIPT, build, folded
-from asrsim.summary.table import difference_columns, limit_columns, measure_columns
+from asrsim.summary.table import difference_columns, limit_columns, measure_columns, rest_note
 
 OPENED = 2
 """Number of joints whose plots are unfolded at first."""
@@ -108,7 +108,8 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     joints = [joint for *_, joint in entries]
     limits = limit_columns(joints, [run.summary.get("total_substeps") or 1 for run, *_ in entries])
     columns = [("variant", [label for _, label, _ in entries], False)] if len(runs) > 1 else []
-    note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limits else ""
+    note = f"<p class='note'>{escape(moving[:1].upper() + moving[1:])}.</p>" if (moving := rest_note(joints)) else ""
+    note += "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limits else ""
     return section("Joints", column_table([*columns, *measure_columns(joints), *limits]) + note) if joints else ""
 
 

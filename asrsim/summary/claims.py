@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
-from asrsim.metrics.expect import body_columns, judged, subject_of
+from asrsim.metrics.expect import body_columns, holds, subject_of
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
 
@@ -77,7 +77,7 @@ class Claims:
         for claim, joint, needed in self._single:
             subject = subject_of(claim)
             if (known := measured.get(subject)) is not None:
-                results.append(replace(judged(claim, known.measured, known.unit), reading=known.reading))
+                results.append(replace(known, expectation=claim, holds=holds(claim, known.measured)))
                 continue
             how: dict[str, Any] = {"checked": self._checked}
             reading = ""

@@ -161,6 +161,7 @@ def _claim(result: ExpectationResult) -> dict[str, Any]:
         "against": str(claim.against) if claim.against is not None else None,
         "line": claim.line,
         "measured": finite_or_none(result.measured),
+        "moving": result.moving or None,
         "unit": result.unit,
         "holds": result.holds,
         "reading": result.reading or None,

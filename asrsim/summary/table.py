@@ -83,6 +83,16 @@ def limit_note(summary: RunSummary) -> str:
     return "no limit of effort, velocity, motor torque, deflection or position was reached"
 
 
+def rest_note(joints: Joints) -> str:
+    """Reason why measures of joints that are not at rest at the end are missing; "" if all joints are at rest."""
+    moving = [
+        f"{joint['name']} ({joint['motion_left']:.2g} {'m' if joint['prismatic'] else 'rad'} of motion is left)"
+        for joint in joints
+        if joint.get("motion_left")
+    ]
+    return f"not at rest at the end, so measures that need rest are missing: {', '.join(moving)}" if moving else ""
+
+
 def _share(fraction: float) -> str:
     """Fraction of the run's substeps as text for a cell of a table."""
     if not fraction:

@@ -27,7 +27,10 @@ from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
-UNITS = {"steady_state": "rad", "steady_state_error": "rad", "peak_deflection": "rad", "settling": "s", "frequency": "Hz"}
+UNITS = {
+    **dict.fromkeys(("steady_state", "steady_state_error", "peak_deflection", "motion_left"), "rad"),
+    "settling": "s", "frequency": "Hz",
+}  # fmt: skip
 """Unit of each measure."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from asrsim.cli.console import SHOWN, problem_lines, styled
-from asrsim.cli.progress import RunBar
+from asrsim.cli.progress import FractionBar, RunBar
 from asrsim.errors import Problem
 from support.pages import Page
 from support.paths import ROOT
@@ -40,10 +40,10 @@ def test_names_cannot_break_the_scripts_of_a_report(tiny, name):
     result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
     assert result.joints == (name,)
     page = Page(write_report(tiny.folder / "out", film=False))
-    assert len(page.scripts) == 3
-    assert json.loads(page.scripts[0])["joints"]
+    assert len(page.scripts) == 4
+    assert json.loads(page.scripts[1])["groups"]
     assert "<!--" not in page.source
-    assert page.source.count("<script") == 3
+    assert page.source.count("<script") == 4
 
 
 @pytest.mark.parametrize(
@@ -72,3 +72,16 @@ def test_progress_shows_the_speed_since_the_start_of_the_loop(monkeypatch):
     bar.start()
     bar.update(2.0)
     assert shown == [(0.25, "2.00 of 8 s, 0.5 x real time")]
+
+
+def test_a_pipe_gets_a_line_of_progress_every_ten_seconds(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr("asrsim.cli.progress.clock.perf_counter", lambda: now[0])
+    with FractionBar(show=True) as bar, FractionBar(show=False) as quiet:
+        for second in range(36):
+            now[0] = float(second)
+            bar.update("reading", second / 40)
+            quiet.update("reading", second / 40)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [f"reading:  {share} %" for share in (25, 50, 75)]

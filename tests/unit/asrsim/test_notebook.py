@@ -27,7 +27,7 @@ def test_a_result_shows_a_table_with_a_picture(result):
     shown = result._repr_html_()
     assert shown.count("<tr>") == 3
     assert "joint_2" in shown
-    assert "<th>overshoot %</th>" in shown
+    assert "<th>peak defl. rad</th>" in shown
     assert re.search(r'src="data:image/png;base64,iVBOR[\w+/=]{5000,}"', shown)
     assert "\x00" not in shown
 

@@ -63,7 +63,21 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal):
     measures = result.summary.joint("elbow").measures
     assert math.isnan(measures.overshoot)
     assert math.isnan(measures.settling)
-    assert math.isfinite(measures.steady_state_error)
+
+
+def test_a_link_that_still_swings_has_no_measures_of_rest(tiny, asrsim_command):
+    """The run ends at the first extremum of the swing, where the link stands still for a moment."""
+    claims = [f"  - {{joint: elbow, quantity: link_position, measure: {name}, value: 0.5, tolerance: 0.1}}\n"
+              for name in ("steady_state", "overshoot", "settling", "steady_state_error")]  # fmt: skip
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("1.5", "0.182") + "expect:\n" + "".join(claims))
+    assert abs(asrsim.run(tiny.scenario)["elbow"].link_velocity[-1]) < 0.05
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 1
+    assert "not at rest at the end, so measures that need rest are missing: elbow (0." in outcome.out
+    assert outcome.err.count("cannot be measured, since it is not at rest at the end (0.") == 4
+    (joint,) = json.loads((tiny.folder / "out/step/default/summary.json").read_text())["joints"]
+    assert [joint[name] for name in ("steady_state", "steady_state_error", "overshoot", "settling")] == [None] * 4
+    assert joint["motion_left"] > 0.01
 
 
 def test_the_error_in_a_task_is_measured_from_the_path():

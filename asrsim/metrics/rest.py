@@ -1,0 +1,100 @@
+"""Rest at the end of a series: measures of the steady state are undefined while the series still moves.
+
+A series that ends near an extremum of a swing is slow there, but not at rest. Therefore the motion is observed for at least as
+long as its last swing took. A creep that slows down exponentially is extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asrsim.samples import Array
+
+SHARE = 0.1
+"""Last fraction of the duration over which the steady state is averaged."""
+BAND = 0.01
+"""Largest motion that is left at rest, as a fraction of the range of the whole series: half of the settling band."""
+STILL = 1e-6
+"""Motion that counts as rest whatever the range of the series is, in the unit of the series."""
+_NOISE = 8.0
+"""Range of a thousand samples of white noise in standard deviations, rounded up."""
+_SLOWEST = 0.99
+"""Largest ratio of the distances that a creep covers in two successive intervals; of a slower creep, a part is seen."""
+
+
+def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: float = 0.0) -> float:
+    """Motion that is left at the end of a series (n,), in its unit; 0 at rest.
+
+    The motion is the larger of the amplitude after the last swing and the distance of an exponential creep from its limit. It
+    counts as rest up to 1 % of the range of the series, or of `extent` if this is larger.
+    """
+    noise = _noise(values)
+    extent = max(float(np.ptp(values)), extent)
+    if extent <= max(_NOISE * noise, STILL) or len(values) < 3:
+        return 0.0
+    length = max(share * float(time[-1] - time[0]), _last_swing(time, values, max(BAND * extent, _NOISE * noise)))
+    edges = np.searchsorted(time, [time[-1] - k * length for k in (3, 2, 1)], side="right").tolist()
+    third, second, last = (values[begin:end] for begin, end in zip(edges, (*edges[1:], len(values)), strict=True))
+    way = float(np.ptp(last))
+    left = max(0.5 * (way - _NOISE * noise), 0.0)
+    if len(second):
+        # The amplitude is that of the middle of the last swing; half a swing later it has decayed.
+        left *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
+    if len(third) and len(second):
+        before, now = (float(np.mean(b) - np.mean(a)) for a, b in ((third, second), (second, last)))
+        if before * now > 0.0 and abs(now) > _NOISE * noise / math.sqrt(len(last)):
+            ratio = min(now / before, _SLOWEST)
+            left = max(left, min(abs(now), way) * ratio / (1.0 - ratio))
+    # Nothing is known of a motion that has hardly slowed down, except that it is not at rest.
+    left = min(left, float(np.ptp(values)))
+    return left if left > max(BAND * extent, STILL) else 0.0
+
+
+def _last_swing(time: Array, values: Array, least: float) -> float:
+    """Duration of the last complete swing, s: of a motion between turning points. Swings below `least` do not count.
+
+    A motion without a turning point counts from 10 % to 90 % of its way, since its beginning and its end may be slow.
+    """
+    turns = _turning_points(values, least)
+    if len(turns) < 2:
+        return 0.0
+    if len(turns) > 3:
+        return float(time[turns[-2]] - time[turns[-3]])
+    # The first swing begins with the motion, and not with the record.
+    begin, end = turns[0], turns[1]
+    way = (values[begin : end + 1] - values[begin]) / (values[end] - values[begin])
+    first, last = (begin + int(np.argmax(way >= level)) for level in (0.1, 0.9))
+    whole = math.pi / (math.pi - 2.0 * math.acos(0.8)) if len(turns) == 3 else 1.0
+    return whole * float(time[last] - time[first])
+
+
+def _turning_points(values: Array, least: float) -> list[int]:
+    """Indices of the first extremum, of the turning points, and of the last extremum, which differ by more than `least`."""
+    # Only local extrema can be turning points.
+    slopes = np.sign(np.diff(values))
+    moving = np.flatnonzero(slopes)
+    if not len(moving):
+        return []
+    places = [0, *(moving[1:][slopes[moving[1:]] != slopes[moving[:-1]]]).tolist(), len(values) - 1]
+    turns: list[int] = []
+    low = high = 0
+    rises: bool | None = None
+    for place, value in zip(places, values[places].tolist(), strict=True):
+        high = place if value > values[high] else high
+        low = place if value < values[low] else low
+        if rises is not False and values[high] - value > least:
+            turns.append(high)
+            rises, low, high = False, place, place
+        elif rises is not True and value - values[low] > least:
+            turns.append(low)
+            rises, low, high = True, place, place
+    return turns if rises is None else [*turns, high if rises else low]
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of white noise in a series, from its third differences, which smooth motions do not change."""
+    if len(values) < 9:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 3)))) / (0.6745 * math.sqrt(20.0))
