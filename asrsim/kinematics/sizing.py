@@ -28,6 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
+from asrsim.scenario.starts import start_positions
 
 if TYPE_CHECKING:
     from asrsim.actuators.drive import Drive
@@ -44,6 +45,8 @@ INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 POSTURES = 64
 """Number of random postures in which the largest torque of gravity on each joint is sought."""
+MOBILE_POSTURES = 16
+"""Number of random postures in which the smallest inertia of each joint is sought."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
@@ -111,7 +114,7 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, from the position of its references to the position of rest."""
     model, time = robot_model(scenario, robot), _instants(scenario, blocks)
-    wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
+    wanted = np.tile([*start_positions(scenario, robot).values()], (len(time), 1))
     springs: dict[int, tuple[Drive, Array, float]] = {}
     """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
     for block in blocks:
@@ -119,20 +122,23 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         goals, goal = goals_of(scenario, block, time)
         springs[column] = drive_of(block), goals, joint.most_effort
         wanted[:, column] = np.clip(goal, *joint.stops)
+    couplings = model.couplings
+    wanted = couplings.expand(wanted)
 
     columns, (drives, references, efforts) = [*springs], zip(*springs.values(), strict=True)
 
     def pulls(positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        place = positions[..., columns]
+        place = couplings.expand(positions)[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return found
+        return couplings.fold(found)
 
-    movable = np.isin(np.arange(len(model.joints)), list(springs))
+    movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
+    positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
     found = []
     for column, (drive, goals, effort) in springs.items():
@@ -287,13 +293,15 @@ def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf)
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
-    inertia = _carried(robot)
+    inertia, moving = _carried(robot), robot.moving_joints
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
         own, joint = inertia[block.joint], robot.joint(block.joint)
         if joint.lower is not None and joint.lower == joint.upper:
             continue
-        damping = joint.damping
+        damping = damped[block.joint]
         critical = 2.0 * math.sqrt(own * max(_springs(scenario, block)[0], 0.0))
         if damping < RATIO * critical:
             lasts = max(lasts, 6.0 * own / damping if damping else math.inf)
@@ -318,9 +326,11 @@ def _carried(robot: Robot) -> dict[str, float]:
 
 
 def _lightest(robot: Robot) -> dict[str, float]:
-    """Inertia that the spring of each joint moves if all other joints are free, kg m^2, by joint."""
+    """Smallest inertia that the spring of each joint moves if all other joints are free, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
-    mobility = np.diagonal(np.linalg.pinv(RobotModel(robot).mass_matrix(np.zeros(len(names))), hermitian=True))
+    postures = np.random.default_rng(0).uniform(-np.pi, np.pi, (MOBILE_POSTURES, len(names)))
+    masses = RobotModel(robot).mass_matrix(np.vstack([np.zeros(len(names)), postures]))
+    mobility = np.diagonal(np.linalg.pinv(masses, hermitian=True), axis1=1, axis2=2).max(axis=0)
     return dict(zip(names, (1.0 / np.maximum(mobility, 1e-30)).tolist(), strict=True))
 
 

@@ -302,8 +302,9 @@ def write_starter(
         robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
+        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or ("*" in given and not joint.mimic)),
     )
+    bare = _sized(bare, _rotors(bare))
     for fastest in FASTEST if given else FASTEST[:1]:
         try:
             starter, notes = _finished(bare, loaded, out.parent, fastest)
@@ -317,6 +318,16 @@ def write_starter(
     check_output(schema, "schema")
     write_new({out: starter.text()}, schema, force=force)
     return (out, schema), tuple(notes)
+
+
+def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
+    """Inertias of the motors of actuators that the scenario gives, from the rotors in the robot's file."""
+    found = {}
+    for block in starter.robot.actuators:
+        rotor, motors = starter.robot.joint(block.joint).rotor_inertia, ACTUATORS.get(block.actuator).motors
+        if rotor and MODES[block.mode].motor and block.joint in starter.given:
+            found[block.joint] = {f"motor_{i}_inertia": _rounded(rotor / motors) for i in range(1, motors + 1)}
+    return found
 
 
 def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> tuple[Starter, list[Problem]]:
@@ -338,7 +349,7 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
         message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
         hint = "`link_damping` in the scenario damps it" if starter.given else f"`link_damping: {damped}` would damp it"
         notes.append(Problem(message, file=loaded.path, hint=hint, code="swings-on"))
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
+    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
     starter = replace(
         starter,
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},

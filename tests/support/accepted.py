@@ -8,7 +8,7 @@ from asrsim.scenario.starter import write_starter
 ACTUATORS = ("sea", "qbmove", "bavs", "awas_ii")
 
 
-def faults_of(robot, folder, actuator, *, duration=1.0, at_rest=False):
+def faults_of(robot, folder, actuator, *, duration=1.0, at_rest=False, compiled=True):
     """Texts of what went wrong between `check` and the end of the run with another engine; None where `check` refuses the
     robot. at_rest: without the step of the references."""
     if robot_report(robot).errors:
@@ -16,7 +16,9 @@ def faults_of(robot, folder, actuator, *, duration=1.0, at_rest=False):
     out = folder / f"{robot.stem}_{actuator}.yaml"
     write_starter(robot, out, actuators={"*": actuator}, force=True)
     found = []
-    for scenario in load_scenario(out, overrides=[f"duration={duration}", *_resting(out, at_rest=at_rest)]):
+    for scenario in load_scenario(
+        out, overrides=[f"duration={duration}", f"compiled={compiled}".lower(), *_resting(out, at_rest=at_rest)]
+    ):
         result = asrsim.run(scenario, cross_check=True)
         check = result.summary.cross_check
         if result.status != "complete" or not check or not check["agrees"] or "cannot run" in check["note"]:

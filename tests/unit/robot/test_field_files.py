@@ -147,3 +147,28 @@ def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
         load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(("text", "tool"), [("<mujoco model='a'/>", "mjcf_urdf"), ("<sdf version='1.7'/>", "sdf2urdf")])
+def test_other_formats_are_told_how_to_convert(text, tool, tmp_path, asrsim_command):
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    assert tool in asrsim_command("check", path).out
+
+
+@pytest.mark.parametrize("space", ["http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro"])
+def test_elements_of_xacro_that_a_urdf_keeps_have_no_effect(space, tiny):
+    """As in ROS, which expands files called .xacro only; a macro that is defined is expanded all the same."""
+    kept = PENDULUM.replace("<robot ", f'<robot xmlns:xacro="{space}" ').replace("</robot>", "<xacro:away/></robot>")
+    tiny.robot.write_text(kept)
+    robot = load_robot(tiny.robot)
+    assert [problem.code for problem in robot.findings] == ["xacro-left"]
+    assert robot.joint("elbow").damping == 0.2
+    tiny.robot.write_text(
+        kept.replace(
+            "<xacro:away/>",
+            '<xacro:property name="x" value="1"/><link name="a${x}"/>'
+            '<joint name="b" type="fixed"><parent link="arm"/><child link="a1"/></joint>',
+        )
+    )
+    assert "a1" in [link.name for link in load_robot(tiny.robot).links]
