@@ -25,7 +25,7 @@ from asrsim.scenario.load import MAX_STEPS
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.steppings import stepping_called
 
 SAMPLES = 2000
 """Number of intervals in which the references are sampled."""
@@ -193,7 +193,7 @@ def _resolve(
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """
-    stepping, step = STEPPINGS.get(scenario.stepping), scenario.step
+    stepping, step = stepping_called(scenario.stepping), scenario.step
     limited = [min(k, 1e12) if stepping.released else k for k in stiffness]
     for drive, k in zip(drives, limited, strict=True):
         if not math.isfinite(k):
