@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.hysteresis import stiffness_bound
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
 from asrsim.robot.couplings import Couplings, uncoupled
@@ -168,8 +169,7 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     grid = np.linspace(-reach, reach, 9).tolist()
     best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
     if drive.hysteresis is not None:
-        # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
-        best += count * drive.hysteresis[0] / drive.hysteresis[1]
+        best += count * stiffness_bound(drive.hysteresis)
     return best
 
 
