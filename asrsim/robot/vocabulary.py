@@ -147,7 +147,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "@name"), **_words(SILENT, "@version @type @verbose verbose sensor group gripper @gripper_name"),
         **_within("link", "joint", "material", "gazebo", "transmission", "ros2_control", "mujoco"),
         "self_collision_checking": CONTACT, "drake:collision_filter_group": CONTACT,
-        "loop_joint": special(_loop, "the loop stays open: its links move freely"),
+        "loop_joint": special(_loop, "the loop stays open: its links move freely", hint="`loops` in the scenario closes it"),
         "drake:ball_constraint": left("the constraint is left out: its links move freely", neutral=None),
         "drake:tendon_constraint": left("the constraint is left out: its joints move freely", neutral=None),
         "drake:linear_spring_damper": left("the spring between two links is left out", neutral=None),
