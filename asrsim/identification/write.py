@@ -126,6 +126,8 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
         delay, own = min(late, key=lambda one: one[1])
         if any(abs(delay - other) > own + margin for other, margin in late):
             said.append(f"delays of {block.joint} are not written, since the delays of its references differ")
+        elif delay < 0.0:
+            said.append(f"the delay of {block.joint} is not written, since it is negative: its command was recorded late")
         elif delay:
             delays[block.joint] = delay
     write_text(scenario, _scenario_text(result, changes, delays, path), "fitted scenario")

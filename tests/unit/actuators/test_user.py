@@ -68,13 +68,13 @@ def test_example_is_registered_and_its_urdf_finds_it(tmp_path):
         <limit effort="9" velocity="9" lower="-1" upper="1"/></joint>
         <link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
         <gazebo><plugin name="p" filename="libmy_vsa_plugin.so"><joint>j</joint><operation_mode>6</operation_mode>
-        <cubic>25</cubic><max_def>0.5</max_def><mot_2_J>0.1</mot_2_J><cubick>1</cubick></plugin></gazebo></robot>""",
+        <cubic>25</cubic><max_def>0.5</max_def><mot_2_J>0.1</mot_2_J><liner>2</liner></plugin></gazebo></robot>""",
         "r.urdf",
     )
     robot = load_robot(urdf)
     values = robot.actuators[0].values()
     assert (values["linear"], values["cubic"], values["max_deflection"], values["motor_2_inertia"]) == (2.0, 25.0, 0.5, 0.1)
-    assert any(problem.code == "unknown-tag" and "<cubic>" in str(problem) for problem in robot.warnings)
+    assert any(problem.code == "unknown-tag" and "<linear>" in str(problem) for problem in robot.warnings)
 
 
 def test_the_documented_example_passes_the_checker(tmp_path):
