@@ -219,8 +219,8 @@ def steppings() -> str:
     """Every stepping with its order of convergence."""
     from asrsim.simulation.steppings import STEPPINGS
 
-    known = [STEPPINGS.get(name) for name in STEPPINGS]
-    return markdown_table(("stepping", "order", "what"), [(f"`{one.name}`", str(one.order), one.doc) for one in known])
+    rows = [(f"`{one.name}`", str(one.order), one.doc) for one in STEPPINGS.values()]
+    return markdown_table(("stepping", "order", "what"), rows)
 
 
 def renewed(text: str) -> str:

@@ -117,10 +117,10 @@ def engines() -> tuple[str, ...]:
 
 
 def steppings() -> tuple[str, ...]:
-    """Names of the registered steppings, including steppings of other packages."""
+    """Names of the steppings."""
     from asrsim.simulation.steppings import STEPPINGS
 
-    return STEPPINGS.names()
+    return tuple(STEPPINGS)
 
 
 def default_engine() -> str:
@@ -139,9 +139,9 @@ def prescribes_motion(engine: str) -> bool:
 
 def released_order(stepping: str) -> bool:
     """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
-    from asrsim.simulation.steppings import STEPPINGS
+    from asrsim.simulation.steppings import stepping_called
 
-    return STEPPINGS.get(stepping).released
+    return stepping_called(stepping).released
 
 
 # -- joints ------------------------------------------------------------------------------------------------------------
@@ -285,6 +285,20 @@ class Wrench:
 
 _SIZES = {"box": (3, "x, y, z"), "sphere": (1, "radius"), "cylinder": (2, "radius, length"), "mesh": (3, "scale x, y, z")}
 _SIZE = Either((POSITIVE, ListOf(of=POSITIVE, minimum=1)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopClosure:
+    """Closure of a chain: a point of one link coincides with a point of another link."""
+
+    links: tuple[str, ...] = declare(ListOf(of=LINK, names=("first", "second")), doc="the links that close the chain")
+    points: tuple[Vector, ...] = declare(
+        ListOf(of=POSITION, names=("first", "second")), unit="m", doc="the points that coincide, in the frames of the links"
+    )
+    master: str | None = declare(
+        Either((Null(), JOINT)), default=None, shown="its driven joint, or the first",
+        doc="the joint that the others of the loop follow",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.resonance import resonance_doubts
-from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.steppings import Stepping, stepping_called
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
 
@@ -284,7 +284,7 @@ def prepare(
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
-    stepping = STEPPINGS.get(scenario.stepping)
+    stepping = stepping_called(scenario.stepping)
     drives = make_drives(robot, stepping, scenario)
     if settable:
         # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
@@ -340,7 +340,7 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
             f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
             line=drive.joint.line,
             key=drive.name,
-            hint=f"Give link '{drive.joint.child}' an inertia",
+            hint=f"Give link '{drive.joint.child}' an inertia, or fix the joint: `locked: [{drive.name}]`",
             code="massless-joint",
         )
         for j, drive in enumerate(drives)
@@ -355,7 +355,7 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
             f"joints {names} can move against each other without moving any mass: their motion is not defined",
-            hint="Give the links between them inertias",
+            hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
             code="massless-motion",
         )
 
