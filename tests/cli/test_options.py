@@ -10,9 +10,9 @@ SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
 CALLS = {
     "asrsim.identification.task.task_of": (
         """identify a.yaml -e a.csv --validate b.csv --free j.damping=1 --tie j.a=j.b --own j.c --map q=j.x --rate 50
-        --hold-out 0.3 --starts 4 --variant soft --set step=0.001""",
+        --hold-out 0.3 --variant soft --set step=0.001""",
         SHARED | {"given": ["a.yaml", ["a.csv"]], "validate": ["b.csv"], "free": ["j.damping=1"], "ties": ["j.a=j.b"],
-                  "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3, "starts": 4},
+                  "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3},
     ),
     "asrsim.design.run.design": (
         """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --seconds 3 --after a.csv --robust 2 --seed 7
