@@ -269,7 +269,7 @@ def run(
                     now = s[ENGINE_VELOCITY]
                 elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
                     now = exchange[on_time - begin - 1, j, E_VELOCITY]
-                _read_engine(s, p, z, velocity, now, jumped)
+                read_engine(s, p, z, velocity, now, jumped)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
                 if watched:
@@ -345,7 +345,7 @@ def _add_piece(s: Any, p: Any, share: float, late: bool) -> None:
         s[FREE_AFTER if late else FREE_BEFORE] += share
 
 
-def _read_engine(s: Any, p: Any, z: Any, velocity: float, now: float, jumped: bool) -> None:
+def read_engine(s: Any, p: Any, z: Any, velocity: float, now: float, jumped: bool) -> None:
     """Compute damping torque, applied torque and link velocity at the time of the substep. Damping and derivative action act on
     the mean velocity over the kick; if an input jumps, the values at the time of the substep are different.
 

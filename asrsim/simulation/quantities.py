@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
-from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
+from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR, STIFFNESS
 
 WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
 """Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
@@ -68,6 +68,15 @@ def require_recorded(names: Sequence[str], columns: Collection[str], choices: tu
     ]
     if problems:
         raise InputError(problems)
+
+
+def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None) -> tuple[str, ...]:
+    """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
+    energies."""
+    known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
+    possible = tuple(name for name in known if name == LOGGED[STIFFNESS] or name not in WATCHED)
+    require_recorded(possible if names is None else names, possible, possible)
+    return possible if names is None else tuple(names)
 
 
 class RowColumns:
