@@ -150,9 +150,9 @@ class Callback:
 
 
 @cache
-def numbers_reader(count: int) -> Any:
-    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at` on. row: a
-    pointer."""
+def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
+    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at + first` on,
+    `apart` columns from each other. row: a pointer."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -161,13 +161,13 @@ def numbers_reader(count: int) -> Any:
 
     def read(typing: Any, row: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            first = builder.gep(arguments[0], [arguments[1]])
-            places = (ir.Constant(ir.IntType(64), i) for i in range(count))
-            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(first, [at])) for at in places])
+            start = builder.gep(arguments[0], [arguments[1]])
+            places = (ir.Constant(ir.IntType(64), first + apart * i) for i in range(count))
+            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(start, [at])) for at in places])
 
         return kinds.UniTuple(kinds.float64, count)(row, kinds.int64), generate
 
-    read.__name__ = f"read_{count}_numbers"
+    read.__name__ = f"read_{count}_numbers_{first}_{apart}"
     return intrinsic(read)
 
 

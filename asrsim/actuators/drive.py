@@ -9,11 +9,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from asrsim.actuators.electric import Electric, electric_of
+from asrsim.actuators.motor import MotorConstants
+from asrsim.actuators.parameters import MOTOR_PARAMETERS
 from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
     from asrsim.actuators.modes import Mode
+
+MOTOR_NAMES = tuple(parameter.name for parameter in MOTOR_PARAMETERS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,18 +104,21 @@ class Drive:
         """Smallest and largest position of each motor in rad."""
         return tuple(zip(self._of_motors("min_position"), self._of_motors("max_position"), strict=True))
 
-    def motor_numbers(self, index: int) -> tuple[float, ...]:
-        """Parameters that `asrsim.actuators.motor.motor_kick` takes for motor `index` (1, 2, ...)."""
-        motor, controller = f"motor_{index}", f"controller_{index}"
+    def motor_constants(self, index: int) -> MotorConstants:
+        """Constants of motor `index` (1, 2, ...) for the simulation."""
+        own = {name: self.values[f"motor_{index}_{name}"] for name in MOTOR_NAMES}
         # Without controller, the reference is the command.
-        gains: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+        gains = {"proportional": 1.0, "integral": 0.0, "derivative": 0.0}
         if self.mode.controller:
-            gains = (*(self.values[f"{controller}_{name}"] for name in ("proportional", "integral", "derivative")), 1.0)
-        return (
-            *gains, self.values[f"{motor}_inertia"], self.values[f"{motor}_damping"], *self.electric[index - 1],
-            self.values[f"{motor}_friction_torque"], self.values[f"{motor}_stribeck_friction"],
-            1.0 / self.values[f"{motor}_stribeck_velocity"], self.values[f"{motor}_load_friction"],
-            self.values[f"{motor}_friction_stiffness"],
+            gains = {name: self.values[f"controller_{index}_{name}"] for name in gains}
+        electric, (low, high) = self.electric[index - 1], self.motor_ranges[index - 1]
+        return MotorConstants(
+            **gains, hold=float(self.mode.controller), inertia=own["inertia"], damping=own["damping"], gain=electric.gain,
+            lag=electric.lag, emf=electric.damping, stall=electric.stall, limit=electric.limit,
+            coulomb=own["friction_torque"], excess=own["stribeck_friction"], fade=1.0 / own["stribeck_velocity"],
+            share=own["load_friction"], bristles=own["friction_stiffness"], low=low, high=high,
+            most=self.max_velocity[index - 1], max_torque=own["max_torque"],
+            torque_constant=own["torque_constant"] * own["gear_ratio"], resistance=own["resistance"],
         )  # fmt: skip
 
     def goals(self, references: Array) -> Array:

@@ -13,7 +13,38 @@ level varies, so friction is passive. The electric motor has no inductance; its 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import exp
+
+from asrsim.records import constant
+
+
+@dataclass(slots=True)
+class MotorConstants:
+    """Constants of a motor in its mode; the controller's command is a torque, a voltage or a current."""
+
+    proportional: float = constant("proportional gain of the controller; 1 if the reference is the command", "command/rad")
+    integral: float = constant("integral gain of the controller", "command/(rad s)")
+    derivative: float = constant("derivative gain of the controller, on the negative velocity", "command s/rad")
+    hold: float = constant("flag: 1 if a controller compares the reference with the position, else 0", "")
+    inertia: float = constant("inertia at the link's side of the gear", "kg m^2")
+    damping: float = constant("viscous damping", "N m s/rad")
+    gain: float = constant("torque per unit of the command", "N m/command")
+    lag: float = constant("damping by the back-EMF if the command is a voltage", "N m s/rad")
+    emf: float = constant("damping by the back-EMF at full voltage", "N m s/rad")
+    stall: float = constant("torque at full voltage and rest", "N m")
+    limit: float = constant("largest torque", "N m")
+    coulomb: float = constant("Coulomb level of the friction", "N m")
+    excess: float = constant("Stribeck excess: static friction minus Coulomb friction", "N m")
+    fade: float = constant("reciprocal of the Stribeck velocity", "s/rad")
+    share: float = constant("fraction of the spring's torque that adds to the Coulomb level", "")
+    bristles: float = constant("stiffness of the friction's bristles", "N m/rad")
+    low: float = constant("lower stop", "rad")
+    high: float = constant("upper stop", "rad")
+    most: float = constant("speed limit", "rad/s")
+    max_torque: float = constant("smallest torque at which the motor counts as saturated", "N m")
+    torque_constant: float = constant("torque constant at the output; 0: the motor is not electric", "N m/A")
+    resistance: float = constant("resistance of the winding", "ohm")
 
 
 def motor_kick(
@@ -27,7 +58,7 @@ def motor_kick(
     fastest: float,
     step: float,
     implicitness: float,
-    parameters: tuple[float, ...],
+    own: MotorConstants,
 ) -> tuple[float, float, float, float, float, float]:
     """State of a motor after the motor has accelerated for `step` s at a fixed position.
 
@@ -35,15 +66,16 @@ def motor_kick(
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
     load: torque of the spring on the motor in N m; slowest, fastest: smallest and largest velocity in rad/s that stops and
     speed limit allow (`velocity_bounds`). Damping, back-EMF and derivative action act on the velocity (1 - implicitness) old +
-    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: from
-    `asrsim.actuators.drive.Drive.motor_numbers`.
+    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. own: constants of
+    the motor.
     Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
     """
-    p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters
-    error = reference - hold * position
+    i, d, damping, gain, lag, emf = own.integral, own.derivative, own.damping, own.gain, own.lag, own.emf
+    inertia, excess, fade, stiffness, stall, limit = own.inertia, own.excess, own.fade, own.bristles, own.stall, own.limit
+    error = reference - own.hold * position
     # The mean of the integral over the kick: half of its increase.
-    push = (p + 0.5 * i * step) * error + integral
-    level = coulomb + share * abs(load)
+    push = (own.proportional + 0.5 * i * step) * error + integral
+    level = own.coulomb + own.share * abs(load)
     drag = damping + gain * d + lag
     easy = step / (inertia + implicitness * step * drag)
     bristles = stiffness * (position - anchor)

@@ -56,10 +56,6 @@ def identify(
         float | None,
         option("Fraction at the end of each recording that is predicted but not fitted.", min=0.0, max=0.9, default="0.25"),
     ] = None,
-    starts: Annotated[
-        int | None,
-        option("Largest number of starts that the search tries until the model fits.", min=1, default="6"),
-    ] = None,
     check: Annotated[
         bool,
         option("Do not fit: show which parameters the recordings can identify, and which motions to add.", "--check"),
@@ -106,7 +102,7 @@ def identify(
 
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "mapping": mapping,
-        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "starts": starts, "plugins": plugin,
+        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "plugins": plugin,
     }  # fmt: skip
     task = task_of(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
@@ -180,6 +176,5 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to identify more parameters:", "bold")
     for text in (*(f"  {text}" for text in advices), *said):
         say(text)
-    starts = f"{result.attempts} starts, {result.successes} ended at the same error" if result.attempts > 1 else "1 start"
-    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
+    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s", "dim")
     say_written(files)

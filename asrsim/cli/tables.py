@@ -50,15 +50,24 @@ def _print_head(report: FileReport) -> None:
         robot, driven = report.robot, {block.joint for block in report.robot.actuators}
         counts = {"link": robot.links, "moving joint": robot.moving_joints, "actuator": robot.actuators}
         parts += [f"robot '{robot.name}'", *(counted(len(items), noun) for noun, items in counts.items())]
-        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven]
+        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven and not joint.mimic]
         if rigid:
             parts.append(f"not driven: {listed(rigid, SHOWN)}")
     say(" · ".join(parts))
 
 
 def _print_passive(robot: Robot) -> None:
-    """Print passive springs."""
+    """Print passive springs, couplings of joints, rotors and links without gravity."""
+    weightless = [link.name for link in robot.links if not link.gravity]
+    if weightless:
+        say(f"{styled('no gravity', 'bold cyan')} on {listed(weightless, SHOWN)}")
     for joint in robot.moving_joints:
+        if joint.mimic:
+            law = f"{joint.multiplier:g} {joint.mimic}" + (f" {joint.offset:+g}" if joint.offset else "")
+            say(f"{styled('coupled', 'bold cyan')}, {joint.name} follows {joint.mimic}: {joint.name} = {law}")
+        if joint.armature:
+            unit = "kg" if joint.kind == "prismatic" else "kg m^2"
+            say(f"{styled('rotor', 'bold cyan')}, {joint.armature:.4g} {unit} at the joint: {joint.name}")
         if joint.spring_stiffness:
             per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
             spring = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"

@@ -14,6 +14,7 @@ from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, grid
 from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.starts import start_positions
 from asrsim.signals import Constant
 
 LONGEST = 50_000_000
@@ -52,6 +53,7 @@ class BenchEngine(Engine):
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._scenario = scenario
+        self._robot = robot
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self._state = np.zeros(1)
         self._motion = Motion(np.zeros((0, len(self.joints))), np.zeros(1))
@@ -68,9 +70,9 @@ class BenchEngine(Engine):
                     f"the bench's motion has more than {LONGEST} values: shorten the run, or take larger steps"
                 )
             time = grid(0, rows, step)
-            locked = {name: Constant(value=for_joint(self._scenario.initial_positions, name, 0.0)) for name in self.joints}
-            signals = [for_joint(self._scenario.motion, name, locked[name]) for name in self.joints]
-            columns = np.column_stack([signal.values(time) for signal in signals])
+            starts = start_positions(self._scenario, self._robot)
+            signals = [for_joint(self._scenario.motion, name, Constant(value=starts[name])) for name in self.joints]
+            columns = self._robot.couplings.expand(np.column_stack([signal.values(time) for signal in signals]))
             self._motion = Motion(np.ascontiguousarray(columns), np.array([step]))
             self._calculation = Calculation(move, self._motion, lambda kind: compiling.compile_packed(move, kind, _sizes))
         self._state[:] = 0.0

@@ -41,7 +41,7 @@ from asrsim.engines.rigid import (
     find_change,
     make_room,
 )
-from asrsim.errors import Problem
+from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_for_engine
 from asrsim.robot.meshes import usable_shapes
@@ -110,7 +110,7 @@ class BulletEngine(RigidEngine):
         home = np.zeros(self._start + count)
         room = make_room(
             robot, qpos=np.zeros(len(home)), qvel=np.zeros(base + count), joint_q=range(self._start, len(home)),
-            joint_v=range(base, base + count), free=bool(base),
+            joint_v=range(base, base + count), free=bool(base), reduce=scenario.world.empty,
         )  # fmt: skip
         if base:
             x, y, z, w = quaternion(scenario.base_rpy)
@@ -122,8 +122,8 @@ class BulletEngine(RigidEngine):
         """Fill in mass matrix and bias."""
         room, dynamics, rotation = self._room, self._dynamics, self.rotation
         positions = dynamics.ordered(room.qpos[self._start :])
-        room.matrix[:] = dynamics.matrix(positions, rotation)
-        room.bias[:] = dynamics.bias(positions, room.qvel, rotation)
+        room.full_matrix[:] = dynamics.matrix(positions, rotation)
+        room.full_bias[:] = dynamics.bias(positions, room.qvel, rotation)
 
     def close(self) -> None:
         """Disconnect the physics client."""
@@ -134,6 +134,7 @@ class BulletContacts(BulletEngine):
     """A robot in a world with contacts: Bullet's step, on a second physics client."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        _refuse_in_contacts(robot)
         super().__init__(scenario, robot)
         self._p = p = Client()
         world = scenario.world
@@ -243,8 +244,9 @@ class BulletContacts(BulletEngine):
             self._place(now - (1.0 / fraction - 1.0) * room.change)
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
+        push += dynamics.lift(dynamics.ordered(positions), rotation)
         # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
-        push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.bias
+        push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.full_bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
             set_motors(p.VELOCITY_CONTROL, targetVelocities=targets.tolist(), forces=bounds.tolist())
@@ -307,6 +309,19 @@ class BulletContacts(BulletEngine):
         """Disconnect both physics clients."""
         self._p.close()
         super().close()
+
+
+def _refuse_in_contacts(robot: Robot) -> None:
+    """Raise RobotError for coupled joints and rotors, which Bullet's own step does not know."""
+    hint = "engine: mujoco simulates it; a world without ground and objects also works in PyBullet"
+    problems = [
+        Problem(f"PyBullet cannot simulate {what} in a world with contacts", file=robot.path, line=joint.line, key=joint.name,
+                hint=hint, code="engine-coupling")
+        for joint in robot.moving_joints
+        for what, there in (("a coupled joint", joint.mimic), ("the inertia of a rotor", joint.armature)) if there
+    ]  # fmt: skip
+    if problems:
+        raise RobotError(problems)
 
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:

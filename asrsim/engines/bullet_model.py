@@ -9,6 +9,7 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import BuiltinFunctionType
@@ -22,7 +23,7 @@ from asrsim.errors import RobotError, SimulationError
 from asrsim.robot.dynamics import BASE, with_base_joints
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.meshes import convex_hull
-from asrsim.robot.model import Link, Robot, Shape
+from asrsim.robot.model import ZERO, Link, Robot, Shape
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -139,6 +140,12 @@ def _lift(link: Link) -> float:
     return c - a - b + 1e-9 * c
 
 
+def _weightless(link: Link) -> Link:
+    """Point mass on which gravity does not act, in the place of a link."""
+    mass, centre = link.weightless
+    return replace(link, mass=mass, centre_of_mass=centre, inertia=None, inertial_rpy=ZERO)
+
+
 class BulletDynamics:
     """Mass matrix and bias of a robot without fixed joints, computed by PyBullet. Raises RobotError for a robot that PyBullet
     cannot simulate.
@@ -172,6 +179,11 @@ class BulletDynamics:
         """Factors and Bullet's numbers of further bodies, whose mass matrix and bias are added to those of the first body."""
         if ours:
             self._set_up()
+        floats = tuple(_weightless(link) for link in self._robot.links)
+        self._floats = (
+            make_body(p, replace(self._robot, links=floats), unit=self._unit) if any(one.mass for one in floats) else None
+        )
+        """Bullet's number of a body that consists of the masses on which gravity does not act."""
 
     def _set_up(self) -> None:
         """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
@@ -238,4 +250,16 @@ class BulletDynamics:
         bias = np.asarray(self._sum(self._p.calculateInverseDynamics, *states)[self._from_bullet])
         if rotation is not None:
             bias[:3] = rotation @ bias[:3]
-        return bias
+        return bias if self._floats is None else bias - self.lift(positions, rotation)
+
+    def lift(self, positions: Sequence[float], rotation: Array | None) -> Array:
+        """Forces (v,) in N m that carry the masses on which gravity does not act, at rest."""
+        if self._floats is None:
+            return np.zeros(len(self._still))
+        if rotation is not None:
+            self._set_gravity(rotation)
+        states = positions, self._still, self._still
+        lift: Array = self._unit * np.array(self._p.calculateInverseDynamics(self._floats, *states))[self._from_bullet]
+        if rotation is not None:
+            lift[:3] = rotation @ lift[:3]
+        return lift

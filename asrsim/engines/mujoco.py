@@ -81,6 +81,12 @@ class MujocoEngine(RigidEngine):
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
         """MuJoCo body of each link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        gravity = np.array(scenario.gravity)
+        self._floats = [
+            (self._body(link.name), np.array(centre), mass * gravity)
+            for link in merged.robot.links for mass, centre in [link.weightless] if mass
+        ]  # fmt: skip
+        """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -120,14 +126,15 @@ class MujocoEngine(RigidEngine):
         room = make_room(
             self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=[joint.qposadr[0] for joint in joints],
             joint_v=[joint.dofadr[0] for joint in joints], free=self._free, parent=self._m.dof_parentid,
+            reduce=self._scenario.world.empty,
         )  # fmt: skip
-        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places)
+        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats)
 
     def _make_native_record(self) -> Record:
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
-        # All records share the constants that `start` sets.
-        record = record._replace(room=record.room._replace(scheme=self._room.scheme))
+        # All records share the numbers that `start` and `vary` set.
+        record = record._replace(room=record.room._replace(scheme=self._room.scheme, armature=self._room.armature))
         words = pack(record)
         return Record(words.ctypes.data, (words, record, data))
 
@@ -146,7 +153,13 @@ class MujocoEngine(RigidEngine):
 
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""
-        if robot.links != self.robot.links:
+        if robot.inertials != self.robot.inertials:
+            if any(link.weightless[0] for link in (*robot.links, *self.robot.links)):
+                return False
+            armature = [joint.armature for joint in robot.moving_joints]
+            if any(armature) and not self._room.reduced:
+                return False
+            self._room.armature[:] = armature
             merged, origin = merge_for_engine(robot, fixed_base=self._scenario.fixed_base)
             if origin != self.origin:
                 return False
@@ -194,7 +207,7 @@ class MujocoContacts(MujocoEngine):
         kick = fraction * step
         lagging = state[first : first + size].copy()
         damping = loads[:, DAMPING]
-        m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
+        m.dof_armature[room.joint_v] = room.armature + room.scheme[IMPLICITNESS] * kick * damping
         # Friction may vary from step to step. MuJoCo makes a constraint of friction only where the friction is not 0.
         m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
         d.qpos[:] = state[:first]
@@ -208,11 +221,16 @@ class MujocoContacts(MujocoEngine):
         d.qvel[:] = lagging
         mj.mj_referenceConstraint(m, d)
         self._aim_at_stops(kick, step)
+        self._couple(kick, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[room.joint_v] = loads[:, TORQUE] - damping * lagging[room.joint_v]
         if forces.size:
             bound(mujoco_step.push)(self._record, forces, 0)
-            d.qfrc_applied += room.force
+            d.qfrc_applied += room.full_force
+        if self._floats:
+            room.full_bias[:] = 0.0
+            bound(mujoco_step.carry)(self._record)
+            d.qfrc_applied -= room.full_bias
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
@@ -231,6 +249,12 @@ class MujocoContacts(MujocoEngine):
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
+
+    def _couple(self, kick: float, step: float) -> None:
+        """Make couplings of joints exact: at the end of the step, each follower is where its master puts it."""
+        d = self._d
+        rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        d.efc_aref[rows] = -(d.efc_pos[rows] / step + d.efc_vel[rows]) / kick
 
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces."""

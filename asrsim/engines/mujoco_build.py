@@ -64,6 +64,7 @@ def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) 
     _bodies(spec, scenario, robot, origin, shapes)
     if not scenario.world.empty:
         _furnish(spec, scenario.world)
+        couple(spec, robot, HARD)
         _pair(spec, scenario)
     return spec
 
@@ -118,6 +119,16 @@ def _furnish(spec: Any, world: World) -> None:
         if item.mass and item.inertia is not None:
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
             body.inertia = list(item.inertia)
+
+
+def couple(spec: Any, robot: Robot, impedance: tuple[float, ...]) -> None:
+    """Couple joints by equality constraints with the given impedance."""
+    for joint in robot.moving_joints:
+        if joint.mimic:
+            equality = spec.add_equality(type=load().mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimic)
+            equality.objtype = load().mjtObj.mjOBJ_JOINT
+            equality.data[:5] = [joint.offset, joint.multiplier, 0.0, 0.0, 0.0]
+            equality.solimp = list(impedance)
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:

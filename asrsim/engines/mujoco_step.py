@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asrsim.engines.rigid import Numbers, Room, aim, finish, kick
+from asrsim.engines.rigid import Numbers, Room, aim, finish, kick, reduce, reduce_force
 from asrsim.samples import Array
 from asrsim.scenario.data import Wrench
 
@@ -53,24 +53,36 @@ class Record(NamedTuple):
     """Rotation of the frame of each wrench's link, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
     wrench_local: Numbers
     """Flags (w,): 1 for wrenches that are given in the frame of their link."""
+    floats: int
+    """Number f of bodies with masses on which gravity does not act."""
+    float_body: Numbers
+    """MuJoCo body of each of these masses, (f,)."""
+    float_centre: Numbers
+    """Centre (m) of each of these masses, in the frame of its body, (f, 3)."""
+    float_force: Numbers
+    """Weight (N) that gravity would exert on each of these masses, world frame, (f, 3)."""
 
 
 def make_record(
-    model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]]
-) -> Record:
+    model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]],
+    floats: Sequence[tuple[int, Array, Array]],
+) -> Record:  # fmt: skip
     """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
-    the body."""
+    the body. floats: MuJoCo body, centre (3,) in m and weight (3,) in N of each mass on which gravity does not act."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))
     return Record(
-        room=room, model=model._address, data=data._address, at_matrix=room.matrix.ctypes.data,
-        at_bias=room.bias.ctypes.data, at_force=room.force.ctypes.data, at_vectors=vectors.ctypes.data, vectors=vectors,
-        xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
+        room=room, model=model._address, data=data._address, at_matrix=room.full_matrix.ctypes.data,
+        at_bias=room.full_bias.ctypes.data, at_force=room.full_force.ctypes.data,
+        at_vectors=vectors.ctypes.data, vectors=vectors, xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
         wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
         wrench_point=np.array(points).reshape(len(wrenches), 3),
         wrench_turn=np.array([turn for _, _, turn in pushed]).reshape(len(wrenches), 3, 3),
-        wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
+        wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64), floats=len(floats),
+        float_body=np.array([body for body, _, _ in floats], dtype=np.int64),
+        float_centre=np.array([centre for _, centre, _ in floats], dtype=float).reshape(len(floats), 3),
+        float_force=np.array([force for _, _, force in floats], dtype=float).reshape(len(floats), 3),
     )  # fmt: skip
 
 
@@ -89,18 +101,40 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
     mj_fullM(model, data, record.at_matrix)
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)
+    if record.floats:
+        carry(record)
+    if room.reduced:
+        reduce(room)
     for piece in range(len(lengths)):
         if record.wrenches:
             push(record, wrenches, piece)
+            if room.reduced:
+                reduce_force(room)
         kick(room, exchange, piece, lengths[piece])
     finish(room, state, exchange, lengths)
+
+
+def carry(record: Record) -> None:
+    """Take the weight of the masses on which gravity does not act out of the bias."""
+    vectors, xmat = record.vectors, record.xmat
+    for index in range(record.floats):
+        body = record.float_body[index]
+        for row in range(3):
+            point = record.xpos[body, row]
+            for column in range(3):
+                point += xmat[body, 3 * row + column] * record.float_centre[index, column]
+            vectors[2, row] = point
+            vectors[1, row] = 0.0
+            vectors[0, row] = record.float_force[index, row]
+        at = record.at_vectors
+        mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), record.at_bias)
 
 
 def push(record: Record, wrenches: Any, piece: int) -> None:
     """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, at the positions in MuJoCo's
     data."""
-    force, vectors, xmat = record.room.force, record.vectors, record.xmat
-    for i in range(record.room.freedoms):
+    force, vectors, xmat = record.room.full_force, record.vectors, record.xmat
+    for i in range(record.room.speeds):
         force[i] = 0.0
     for index in range(record.wrenches):
         body = record.wrench_body[index]

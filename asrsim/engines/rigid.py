@@ -4,6 +4,10 @@
 drift; they run as Python or compiled. A state is a vector: configuration (base position in m, base orientation w x y z,
 joints), velocities (base in m/s, base in rad/s about the axes of the base link, joints), velocities before the last kick, and
 the states `regime` of `asrsim.engines.exact_friction`.
+
+The library knows no couplings. A joint that follows another one (`asrsim.robot.couplings`) has no velocity in the state: its
+velocity is that of its master times the ratio. The equations of motion of the joints that follow none are N^T M N dz and
+N^T bias with dq = N dz: exact for every step, and solved like those of a robot without couplings.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, V
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.errors import Problem
 from asrsim.packed import pack
+from asrsim.robot.couplings import couplings_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array
@@ -44,22 +49,37 @@ INLINE = (
 
 class Room(NamedTuple):
     """Work space of a step. In compiled code, arrays with one axis are pointers: their indices must not be negative, and their
-    lengths are the numbers of the first three fields."""
+    lengths are the numbers of the first four fields."""
 
     joints: int
     """Number n of joints."""
     freedoms: int
     """Number v of degrees of freedom."""
+    speeds: int
+    """Number w of velocities of the library, which knows no couplings of joints."""
     coordinates: int
     """Number q of values in a configuration."""
     scheme: Numbers
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
     """1 if the base floats."""
+    reduced: int
+    """1 if joints are coupled or have rotors: the equations of the library must then be reduced by `reduce`."""
     qpos: Numbers
     """Configuration (q,) at which the library evaluates mass matrix and bias."""
     qvel: Numbers
-    """Velocity (v,) at which the library evaluates mass matrix and bias."""
+    """Velocity (w,) at which the library evaluates mass matrix and bias."""
+    full_matrix: Numbers
+    """Mass matrix (w, w) that the library computes, kg m^2. Without reduction this array and the next two are `matrix`, `bias`
+    and `force` themselves."""
+    full_bias: Numbers
+    """Torques (w,) in N m that the library computes; they balance gravity, Coriolis and centrifugal forces."""
+    full_force: Numbers
+    """Generalised forces (w,) of the wrenches in a piece of the kick, N m."""
+    owner: Numbers
+    """Degree of freedom of each of the library's velocities, (w,)."""
+    factor: Numbers
+    """Each of the library's velocities per velocity of its degree of freedom, (w,)."""
     matrix: Numbers
     """Mass matrix (v, v), kg m^2."""
     bias: Numbers
@@ -87,7 +107,17 @@ class Room(NamedTuple):
     joint_q: Numbers
     """Index of each joint in a configuration, (n,)."""
     joint_v: Numbers
-    """Index of each joint in the velocities, (n,)."""
+    """Index of each joint in the library's velocities, (n,)."""
+    joint_z: Numbers
+    """Degree of freedom of each joint, (n,)."""
+    master: Numbers
+    """Joint that each joint follows, (n,); its own index for a joint that follows none."""
+    ratio: Numbers
+    """Velocity of each joint per velocity of its degree of freedom, (n,)."""
+    offset: Numbers
+    """Position of each joint where its master is at 0, (n,), rad or m."""
+    armature: Numbers
+    """Inertia of the rotors of each joint, as felt at the joint, (n,), kg m^2 (kg)."""
     lower: Numbers
     """Lower stops of the joints (n,), rad or m."""
     upper: Numbers
@@ -103,21 +133,56 @@ def make_room(
     joint_v: Sequence[int] | Numbers,
     free: bool,
     parent: Numbers | None = None,
+    reduce: bool = True,
 ) -> Room:
-    """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`; parents precede the degrees of freedom
-    that they carry. None: the mass matrix may have no zeros."""
-    size = len(qvel)
-    lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
+    """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`, for the library's velocities; parents
+    precede the degrees of freedom that they carry. None: the mass matrix may have no zeros. reduce: whether couplings and
+    rotors of joints are part of the equations; False: the library has them."""
+    w, joints = len(qvel), robot.moving_joints
+    tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
+    lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
+    couplings, armature = couplings_of(robot), np.array([joint.armature for joint in joints])
+    owner, factor = np.arange(w), np.ones(w)
+    reduced = reduce and (bool(couplings) or bool(armature.any()))
+    if reduced:
+        owner[at], factor[at] = at[couplings.master], couplings.ratio
+        kept, owner = np.unique(owner, return_inverse=True)
+        tree = _reduced_tree(tree, owner.ravel(), len(kept))
+    size = len(tree)
     fields: dict[str, Any] = {name: np.zeros(size) for name in Room._fields}
+    square = {"matrix": np.zeros((size, size)), "bias": np.zeros(size), "force": np.zeros(size)}
+    whole = {"matrix": np.zeros((w, w)), "bias": np.zeros(w), "force": np.zeros(w)} if reduced else square
     fields |= {
-        "joints": len(lower), "freedoms": size, "coordinates": len(qpos),
-        "scheme": np.zeros(4), "free": int(free), "qpos": qpos, "qvel": qvel, "regime": np.zeros(size, dtype=np.int64),
-        "parent": np.arange(-1, size - 1) if parent is None else parent.astype(np.int64),
-        "matrix": np.zeros((size, size)), "square": np.zeros((size, size)), "slowest": np.full(size, -inf),
-        "fastest": np.full(size, inf), "joint_q": np.array(joint_q, dtype=np.int64),
-        "joint_v": np.array(joint_v, dtype=np.int64), "lower": lower, "upper": upper,
+        **square, **{f"full_{name}": array for name, array in whole.items()},
+        "joints": len(joints), "freedoms": size, "speeds": w, "coordinates": len(qpos), "scheme": np.zeros(4),
+        "free": int(free), "reduced": int(reduced), "qpos": qpos, "qvel": qvel,
+        "regime": np.zeros(size, dtype=np.int64), "parent": tree,
+        "square": np.zeros((size, size)), "slowest": np.full(size, -inf), "fastest": np.full(size, inf),
+        "owner": owner.astype(np.int64), "factor": factor, "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": at,
+        "joint_z": owner[at].astype(np.int64), "master": couplings.master if reduced else np.arange(len(joints)),
+        "ratio": couplings.ratio if reduced else np.ones(len(joints)),
+        "offset": couplings.offset if reduced else np.zeros(len(joints)), "armature": armature, "lower": lower, "upper": upper,
     }  # fmt: skip
     return Room(**fields)
+
+
+def _reduced_tree(parent: Numbers, owner: Numbers, size: int) -> Numbers:
+    """Elimination tree (size,) of the reduced mass matrix: parents of degrees of freedom, as `Room.parent`. parent: parents of
+    the library's velocities; owner: degree of freedom of each of these velocities."""
+    coupled = np.zeros((size, size), dtype=bool)
+    for k in range(len(parent)):
+        i = k
+        while i >= 0:
+            coupled[owner[k], owner[i]] = coupled[owner[i], owner[k]] = True
+            i = int(parent[i])
+    tree = np.full(size, -1, dtype=np.int64)
+    for a in range(size - 1, -1, -1):
+        below = np.flatnonzero(coupled[a, :a])
+        if below.size:
+            tree[a] = below[-1]
+            # The elimination of a couples all degrees of freedom with which a is coupled.
+            coupled[np.ix_(below, below)] = True
+    return tree
 
 
 def plain(record: Any) -> Any:
@@ -141,12 +206,40 @@ def aim(room: Any, state: Any) -> None:
     for i in range(size):
         velocity[i] = state[first + i]
         before = state[first + size + i]
-        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
+        if room.reduced == 0:
+            qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
         room.regime[i] = int(state[first + 2 * size + i])
         room.rebound[i] = 1.0
         # At rest on a stop, rounding may leave a velocity.
         if abs(room.regime[i]) == AT_UPPER and velocity[i] * room.regime[i] > ROUNDING * abs(before):
             room.rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
+    for k in range(room.speeds if room.reduced else 0):
+        i = room.owner[k]
+        qvel[k] = room.factor[k] * (scheme[NOW] * velocity[i] + scheme[BEFORE] * state[first + size + i])
+
+
+def reduce(room: Any) -> None:
+    """Compute mass matrix and bias of the degrees of freedom from those of the library."""
+    for i in range(room.freedoms):
+        room.bias[i] = 0.0
+        for k in range(room.freedoms):
+            room.matrix[i, k] = 0.0
+    for a in range(room.speeds):
+        i = room.owner[a]
+        room.bias[i] += room.factor[a] * room.full_bias[a]
+        for b in range(room.speeds):
+            room.matrix[i, room.owner[b]] += room.factor[a] * room.factor[b] * room.full_matrix[a, b]
+    for j in range(room.joints):
+        i = room.joint_z[j]
+        room.matrix[i, i] += room.ratio[j] * room.ratio[j] * room.armature[j]
+
+
+def reduce_force(room: Any) -> None:
+    """Compute the generalised forces on the degrees of freedom from those on the library's velocities."""
+    for i in range(room.freedoms):
+        room.force[i] = 0.0
+    for a in range(room.speeds):
+        room.force[room.owner[a]] += room.factor[a] * room.full_force[a]
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -177,7 +270,7 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[resting] = 0.0
         length -= part
     for j in range(count):
-        exchange[piece, j, VELOCITY] = room.velocity[room.joint_v[j]]
+        exchange[piece, j, VELOCITY] = room.ratio[j] * room.velocity[room.joint_z[j]]
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -190,11 +283,15 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
     for i in range(room.freedoms):
         room.impulse[i] = time * (room.force[i] - room.bias[i])
         room.diagonal[i] = room.matrix[i, i]
+        room.bound[i] = 0.0
     for j in range(room.joints):
-        i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[piece, j, DAMPING]
-        room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
-        room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
-        room.bound[i] = time * exchange[piece, j, FRICTION]
+        i, ratio, damping = room.joint_z[j], room.ratio[j], exchange[piece, j, DAMPING]
+        room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
+        room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
+        room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
+        if room.master[j] != j:
+            continue
+        position = room.qpos[room.joint_q[j]]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
@@ -294,21 +391,38 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         _turn(state, first, step)
     last = len(lengths) - 1
     for j in range(room.joints):
-        speed = state[first + room.joint_v[j]]
-        place = room.joint_q[j]
-        state[place] += step * speed
-        exchange[last, j, POSITION] = state[place]
-        exchange[last, j, VELOCITY] = speed
+        if room.master[j] == j:
+            speed = state[first + room.joint_z[j]]
+            place = room.joint_q[j]
+            state[place] += step * speed
+            exchange[last, j, POSITION] = state[place]
+            exchange[last, j, VELOCITY] = speed
+    if room.reduced:
+        _place_followers(room, state)
+        for j in range(room.joints):
+            exchange[last, j, POSITION] = state[room.joint_q[j]]
+            exchange[last, j, VELOCITY] = room.ratio[j] * state[first + room.joint_z[j]]
+
+
+def _place_followers(room: Any, state: Any) -> None:
+    """Set the positions of the joints that follow others."""
+    for j in range(room.joints):
+        if room.master[j] != j:
+            state[room.joint_q[j]] = room.ratio[j] * state[room.joint_q[room.master[j]]] + room.offset[j]
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Compute kick and drift from mass matrix and bias in the room, and aim at the next step.
 
-    forces: generalised forces (p, v, 1) of the wrenches in N m.
+    forces: generalised forces (p, w, 1) of the wrenches in N m.
     """
+    if room.reduced:
+        reduce(room)
     for piece in range(len(lengths)):
-        for i in range(room.freedoms):
-            room.force[i] = forces[piece, i, 0]
+        for i in range(room.speeds):
+            room.full_force[i] = forces[piece, i, 0]
+        if room.reduced:
+            reduce_force(room)
         kick(room, exchange, piece, lengths[piece])
     finish(room, state, exchange, lengths)
     aim(room, state)
@@ -335,7 +449,7 @@ def _turn(state: Any, first: int, step: float) -> None:
 
 def _sizes(room: Any) -> tuple[int, int, int]:
     """Sizes of the other arguments; see `asrsim.compiling.compile_packed`."""
-    return room.joints, room.freedoms, 1
+    return room.joints, room.speeds, 1
 
 
 @cache
@@ -412,19 +526,19 @@ class RigidEngine(Engine):
         self._plain_room, self._numbers = plain(room), self._state.data
         self._changed = True
         """Whether the state was changed from outside since the last step."""
-        self._forces = np.zeros((1, room.freedoms, 1))
+        self._forces = np.zeros((1, room.speeds, 1))
         self._calculation = calculation or Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`.
+        """Compute `full_matrix` and `full_bias` of the room at its `qpos` and `qvel`.
 
-        On entry, `forces` (p, v, 1) contains the generalised forces of the wrenches (p, w, 6) in N m, by the Jacobian
+        On entry, `forces` (p, w, 1) contains the generalised forces of the wrenches (p, w, 6) in N m, by the Jacobian
         of `asrsim.robot.dynamics.RobotModel`. An engine may replace them by those of its library.
         """
         raise NotImplementedError
 
     def map_wrenches(self, wrenches: Array, forces: Array) -> None:
-        """Write the generalised forces in N m of the wrenches (p, w, 6) at the room's `qpos` to `forces` (p, v, 1)."""
+        """Write the generalised forces in N m of the wrenches (p, w, 6) at the room's `qpos` to `forces` (p, w, 1)."""
         room, model = self._room, self._model
         forces[:] = 0.0
         if model is None:
@@ -456,15 +570,19 @@ class RigidEngine(Engine):
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run; see `asrsim.engines.base.Engine`."""
+        """Begin a run; see `asrsim.engines.base.Engine`. The returned values are those of coupled joints."""
         room, state = self._room, self._state
         first, size = room.coordinates, room.freedoms
         room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
         state[:first] = self._home
         state[first:] = 0.0
         state[room.joint_q] = positions
-        state[first + room.joint_v] = velocities
+        own = room.master == np.arange(room.joints)
+        state[first + room.joint_z[own]] = np.asarray(velocities)[own]
         state[first + size : first + 2 * size] = state[first : first + size]
+        if room.reduced:
+            _place_followers(room, state)
+            positions, velocities = state[room.joint_q].tolist(), (room.ratio * state[first + room.joint_z]).tolist()
         self._changed = True
         self.begin()
         return positions, velocities
@@ -475,7 +593,7 @@ class RigidEngine(Engine):
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         if len(self._forces) != len(lengths):
-            self._forces = np.zeros((len(lengths), self._room.freedoms, 1))
+            self._forces = np.zeros((len(lengths), self._room.speeds, 1))
         if self._changed:
             aim(self._plain_room, self._numbers)
             self._changed = False
@@ -516,4 +634,4 @@ class RigidEngine(Engine):
 
     def vary(self, robot: Robot) -> bool:
         """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""
-        return robot.links == self.robot.links
+        return robot.inertials == self.robot.inertials

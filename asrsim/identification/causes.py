@@ -66,8 +66,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[st
         if rest <= base - PARTLY * excess:
             more = "" if rest <= target else "; more is missing"
             explained, layout = (found.problem, found.x), found.problem.layout
-            values = dict(zip((entry.name for entry in layout.entries), layout.values(found.x).tolist(), strict=True))
-            yield _suspected(found, percent((rest / base) ** 0.5)) + more, values
+            yield _suspected(found, percent((rest / base) ** 0.5)) + more, layout.named(found.x)
     for text in chain(_oscillations(*explained), _varying_springs(problem, x)):
         yield text, {}
 
@@ -107,8 +106,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         channel = part.channel
         if part.track != problem.fitted[0] or not np.isfinite(off).all():
             continue
-        # If a torque is compared, it is the recorded command of the joint.
-        key, zeroed = channel.guide.command if channel.guide else channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
+        key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
         offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
         gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
@@ -116,7 +114,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         predicted = part.recorded + off
         # No scale within its bounds makes a nearly constant prediction as large as the recorded motion.
         moves = float(np.ptp(predicted)) > 1e-3 * float(np.ptp(part.recorded))
-        if zeroed and moves and not {offset.key, gain.key} & free and channel.guide is None:
+        if zeroed and moves and not {offset.key, gain.key} & free:
             slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))

@@ -19,11 +19,11 @@ from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import Start, prepare
 from asrsim.simulation.quantities import columns_of
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "load_plugin_file",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "load_plugin_file",
 ]  # fmt: skip
 
 SOURCES = ("link_position", "motor_1_position", "motor_2_position")
@@ -80,28 +80,44 @@ class Door:
         self._made[substeps] = found
         return found
 
+    @property
+    def observes(self) -> bool:
+        """Whether the simulation can follow measured positions."""
+        return self._worlds(self.substeps).observes
+
     def rollout(
-        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
-    ) -> Iterator[Array | None]:
+        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps,
+        observer: Observer | None = None,
+    ) -> Iterator[Array | None]:  # fmt: skip
         """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
-        diverges. names: pairs of the index of a joint and the name of a quantity.
+        diverges. Positions are those before the corrections of the observer. names: pairs of the index of a joint and the name
+        of a quantity.
         """
         made, wanted = self._worlds(substeps), {*SOURCES, *(name for _, name in names)}
         quantities = [name for name in made.names if name in wanted]
 
-        def run(several: Sequence[Start]) -> Iterator[Array | None]:
+        def run(first: int, several: Sequence[Start]) -> Iterator[Array | None]:
+            here = observer
+            if observer is not None:
+                here = replace(observer, measured=observer.measured[first : first + len(several)].copy())
             try:
-                found = made.rollout(quantities, start=several, steps=steps)
+                found = made.rollout(quantities, start=several, steps=steps, observer=here)
             except RobotError:
                 # If one set of parameters is not physical, each set is simulated alone.
-                yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
+                alone = (one for i, start in enumerate(several) for one in run(first + i, [start]))
+                yield from alone if len(several) > 1 else [None]
                 return
+            if here is not None and observer is not None:
+                before = observer.measured[first : first + len(several)] - here.measured
+                for column, source in enumerate(SOURCES[: before.shape[-1]]):
+                    if source in found:
+                        np.copyto(found[source], before[..., column], where=np.isfinite(before[..., column]))
             for world in range(len(several)):
                 channels = (self._channel(found, world, *name) for name in names)
                 yield np.stack([*channels]) if made.healthy[world] else None
 
         for first in range(0, len(starts), AT_ONCE):
-            yield from run(starts[first : first + AT_ONCE])
+            yield from run(first, starts[first : first + AT_ONCE])
 
     def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
         """Values (rows,) of a quantity of a joint; NaN if the simulation does not record the quantity."""

@@ -25,8 +25,7 @@ MOST_BYTES = 200_000_000
 _NUMBER = (float, None)
 _SHAPE: Shape = {
     "name?": str, "status": str, "fits": (bool, None), "accepted?": bool, "misfit": [str], "causes": [str], "remarks": [str],
-    "next?": [str], "scenario": str, "experiments": [str], "evaluations": int, "seconds": float, "attempts?": int,
-    "successes?": int,
+    "next?": [str], "scenario": str, "experiments": [str], "evaluations": int, "seconds": float, "bandwidth?": float,
     "estimates": [
         {
             "key": str, "name": str, "unit": str, "start": float, "value": _NUMBER, "low": _NUMBER, "high": _NUMBER,

@@ -124,6 +124,13 @@ def fits_noise(problem: Problem, x: Array) -> bool:
     return all(np.isfinite(left).all() and not fault_of(part.channel, left) for part, left in differences(problem, x))
 
 
+def fits(problem: Problem, x: Array) -> bool:
+    """Whether residuals are noise, or negligible."""
+    found = differences(problem, x)
+    exact = all(np.isfinite(left).all() and np.mean(left**2) < EXACT**2 * np.var(part.recorded) for part, left in found)
+    return exact or fits_noise(problem, x)
+
+
 def is_explained(problem: Problem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
     return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))

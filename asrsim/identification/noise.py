@@ -1,4 +1,4 @@
-"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and low-pass filters."""
+"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and bands of motions."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ STILL, FINE = 0.15, 0.5
 """Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""
 LEVELS = 20_000
 """Largest number of different values of a recording that counts as quantised."""
+WITHIN = 0.99
+"""Fraction of the power of a motion that lies within its band."""
 LOUD = 30.0
 """Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth."""
 
@@ -154,12 +156,10 @@ def bandwidth(step: float, positions: Array, noise: float) -> float:
     return float(frequency[loud[-1]]) if len(loud) else 0.0
 
 
-def smoothed(values: Array, cutoff: float) -> Array:
-    """Low-pass filtered series (n,): Butterworth of fourth order, forwards and backwards; cutoff: fraction of half the
-    sampling rate.
-    """
-    n, line = len(values), np.linspace(values[0], values[-1], len(values))
-    # Odd extension at both ends keeps the end values. scipy.signal would take half a second to import.
-    odd = np.concatenate([values - line, (line - values)[::-1]])
-    ratio = np.tan(np.pi * np.fft.rfftfreq(2 * n)) / np.tan(0.5 * np.pi * cutoff)
-    return np.asarray(np.fft.irfft(np.fft.rfft(odd) / (1.0 + ratio**8), 2 * n)[:n] + line)
+def motion_band(step: float, values: Array, noise: float) -> float:
+    """Frequency below which 99 % of the power of a record (n,) lies, without its mean and its white noise, rad/s."""
+    window = np.hanning(len(values))
+    power = np.abs(np.fft.rfft(window * (values - values.mean()))) ** 2
+    power = np.where(power > LOUD * noise**2 * np.sum(window**2), power, 0.0)
+    total = np.cumsum(power)
+    return float(2.0 * np.pi * np.fft.rfftfreq(len(values), step)[np.searchsorted(total, WITHIN * total[-1])])

@@ -115,9 +115,18 @@ class Layout:
         near = 1e-4 * np.minimum(high - low, 1.0)
         return np.asarray((x - low < near) | (high - x < near))
 
+    def scaled(self, x: Array, words: Sequence[str], factor: float) -> Array:
+        """Vector whose logarithmic entries with one of these words in their names are multiplied by a factor."""
+        hit = [entry.logarithmic and any(word in entry.name for word in words) for entry in self.entries]
+        return np.clip(np.where(hit, x + math.log(factor), x), *self.bounds)
+
     def values(self, x: Array) -> Array:
         """Values (n,) in the parameters' units."""
         return np.array([entry.value(float(v)) for entry, v in zip(self.entries, x, strict=True)])
+
+    def named(self, x: Array) -> dict[str, float]:
+        """Values by displayed name."""
+        return dict(zip((entry.name for entry in self.entries), self.values(x).tolist(), strict=True))
 
     def slopes(self, x: Array) -> Array:
         """Derivatives (n,) of the values with respect to the vector."""

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import InputError, RobotError, UnresolvedSpringError
-from asrsim.identification.data import Channel, guided, read_data
+from asrsim.identification.data import Channel, read_data
 from asrsim.identification.door import load_plugin_file
+from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
@@ -91,8 +92,6 @@ class Problem:
     ends: tuple[float, ...]
     """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
-    share: float = 1.0
-    """Fraction of each training part that is fitted."""
 
     @property
     def fitted(self) -> tuple[int, ...]:
@@ -109,14 +108,23 @@ class Problem:
         """Problem that covers all recordings to their ends, fitted or not."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
+    def can_rise(self, level: float) -> bool:
+        """Whether an observer can have this bandwidth: encoders without visible steps sample it fast enough."""
+        return all(self.tracks[i].measured.shows(self.observed(level).playing.bandwidth) for i in self.fitted)
+
     def played(self, staircases: frozenset[str]) -> Problem:
         """Problem in which the commands with given keys are played as staircases."""
         return replace(self, playing=replace(self.playing, staircases=staircases))
 
-    def until(self, track: int) -> float:
-        """End of the fitted part of a recording, s."""
-        onset = self.tracks[track].onset
-        return onset + (self.ends[track] - onset) * self.share
+    @property
+    def observes(self) -> bool:
+        """Whether an observer can move the simulations towards recorded positions."""
+        return all(self.tracks[i].observes for i in self.fitted)
+
+    def observed(self, level: float) -> Problem:
+        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer."""
+        motion = max(self.tracks[i].motion for i in self.fitted)
+        return replace(self, playing=replace(self.playing, bandwidth=level * motion))
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -125,7 +133,7 @@ class Problem:
         first = 0
         for track in self.fitted:
             for channel, noise in zip(self.tracks[track].channels, self.weights[track], strict=True):
-                count = channel.until(self.until(track))
+                count = channel.until(self.ends[track])
                 rows = slice(first, first + count)
                 found.append(Part(rows, track, channel, noise, channel.time[:count], channel.values[:count]))
                 first += count
@@ -140,7 +148,7 @@ class Problem:
         """Index (m,) of the time block of each residual; each recording has `count` blocks."""
         numbers = []
         for part in self.parts:
-            inside = np.minimum(np.floor(part.time / self.until(part.track) * count), count - 1)
+            inside = np.minimum(np.floor(part.time / self.ends[part.track] * count), count - 1)
             numbers.append(part.track * count + inside)
         return np.concatenate(numbers).astype(np.intp)
 
@@ -177,7 +185,7 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     free, ties = free_parameters(task, known)
     freed, tracks = {parameter.key for parameter in free}, list[Track]()
     for one in data:
-        tracks.append(Track(scenario, given, guided(one, robot, freed), freed))
+        tracks.append(Track(scenario, given, one, freed))
         stack.callback(tracks[-1].door.close)
     # Recordings that are not fitted keep the start values of their separate parameters.
     fitted = [track for track in tracks if not track.data.predicted_only]
@@ -205,7 +213,7 @@ def differences(problem: Problem, x: Array) -> Differences:
     predicted: list[Array] = []
     for track in problem.fitted:
         values = problem.layout.table(x, track)
-        predicted += problem.tracks[track].predict(values, problem.playing, problem.until(track))
+        predicted += problem.tracks[track].predict(values, problem.playing, problem.ends[track])
         problem.meter.count()
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 
@@ -242,7 +250,7 @@ def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
 
 def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array]:
     tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
-    for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.until(track)):
+    for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.ends[track]):
         problem.meter.count()
         pairs = zip(predicted, parts, strict=True)
         yield np.concatenate([part.weighted(values - part.recorded) for values, part in pairs])
@@ -271,6 +279,17 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
     if substeps == problem.playing.substeps:
         return problem
     return replace(problem, playing=replace(problem.playing, substeps=substeps))
+
+
+def weighed(problem: Problem, x: Array) -> Problem:
+    """Problem whose channels are weighted by the size of their residuals, at least by rounding. A recording whose simulation
+    diverges keeps its weights.
+    """
+    found: dict[int, list[float]] = {}
+    for part, left in differences(problem, x):
+        size = max(size_of(left), 1e-12) if np.isfinite(left).all() else part.noise
+        found.setdefault(part.track, []).append(size)
+    return replace(problem, weights=tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights)))
 
 
 def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:

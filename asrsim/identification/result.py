@@ -66,19 +66,20 @@ class Estimate:
         return not math.isnan(self.low)
 
 
-def doubted(known: Sequence[Estimate], *, fits: bool, otherwise: Mapping[str, float]) -> Iterator[Estimate]:
+def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[str, float]]) -> Iterator[Estimate]:
     """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
     absorb what it lacks; or a mass or inertia is far from its start, which the robot file states.
 
-    otherwise: estimates of a model with the suspected causes, by name; the intervals of a model that does not fit contain them.
+    others: estimates of other models, such as one with the suspected causes, by name. The intervals of a model that does not
+    fit contain them.
     """
     for one in known:
         ratio = one.value / one.start if one.start else 1.0
-        reason, other = "", otherwise.get(one.name, one.value)
+        reason, values = "", [values[one.name] for values in others if one.name in values]
         if not fits:
-            one = replace(one, low=min(one.low, other), high=max(one.high, other)) if one.has_interval else one
-            moved = not one.is_place and abs(other - one.value) > CLOSE * abs(one.value)
-            reason = f"with the suspected causes it would be {other:.4g}" if moved else "the model is not shown to fit"
+            one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
+            far = [value for value in values if not one.is_place and abs(value - one.value) > CLOSE * abs(one.value)]
+            reason = f"with the suspected causes it would be {far[-1]:.4g}" if far else "the model is not shown to fit"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
@@ -171,10 +172,8 @@ class Result:
     """Number of simulations."""
     seconds: float
     """Duration of the fit, s."""
-    attempts: int
-    """Number of starts that were tried."""
-    successes: int
-    """Number of starts from which the search reached the smallest error."""
+    bandwidth: float
+    """Bandwidth of the observer of the kept level, rad/s; 0: the simulation is free."""
     status: str
     """Status of the fit: `COMPLETE` and so on."""
     x: Array

@@ -21,7 +21,7 @@ from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, 
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
 from asrsim.identification.result import ACCEPTABLE, CHECKED, COMPLETE, INTERRUPTED, UNFINISHED, Result, doubted, estimates
-from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
+from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.samples import Array
@@ -44,7 +44,7 @@ class Progress:
 
 OFTEN = 0.2
 """Time between progress reports, s."""
-SEARCH, AFTERWARDS = 12, 40
+SEARCH, AFTERWARDS = 30, 40
 """Estimated number of evaluations per parameter in a search, and in all later stages together."""
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
@@ -141,14 +141,14 @@ def identify(
         setup = set_up(task, stack, watch)
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = differences(problem.everything, start)
-        if any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
+        if not problem.observes and any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
         watch.best, watch.stop, status = Best(problem, start), stop, CHECKED if check else COMPLETE
         try:
             with watch.in_time():
                 if not check:
-                    search(watch.best, task.starts, watch.stage)
+                    search(watch.best, watch.stage)
                     watch.stage("substeps and weights")
                     settle(watch.best)
         except OutOfTime:
@@ -166,25 +166,33 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
-    fits = channel_fits(problem, before, trained)
-    misfit, causes = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else [], list[str]()
-    otherwise: dict[str, float] = {}
+    # The written robot is simulated without an observer.
+    free, followed = problem.observed(0.0), best.free or (problem, trained)
+    fits = channel_fits(free, before, trained)
+    misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
+    others: list[Mapping[str, float]] = []
+    if complete and best.free:
+        misfit.append(
+            "errors of the model accumulate in a simulation of the recording: estimates are from predictions over "
+            f"{1.0 / problem.playing.bandwidth:.2g} s, which start again and again at the recorded positions"
+        )
+        others += [followed[0].layout.named(followed[1])] if follows(*followed) else []
     if misfit:
         watch.stage("what may be missing")
-        causes += foreign(fits)
+        causes += foreign(channel_fits(problem, before, trained) if best.free else fits)
         with watch.in_time(), suppress(OutOfTime):
-            for text, values in _causes(problem, trained):
+            for text, values in _causes(*followed):
                 causes.append(text)
-                otherwise |= values
+                others.append(values)
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
-    misfit += contradicted_ties(final, x) if complete else ()
+    misfit += contradicted_ties(*(followed if best.free else (final, x))) if complete else ()
     accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
     found = found.of_a_block if misfit else found
     known, combined = estimates(final, x, found)
     if status != CHECKED:
-        known = list(doubted(known, fits=complete and not misfit, otherwise=otherwise))
+        known = list(doubted(known, fits=complete and not misfit, others=others))
     curves: tuple[Profile, ...] = ()
     if complete:
         watch.stage("profiles")
@@ -194,7 +202,7 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
-        seconds=clock.perf_counter() - watch.began, attempts=best.attempts, successes=best.successes,
+        seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={

@@ -11,7 +11,7 @@ from typing import Any
 
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.file import kind_of, read_document
-from asrsim.document.kinds import NUMBER, Boolean, File, Integer, ListOf, MapOf, Number, Text
+from asrsim.document.kinds import NUMBER, Boolean, File, ListOf, MapOf, Number, Text
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
@@ -95,7 +95,6 @@ class Task:
         default=0.25,
         doc="fraction at the end of each recording that is predicted but not fitted",
     )
-    starts: int = declare(Integer(minimum=1), default=6, doc="largest number of starts that are tried until the model fits")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
         default=(),

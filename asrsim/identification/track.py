@@ -10,7 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.identification.data import Channel, Data, PlayedCommand
-from asrsim.identification.door import EXTERNAL, Door, Start, Substeps
+from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
+from asrsim.identification.noise import motion_band
+from asrsim.identification.observed import Measured
 from asrsim.identification.parameters import CLOCK, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -53,9 +55,7 @@ class Played(Signal):
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
             means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
-        values = self.command.scale * self.gain * (means - self.offset)
-        guide = self.command.guide
-        return np.asarray(values if guide is None else values + guide.values(at + self.delay), dtype=np.float64)
+        return np.asarray(self.gain * (means - self.offset), dtype=np.float64)
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""
@@ -87,6 +87,8 @@ class Playing:
     substeps: Substeps
     staircases: frozenset[str] = frozenset()
     """Keys of commands that are played as staircases: each sample is constant until the next."""
+    bandwidth: float = 0.0
+    """Bandwidth of the observer that moves the simulation towards the recorded positions, rad/s; 0: no observer."""
     draw: int | None = None
     """Random seed of the noise that is added to the recorded commands; None: no noise."""
 
@@ -99,9 +101,10 @@ class Track:
         self.data, self.channels = data, data.channels
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
-        self.wanted = [
-            (self.door.joints.index(one.joint), one.quantity if one.guide is None else "link_position") for one in self.channels
-        ]
+        self.wanted = [(self.door.joints.index(one.joint), one.quantity) for one in self.channels]
+        self.measured = Measured(self.channels, self.door.drives, self.scenario.step)
+        self.motion = max((motion_of(c) for c in self.channels if c.quantity.endswith(("position", "deflection"))), default=0.0)
+        """Frequency up to which positions move, rad/s; see `motion_band`. 0: no position is recorded."""
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
         self.initial: dict[str, float] = {}
@@ -121,7 +124,7 @@ class Track:
 
         A joint whose sensor has a free zero starts at the scenario's position.
         """
-        sensors = {one.key: one for one in (*self.data.guides, *self.channels)}
+        sensors = {one.key: one for one in self.channels}
         for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
             keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
@@ -138,7 +141,7 @@ class Track:
                 shown = {} if f"{channel.key}.offset" in freed else {keys[0]: place}
                 shown |= {keys[1]: speed} if moving else {}
                 self.initial |= shown
-                self.uncertain += [key for key in shown if channel in self.channels and key not in freed]
+                self.uncertain += [key for key in shown if key not in freed]
         for drive in self.door.drives:
             names, link = (
                 [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
@@ -169,9 +172,20 @@ class Track:
         """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
         steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
-        found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
+        observer = self._observer(tables, playing, steps) if playing.bandwidth else None
+        found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps, observer=observer)
         for values, series in zip(tables, found, strict=True):
             yield self._sensed(values, series, until)
+
+    @property
+    def observes(self) -> bool:
+        """Whether an observer can move the simulation towards recorded positions."""
+        return bool(self.measured.places) and self.motion > 0.0 and self.door.observes
+
+    def _observer(self, tables: Sequence[Mapping[str, float]], playing: Playing, steps: int) -> Observer:
+        every, gains = self.measured.gains(playing.bandwidth, 1.0 / self.motion)
+        shown = [self.measured.at(values, values.get(CLOCK, 0.0), every, steps) for values in tables]
+        return Observer(measured=np.stack(shown), gains=gains)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Simulated quantities (index of joint, name) at whole steps; None if the simulation diverges."""
@@ -183,14 +197,10 @@ class Track:
             return [np.full(channel.until(until), np.nan) for channel in self.channels]
         clock, predicted = values.get(CLOCK, 0.0), []
         for channel, exact in zip(self.channels, series, strict=True):
-            count, key, guide = channel.until(until), channel.key, channel.guide
-            shift = 0.0 if guide else clock + values.get(f"{key}.delay", 0.0)
+            count, key = channel.until(until), channel.key
+            shift = clock + values.get(f"{key}.delay", 0.0)
             sensed = interpolate(exact, (channel.time[:count] - shift) / self.scenario.step)
-            if guide is not None:
-                torque = guide.stiffness * (guide.positions[:count] - sensed) / values.get(f"{guide.command}.gain", 1.0)
-                predicted.append(channel.values[:count] + torque)
-            else:
-                predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
+            predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
         return predicted
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
@@ -230,10 +240,9 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     for command in data.commands:
         if command.name != EXTERNAL:
             references.setdefault(command.joint, {})[command.name] = Played(command=command, step=scenario.step)
-    parameters = {joint: {**scenario.parameters.get(joint, {}), **own} for joint, own in data.parameters.items()}
     return replace(
         scenario, duration=data.duration, modes={**scenario.modes, **data.modes}, references=references,
-        parameters={**scenario.parameters, **parameters}, expect=(), desired={}, log_every=1,
+        expect=(), desired={}, log_every=1,
     )  # fmt: skip
 
 
@@ -246,6 +255,13 @@ def interpolate(series: Array, place: Array) -> Array:
     if np.abs(place - nearest).max(initial=0.0) < 1e-6:
         return np.asarray(series[nearest.astype(np.intp)])
     return np.asarray(CubicSpline(np.arange(len(series)), series)(place))
+
+
+def motion_of(channel: Channel) -> float:
+    """Frequency below which 99 % of the power of a channel lies, without its noise, rad/s."""
+    step = float(np.median(np.diff(channel.time)))
+    values = np.interp(np.arange(channel.time[0], channel.time[-1], step), channel.time, channel.values)
+    return motion_band(step, values, channel.floor)
 
 
 def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:

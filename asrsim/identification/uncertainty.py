@@ -259,9 +259,8 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
         """Change (n,) of the estimate if the commands are played differently, to first order."""
         return np.asarray(found.inverse @ (found.jacobian.T @ (residuals(replace(problem, playing=other), x) - base)))
 
-    # Recorded torques contain the noise of the commands.
     tracks = [problem.tracks[i] for i in problem.fitted]
-    if not any(track.data.guides or not any(one.noise for one in track.data.commands) for track in tracks):
+    if all(any(one.noise for one in track.data.commands) for track in tracks):
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
         finer = replace(playing, substeps=(FINER * playing.substeps[0], playing.substeps[1]))

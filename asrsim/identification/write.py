@@ -46,7 +46,7 @@ def as_dict(result: Result) -> dict[str, Any]:
     means = [math.log(rows[i].value) if entries[i].logarithmic else rows[i].value for i in drawn]
     # Parameters without an interval are not varied.
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
-    about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "attempts", "successes", "evaluations", "seconds")
+    about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "bandwidth", "evaluations", "seconds")
     data = {
         "name": result.task.name,
         **{name: getattr(result, name) for name in about},

@@ -31,6 +31,7 @@ from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
+from asrsim.scenario.starts import start_positions
 
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
@@ -126,17 +127,18 @@ class SoftArm:
         """
         grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
         columns = []
+        starts = start_positions(self.scenario, self.robot)
         for joint in self.model.joints:
             if joint in joints:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
-            resting = for_joint(self.scenario.initial_positions, joint, 0.0)
+            resting = starts[joint]
             # With a learned input, the reference differs from the desired motion of the link.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
             columns.append(np.full(len(grid), resting) if signal is None else signal.values(grid))
-        return smooth_motion(grid, np.column_stack(columns))
+        return smooth_motion(grid, self.model.couplings.expand(np.column_stack(columns)))
 
     def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
         """Inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
@@ -150,11 +152,15 @@ class SoftArm:
             raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         rigid = self.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
+        moving = [self.robot.joint(name) for name in self.model.joints]
+        damping, friction = np.array([[joint.damping, joint.friction] for joint in moving]).T
+        rigid = rigid + damping * motion.velocities + friction * np.tanh(motion.velocities / SLOW)
+        rigid = self.model.couplings.fold(rigid)
         found, demands = [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)
             position, velocity = motion.positions[:, column], motion.velocities[:, column]
-            torque = rigid[:, column] + joint.damping * velocity + joint.friction * np.tanh(velocity / SLOW)
+            torque = rigid[:, column]
             external = for_joint(self.scenario.external_torques, drive.joint)
             if external is not None:
                 torque = torque - external.values(motion.time)

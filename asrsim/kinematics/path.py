@@ -127,7 +127,7 @@ def follow(
             return np.asarray(away)
         return np.concatenate([away, Rotation.from_matrix(turned[index] @ rotation.T).as_rotvec()])
 
-    q = np.array(start, dtype=float)
+    q = model.couplings.expand(np.array(start, dtype=float))
     positions, errors = np.empty((len(time), len(q))), np.zeros((len(time), 2))
     for index in range(len(time)):
         error = missing(index, *model.pose(q, link, point))
@@ -140,7 +140,7 @@ def follow(
         displacement = missing(index + 1, wanted[index], None if turned is None else turned[index])
         displacement += min(gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[: len(error)]
-        q = q + bounded_step(jacobian, displacement, stops - q, damping)
+        q = model.couplings.expand(q + bounded_step(jacobian, displacement, stops - q, damping))
     return JointPath(time=time, positions=positions, position_error=errors[:, 0], orientation_error=errors[:, 1])
 
 

@@ -20,6 +20,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import CartesianTask, for_joint
+from asrsim.scenario.starts import start_positions
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -57,7 +58,8 @@ def plan(
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
-    moving = [joint in driven for joint in model.joints]
+    free = model.couplings.free
+    moving = [joint in driven and j in free for j, joint in enumerate(model.joints)]
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
@@ -215,6 +217,6 @@ def plan_task(scenario: Scenario, robot: Robot) -> tuple[JointPath, dict[str, di
         given = scenario.references_of(drive.joint)
         if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
-    initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
+    initial = start_positions(scenario, robot)
     model = robot_model(scenario, robot)
     return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)

@@ -28,6 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
+from asrsim.scenario.starts import start_positions
 
 if TYPE_CHECKING:
     from asrsim.actuators.drive import Drive
@@ -55,9 +56,10 @@ MOTOR_SHARE = 0.5
 SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
-FASTEST = 2000.0
-"""Highest natural frequency of a joint with proposed parameters, rad/s. The springs of light fingers are softened to it: a
-stiffer spring would need more substeps than a run allows, and its motion could not be seen."""
+CARRYING = 3.0
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+SHORT = 0.01
+"""Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -110,7 +112,7 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, from the position of its references to the position of rest."""
     model, time = robot_model(scenario, robot), _instants(scenario, blocks)
-    wanted = np.tile([float(for_joint(scenario.initial_positions, name, 0.0)) for name in model.joints], (len(time), 1))
+    wanted = np.tile([*start_positions(scenario, robot).values()], (len(time), 1))
     springs: dict[int, tuple[Drive, Array, float]] = {}
     """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
     for block in blocks:
@@ -118,20 +120,23 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         goals, goal = goals_of(scenario, block, time)
         springs[column] = drive_of(block), goals, joint.most_effort
         wanted[:, column] = np.clip(goal, *joint.stops)
+    couplings = model.couplings
+    wanted = couplings.expand(wanted)
 
     columns, (drives, references, efforts) = [*springs], zip(*springs.values(), strict=True)
 
     def pulls(positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        place = positions[..., columns]
+        place = couplings.expand(positions)[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return found
+        return couplings.fold(found)
 
-    movable = np.isin(np.arange(len(model.joints)), list(springs))
+    movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
+    positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
     found = []
     for column, (drive, goals, effort) in springs.items():
@@ -168,9 +173,10 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 
 
 def _scale(joint: Joint) -> float:
-    """Scale for the sag of a joint, rad or m. The travel counts unless it is 0: such a joint cannot sag."""
+    """Scale for the sag of a joint, rad or m. The travel counts unless it is so short that the joint cannot sag."""
     low, high = joint.stops
-    return min(SLIDING if joint.kind == "prismatic" else 1.0, (high - low) or math.inf)
+    usual = SLIDING if joint.kind == "prismatic" else 1.0
+    return min(usual, high - low) if high - low > SHORT * usual else usual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,10 +255,12 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
     return tuple(problems)
 
 
-def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
+def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf) -> dict[str, dict[str, float]]:
     """Values of parameters, by joint and parameter, with which springs and motors hold the arm in any posture, and no joint is
-    slow, or too fast for a run. Parameters that suffice are left out, and so are springs whose torque is proportional to no
-    parameter."""
+    slow. Parameters that suffice are left out, and so are springs whose torque is proportional to no parameter.
+
+    fastest: highest natural frequency of a joint, rad/s; stiffer springs are softened.
+    """
     inertia, lightest, weights, found = _carried(robot), _lightest(robot), _weights(robot_model(scenario, robot)), {}
     for block in _sprung(robot):
         drive, weight = drive_of(block), weights[block.joint]
@@ -260,8 +268,9 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
         moving = SLOWEST**2 * inertia[block.joint]
         # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
         stiffness = max(1.5 * weight / (ENOUGH * _scale(robot.joint(block.joint))), moving)
-        slow_enough = min(FASTEST**2 * lightest[block.joint] / max(present, 1e-9), 1.0)
-        spring = max(stiffness / max(present, 1e-9), slow_enough)
+        resolved = fastest**2 * lightest[block.joint] / max(present, 1e-9)
+        # The weight may need a faster joint, but none that a run cannot resolve.
+        spring = min(max(stiffness / max(present, 1e-9), min(resolved, 1.0)), CARRYING**2 * resolved)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
         # The last term accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
@@ -282,13 +291,15 @@ def strengthened(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
-    inertia = _carried(robot)
+    inertia, moving = _carried(robot), robot.moving_joints
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
         own, joint = inertia[block.joint], robot.joint(block.joint)
         if joint.lower is not None and joint.lower == joint.upper:
             continue
-        damping = joint.damping
+        damping = damped[block.joint]
         critical = 2.0 * math.sqrt(own * max(_springs(scenario, block)[0], 0.0))
         if damping < RATIO * critical:
             lasts = max(lasts, 6.0 * own / damping if damping else math.inf)

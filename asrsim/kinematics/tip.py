@@ -11,7 +11,7 @@ from asrsim.kinematics.path import PoseTrajectory
 from asrsim.robot.poses import frame
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 from asrsim.scenario import robot_model
-from asrsim.scenario.data import for_joint
+from asrsim.scenario.starts import start_positions
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -28,7 +28,7 @@ class TipPoses:
             raise ValueError("the scenario has no task")
         self._task = task
         self._model = robot_model(scenario, robot)
-        start = np.array([float(for_joint(scenario.initial_positions, joint, 0.0)) for joint in self._model.joints])
+        start = np.array([*start_positions(scenario, robot).values()])
         self._path = PoseTrajectory.through(task.poses, task.interpolation, self._tip(start, None))
 
     def _tip(self, positions: Array, base: Array | None) -> tuple[Array, Array]:

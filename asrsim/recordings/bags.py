@@ -97,7 +97,7 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
     last, name = parts[-1] if parts else "", label.partition("[")[0]
     if kind.endswith("/JointState") and name in _JOINT_STATE:
         if any(word in topic.lower() for word in _COMMANDS):
-            return joint, "reference_1" if name == "position" else None
+            return joint, "reference_1" if name in ("position", "effort") else None
         motor = re.search(r"motor_([1-8])(?!\d)", topic.lower())
         side = motor[0] if motor else "link"
         return joint, f"{side}_{_JOINT_STATE[name]}"

@@ -8,6 +8,7 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, RecordingError
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.names import KINDS
 
 
 def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str]:
@@ -32,15 +33,15 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
     mode: Control mode of the run, which decides whether the reference is a position or a torque; None: not checked.
     """
     quantity = str(column.quantity)
+    if quantity == "reference_1" and mode in MODES:
+        wanted = KINDS[MODES[mode].units[0]]
+        if column.unit and KINDS.get(column.unit) != wanted:
+            how = "is" if column.stated else "is, by its name,"
+            message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
+            return Problem(message, key=column.source, code="wrong-unit")
     # Second references and second motors may have any unit (the adjuster of AwAS-II moves in m).
     if not column.stated or quantity == "reference_2" or quantity.startswith("motor_2_"):
         return None
-    if quantity == "reference_1" and mode in MODES:
-        kinds = {"N m": "torque", "N": "torque", "V": "voltage", "A": "current"}
-        wanted = kinds.get(MODES[mode].units[0], "position")
-        if column.unit and kinds.get(column.unit, "position") != wanted:
-            message = f"is in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
-            return Problem(message, key=column.source, code="wrong-unit")
     kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())
     if column.unit not in others:
         return None

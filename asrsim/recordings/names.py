@@ -26,6 +26,7 @@ _WORDS = {
         "torque": "tau torques effort efforts", "motor": "hub mot hubangle", "deflection": "defl", "external": "ext",
         "elastic": "el spring", "equilibrium": "eq",
         "reference": "references ref cmd command commanded des desired target setpoint qref qdes qcmd",
+        "current": "currents cur curr amps", "voltage": "voltages volt volts",
         "": "joint joints axis link measured meas actual data value values angular state states",
         "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
     }.items()
@@ -33,6 +34,8 @@ _WORDS = {
 }  # fmt: skip
 """Word in `_QUANTITIES` for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?"
 for words that suggest a quantity of a joint, but may mean something else."""
+_COMMANDS = {"position": "rad", "torque": "N m", "force": "N", "current": "A", "voltage": "V"}
+"""Unit of a command by the word that states its kind."""
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
@@ -41,11 +44,13 @@ _QUANTITIES = {
         "motor_1_torque": "motor torque", "elastic_torque_1": "elastic torque", "external_torque": "external torque",
         "position_error": "error position", "reference_2": "preset,stiffness preset",
         "equilibrium_position": "equilibrium,equilibrium position,equilibrium theta",
-        "reference_1": "reference,reference position,reference torque,motor reference,motor reference position",
+        "reference_1": ",".join(f"{whose} reference {kind}" for whose in ("", "motor") for kind in ("", *_COMMANDS)),
     }.items()
     for words in spellings.split(",")
 }  # fmt: skip
 """Quantity for the sorted words of a column's name."""
+_LETTERS = {"i", "id", "iq", "u", "v"}
+"""Symbols that mean a current, a voltage, a velocity or any input in the name of a command."""
 _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
 """Words of an ambiguous name about which the user is asked."""
 
@@ -98,8 +103,12 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
         doubtful = named or _DOUBTFUL & {*_words(tokens_of(rest))} or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
         if doubtful and "reference" not in words:
             raise DoubtError("its name may or may not be a quantity of a joint")
+        if "reference" in words and {"?", "theta", *_LETTERS} & {*words}:
+            raise DoubtError("its name means a command, but it may be a position, a torque, a velocity, a current or a voltage")
         return joint, None
     quantity = _fitting(quantity, unit)
+    if quantity == "reference_1" and unit is not None:
+        _require_kind(name, unit)
     owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
     unclear = bool(numbers) and exact in KNOWN
@@ -113,6 +122,35 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
         place = int(array[1]) if array else next(iter(numbers), None)
         joint = joint_of(place, joints, indexed=array is not None)
     return joint, quantity
+
+
+def command_unit(name: str) -> str:
+    """SI unit of a command whose name states another kind than a position, such as "N m" for `knee_tau_des`; "" otherwise.
+
+    The last part of a path counts first: `/effort_controller/joint_commands/position` is a position.
+    """
+    for part in reversed(re.split(r"[./]", split_header(name)[0])):
+        words = {*_words(tokens_of(part))}
+        for kind, unit in _COMMANDS.items():
+            if kind in words:
+                return "" if unit == "rad" else unit
+    return ""
+
+
+KINDS = {
+    "rad": "position", "m": "position", "N m": "torque", "N": "torque", "A": "current", "V": "voltage", "rad/s": "velocity",
+    "m/s": "velocity",
+}  # fmt: skip
+"""Kind of a command by its SI unit."""
+
+
+def _require_kind(name: str, unit: Unit) -> None:
+    """Raise DoubtError if the unit of a command is that of a velocity, or does not fit the kind that its name states."""
+    kind, stated = KINDS.get(unit.si, ""), KINDS.get(command_unit(name), "")
+    if kind == "velocity":
+        raise DoubtError("it is a command of a velocity, which no operation mode takes")
+    if kind and stated and kind != stated:
+        raise DoubtError(f"its name means a command of a {stated}, but its unit is {unit.symbol}")
 
 
 def _joint_called(name: str, joints: Sequence[str] | None) -> str:

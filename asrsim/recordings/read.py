@@ -19,7 +19,7 @@ from asrsim.plain import one_or_more
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import KNOWN, DoubtError, find_raw, joint_of, meaning_of, stated_unit
+from asrsim.recordings.names import KNOWN, DoubtError, command_unit, find_raw, joint_of, meaning_of, stated_unit
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
@@ -220,8 +220,10 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     """
     unit = _unit(raw, meaning)
     quantity = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
-    # The unit of a reference depends on the mode.
-    assumed = "SI" if meaning.quantity in ("reference_1", "reference_2") else quantity
+    # The unit of a reference depends on the mode, unless its name states what it commands.
+    if meaning.quantity in ("reference_1", "reference_2"):
+        quantity = command_unit(raw.name) if meaning.scale == 1.0 else ""
+    assumed = quantity or ("SI" if meaning.quantity in ("reference_1", "reference_2") else "")
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
         (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),

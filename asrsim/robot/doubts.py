@@ -32,6 +32,8 @@ WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
 """Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
+ROTORS = 0.05
+"""Relative difference of the file's rotor and the actuator's motors above which they contradict each other."""
 EXCHANGED = 1.5
 """Smallest distance of two exchanged parameters from their defaults, powers of ten."""
 GAINS = ("proportional", "integral", "derivative")
@@ -125,15 +127,6 @@ def _passive(robot: Robot) -> Iterator[Problem]:
             yield _about(message, robot, joint, code="two-springs", value=f"{stiffness:g}")
 
 
-def _mimics(robot: Robot) -> Iterator[Problem]:
-    driven = {block.joint for block in robot.actuators}
-    for joint in robot.moving_joints:
-        if joint.mimic and joint.name not in driven:
-            message = "<mimic> is not simulated: the joint moves freely under gravity, its damping and friction"
-            hint = "Give both joints actuators with matching references, or make this one fixed"
-            yield _about(message, robot, joint, code="mimic-joint", value=joint.mimic, hint=hint)
-
-
 def _no_actuators(robot: Robot) -> Iterator[Problem]:
     if not robot.actuators and robot.moving_joints:
         hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint"
@@ -142,7 +135,7 @@ def _no_actuators(robot: Robot) -> Iterator[Problem]:
 
 
 ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
-    _no_inertial, _sizes, _limits, _passive, _mimics, _no_actuators,
+    _no_inertial, _sizes, _limits, _passive, _no_actuators,
 )  # fmt: skip
 
 
@@ -171,6 +164,13 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     elif joint.effort == 0.0:
         message = "the joint's effort limit is 0: every torque is clipped to nothing"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
+    own = sum(value for name, value in block.values().items() if name.startswith("motor_") and name.endswith("_inertia"))
+    if MODES[block.mode].motor and abs(own - joint.rotor_inertia) > ROTORS * joint.rotor_inertia > 0.0:
+        message = (
+            f"behind the spring the actuator's motors count, with {own:.3g} kg m^2: "
+            f"the file's rotor of {joint.rotor_inertia:.3g} kg m^2 at the joint is left out"
+        )
+        yield Problem(message, code="two-rotors", hint="Set motor_1_inertia to it, or `armature` in the scenario")
     if MODES[block.mode].spring and not has_spring(block):
         names = [one.name for one in ACTUATORS.get(block.actuator).parameters if block.parameters[one.name].value == 0.0]
         message = "the spring has no stiffness: nothing couples the motor to the link"

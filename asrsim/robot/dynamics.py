@@ -31,7 +31,11 @@ BASE = 6
 
 class RobotModel:
     """Rigid-body model of a robot on its base. Arrays of joints (..., n) are in the order of `joints`; leading axes count
-    postures."""
+    postures.
+
+    Coupled joints stand and move as their masters make them, whatever the arrays say about them. Torques, Jacobians and mass
+    matrices are those of the masters: 0 for the joints that follow, and rows of the unit matrix in the mass matrix.
+    """
 
     def __init__(
         self,
@@ -66,6 +70,14 @@ class RobotModel:
         self._inertias = np.zeros((len(joints) + 1, 4, 4))
         for link in chain.links:
             self._inertias[bodies[link.name]] = _pseudo_inertia(link)
+        self._floats = np.zeros((len(joints) + 1, 4, 4))
+        """Pseudo-inertias of the masses on which gravity does not act; only their mass and first moments are used."""
+        for link in chain.links:
+            mass, centre = link.weightless
+            self._floats[bodies[link.name]] = mass * np.outer([*centre, 1.0], [*centre, 1.0])
+        self._armature = np.zeros(len(joints))
+        self._armature[self._at] = [joint.armature for joint in moving]
+        self.couplings = robot.couplings
         self._places = {
             name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
         }
@@ -93,19 +105,21 @@ class RobotModel:
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
             body = self._parents[body - 1]
-        return jacobian[..., self._at]
+        return self.couplings.fold(jacobian[..., self._at])
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
         unit, at, free = np.eye(len(self._parents)), self._at, slice(self._free)
         matrix = self._torques(self._all(positions)[..., None, :], np.zeros_like(unit), unit, np.zeros(3))
         own, base, cross = matrix[..., at[:, None], at], matrix[..., free, free], matrix[..., free, at]
-        return np.asarray(own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross) if self._free else own)
+        if self._free:
+            own = own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross)
+        return self.couplings.fold_matrix(own)
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""
-        q, v, a = map(self._all, (positions, velocities, accelerations))
-        return self._torques(q, v, a, self._gravity)[..., self._at]
+        q, v, a = self._all(positions), self._all_rates(velocities), self._all_rates(accelerations)
+        return self.couplings.fold(self._torques(q, v, a, self._gravity)[..., self._at])
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
@@ -119,7 +133,8 @@ class RobotModel:
 
     def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
         """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
-        rates = np.moveaxis(self._all(velocities)[..., None, None] * self._twists, -3, 0)
+        speeds = self._all_rates(velocities)
+        rates = np.moveaxis(speeds[..., None, None] * self._twists, -3, 0)
         steps = self._steps(self._all(positions))
         # The pose of each body, and the derivative of the pose with respect to time.
         poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
@@ -128,12 +143,19 @@ class RobotModel:
             motions.append(motions[parent] @ step + poses[-1] @ rate)
         moving, places = np.array(motions), np.array(poses)[..., :3, :]
         kinetic = 0.5 * np.einsum("b...ij,bjk,b...ik->...", moving, self._inertias, moving)
-        potential = -np.einsum("b...ij,bj,i->...", places, self._inertias[..., 3], self._gravity)
+        kinetic = kinetic + 0.5 * np.square(speeds) @ self._armature
+        potential = -np.einsum("b...ij,bj,i->...", places, (self._inertias - self._floats)[..., 3], self._gravity)
         return kinetic, potential
 
     def _all(self, values: ArrayLike) -> Array:
-        """Values (..., joints) of all joints, from values (..., n) of the robot's joints; 0 for the base."""
-        own = np.asarray(values, dtype=float)
+        """Positions (..., joints) of all joints, from positions (..., n) of the robot's joints; 0 for the base."""
+        return self._with_base(self.couplings.expand(values))
+
+    def _all_rates(self, values: ArrayLike) -> Array:
+        """Velocities or accelerations (..., joints) of all joints; 0 for the base."""
+        return self._with_base(self.couplings.expand_rates(values))
+
+    def _with_base(self, own: Array) -> Array:
         everything = np.zeros((*own.shape[:-1], len(self._parents)))
         everything[..., self._at] = own
         return everything
@@ -163,11 +185,17 @@ class RobotModel:
             changes.append(back @ changes[parent] @ step + boost + twist @ rate - rate @ twist)
         bodies = zip(twists, changes, self._inertias, strict=True)
         loads = [(change + twist @ twist) @ inertia for twist, change, inertia in bodies]
+        if self._floats.any():
+            # The acceleration of the base that replaces gravity, along the axes of each body.
+            rises = [changes[0]]
+            for parent, step, back in zip(self._parents, steps, np.linalg.inv(steps), strict=True):
+                rises.append(back @ rises[parent] @ step)
+            loads = [load - rise @ mass for load, rise, mass in zip(loads, rises, self._floats, strict=True)]
         torques = np.zeros(np.broadcast_shapes(positions.shape, velocities.shape, accelerations.shape))
         for k in range(len(steps) - 1, -1, -1):
             torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
             loads[self._parents[k]] = loads[self._parents[k]] + steps[k] @ loads[k + 1] @ np.swapaxes(steps[k], -1, -2)
-        return torques
+        return torques + self._armature * accelerations if self._armature.any() else torques
 
 
 def with_base_joints(robot: Robot) -> Robot:

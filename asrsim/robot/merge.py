@@ -72,7 +72,10 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
         return first
     collisions = tuple(_placed(shape, pose) for link, pose in members for shape in link.collisions)
     visuals = tuple(_placed(shape, pose) for link, pose in members for shape in link.visuals)
-    body = replace(first, collisions=collisions, visuals=visuals)
+    floating, point = _weightless(members)
+    body = replace(
+        first, collisions=collisions, visuals=visuals, gravity=True, weightless_mass=floating, weightless_centre=point
+    )
     heavy = [(link, pose) for link, pose in members if link.mass is not None or link.inertia is not None]
     if not heavy:
         return body
@@ -89,6 +92,16 @@ def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:
         tensor += own * (away @ away * np.eye(3) - np.outer(away, away))
     inertia = numbers_of(tensor)
     return replace(body, mass=mass, centre_of_mass=_vector(centre), inertia=inertia, inertial_rpy=ZERO)
+
+
+def _weightless(members: Sequence[tuple[Link, Pose]]) -> tuple[float, Vector]:
+    """Mass in kg on which gravity does not act, and its centre in m."""
+    parts = [
+        (mass, pose.position + pose.rotation @ centre) for link, pose in members for mass, centre in [link.weightless] if mass
+    ]
+    total = sum(mass for mass, _ in parts)
+    centre = sum((mass * place for mass, place in parts), np.zeros(3)) / total if total else np.zeros(3)
+    return total, _vector(centre)
 
 
 def _placed(shape: Shape, pose: Pose) -> Shape:

@@ -8,9 +8,12 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from asrsim.errors import Problem
+
+if TYPE_CHECKING:
+    from asrsim.robot.couplings import Couplings
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -100,7 +103,18 @@ class Link:
     """Orientation of the inertial frame in the link's frame, rad."""
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
+    gravity: bool = True
+    """Whether gravity acts on the link."""
+    weightless_mass: float = 0.0
+    """Mass of the parts of a merged link on which gravity does not act, kg."""
+    weightless_centre: Vector = ZERO
+    """Centre of this mass in the link's frame, m."""
     line: int | None = None
+
+    @property
+    def weightless(self) -> tuple[float, Vector]:
+        """Mass on which gravity does not act, kg, and its centre in the link's frame, m."""
+        return (self.weightless_mass, self.weightless_centre) if self.gravity else (self.mass or 0.0, self.centre_of_mass)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +152,19 @@ class Joint:
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
     mimic: str = ""
-    """Joint that this joint follows by its `<mimic>`, which is not simulated; empty for other joints."""
+    """Joint that this joint follows: its position is `multiplier` times that joint's, plus `offset`; empty for other joints.
+    The followed joint follows no other joint."""
+    multiplier: float = 1.0
+    offset: float = 0.0
+    """Position of this joint where the joint that it follows is at 0, rad or m."""
+    rotor_inertia: float = 0.0
+    """Inertia of the rotors that the file states for the joint, as felt at the joint: times the square of the gear ratio,
+    kg m^2 (kg)."""
+    armature: float = 0.0
+    """Inertia of rotors that moves with the link, kg m^2 (kg): the scenario's `armature`; without it, `rotor_inertia`, but 0
+    behind a spring, where the actuator's motors have inertias of their own."""
+    start: float | None = None
+    """Position at the start that the file states, rad or m."""
     line: int | None = None
 
     @property
@@ -204,6 +230,18 @@ class Robot:
         from asrsim.robot.doubts import robot_doubts
 
         return self.findings if self.faults else (*self.findings, *robot_doubts(self))
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """Couplings of the moving joints."""
+        from asrsim.robot.couplings import couplings_of
+
+        return couplings_of(self)
+
+    @property
+    def inertials(self) -> tuple[object, ...]:
+        """Links and rotors: robots with equal inertials have equal mass matrices."""
+        return self.links, tuple(joint.armature for joint in self.joints)
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:

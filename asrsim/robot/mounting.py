@@ -11,7 +11,7 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
 from asrsim.robot.blocks import MODE_CHOICES, default_parameter, default_value
-from asrsim.robot.model import UNREAD, ActuatorBlock, ParameterValue, Robot
+from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, ParameterValue, Robot
 from asrsim.robot.tags import REQUIRED_TAGS, parameter_name, parameter_tags, tag_parameters
 from asrsim.robot.values import parameter_fault, together_faults
 
@@ -88,7 +88,8 @@ def mounted(
     unread = set(robot.unread)
     blocks = []
     for name in names:
-        entry = types.get(name, types.get("*"))
+        # The drive of a joint moves the joints that follow it: only an entry of its own gives a follower an actuator.
+        entry = types.get(name, None if moving[name].mimic else types.get("*"))
         if entry is not None and entry[0] in kinds:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
             unread.discard(name)
@@ -106,6 +107,22 @@ def _key(key: str) -> str:
     """Key in the scenario: `parameters.JOINT.NAME` becomes `actuators.JOINT.parameters.NAME`."""
     joint, _, name = key.removeprefix("parameters.").rpartition(".")
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
+
+
+def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
+    """Robot whose rotors move with the links: by the file, except behind a spring, where the motors of the actuator have
+    inertias of their own. armature: inertias in kg m^2 (kg) in place of the file's, by joint; `"*"` stands for all joints."""
+    sprung = {block.joint for block in robot.actuators if MODES[block.mode].spring}
+    common = armature.get("*")
+
+    def inertia(joint: Joint) -> float:
+        given = armature.get(joint.name, common)
+        return given if given is not None else 0.0 if joint.name in sprung else joint.rotor_inertia
+
+    moved = {joint.name: inertia(joint) for joint in robot.moving_joints}
+    if all(joint.armature == moved.get(joint.name, 0.0) for joint in robot.joints):
+        return robot
+    return replace(robot, joints=tuple(replace(joint, armature=moved.get(joint.name, 0.0)) for joint in robot.joints))
 
 
 def drive_of(block: ActuatorBlock) -> Drive:

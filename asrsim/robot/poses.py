@@ -56,6 +56,12 @@ def rotation_matrix(rpy: Vector) -> Array:
     )
 
 
+def rotation_about(axis: Vector, angle: float) -> Array:
+    """Rotation matrix (3, 3) of an angle in rad about a unit vector, by Rodrigues' formula."""
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross
+
+
 def roll_pitch_yaw(rotation: Array) -> Vector:
     """Roll, pitch, yaw in rad, the inverse of `rotation_matrix`; accurate also at a pitch of 90 degrees, where yaw is
     arbitrary.

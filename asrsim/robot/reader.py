@@ -10,7 +10,9 @@ from typing import Any
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
+from asrsim.robot.mechanics import read_mechanics
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import with_rotors
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import declare_world, read_joints, read_links
 from asrsim.robot.tree import check_tree, without_floating_root, without_massless_joints
@@ -23,6 +25,14 @@ MAX_MOVING = 121
 """Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. With more
 joints, PyBullet silently confuses positions and velocities.
 """
+OTHER_FORMATS = {
+    "sdf": (" (an SDF file is not a URDF)", "Convert it: `sdf2urdf` of the ROS package pysdf makes a URDF of SDF"),
+    "mujoco": (
+        " (an MJCF file is not a URDF)",
+        "Convert it: `mjcf_urdf_simple_converter` (pip install mjcf-urdf-simple-converter) makes a URDF of MJCF",
+    ),
+}
+"""Root element of other formats of robots -> remark and hint."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -74,16 +84,16 @@ def read_robot(
 def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> Robot:
     path, mended = findings.file, bool(findings.warnings)
     if root.tag != "robot":
-        what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
+        what, hint = OTHER_FORMATS.get(root.tag, ("", None))
         message = f"the root element is <{root.tag}>, not <robot>{what}"
-        raise RobotError(message, file=path, line=findings.line(root), code="not-a-urdf")
+        raise RobotError(message, file=path, line=findings.line(root), hint=hint, code="not-a-urdf")
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     contact_words = check_words(findings, root)
     mended |= declare_world(findings, root)
     links = read_links(findings, root)
-    joints = read_joints(findings, root, links, locked)
+    links, joints = read_mechanics(findings, root, links, read_joints(findings, root, links, locked))
     moving = sum(joint.moves for joint in joints)
     if moving > MAX_MOVING:
         message = f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}"
@@ -103,7 +113,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
     if whole:
         robot = without_massless_joints(findings, robot)
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
-    return replace(robot, findings=tuple(findings.warnings), faults=faults)
+    return with_rotors(replace(robot, findings=tuple(findings.warnings), faults=faults), {})
 
 
 def _text(data: bytes, root: Any, *, mended: bool) -> str:

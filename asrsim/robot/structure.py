@@ -299,8 +299,14 @@ def _dynamics(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[st
     return values
 
 
+def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, Any]:
+    multiplier = findings.number(tag, "multiplier", f"{name}.mimic", required=False) if "multiplier" in tag.attrib else 1.0
+    offset = findings.number(tag, "offset", f"{name}.mimic", required=False)
+    return {"mimic": name_of(tag, "joint"), "multiplier": multiplier, "offset": offset}
+
+
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": lambda _findings, tag, _name, _joint: {"mimic": name_of(tag, "joint")},
+    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
 }  # fmt: skip
 """Functions that read the fields of a joint, by tag."""
 

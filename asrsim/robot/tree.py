@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from asrsim.robot.findings import Findings
+from asrsim.robot.mechanics import fixed_at
 from asrsim.robot.model import Joint, Link, Robot
 
 FREEDOMS = {
@@ -69,21 +70,24 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     """Robot in which joints with neither mass nor inertia behind them are fixed: their motion is undefined, and moves nothing.
 
-    Such a joint is an error if it has an actuator or follows another joint, and where no other joint moves.
+    Such a joint is an error if it has an actuator, and where no other joint moves. A rotor gives a joint inertia, and so do the
+    joints that follow it; a joint that follows another one moves with it.
     """
     bodies = {link.name: link for link in robot.links}
     driven = {block.joint for block in robot.actuators}
-    massless = []
+    light = []
     for joint in robot.moving_joints:
         behind = [joint.child]
-        heavy = False
+        heavy = joint.rotor_inertia > 0.0
         while behind and not heavy:
             link = bodies[behind.pop()]
             heavy = bool(link.mass) or any(link.inertia or ())
             behind += [carried.child for carried in robot.carried.get(link.name, ())]
         if not heavy:
-            massless.append(joint)
-    held = [joint for joint in massless if joint.name not in driven and not joint.mimic]
+            light.append(joint)
+    moved = {joint.mimic for joint in robot.moving_joints if joint not in light}
+    massless = [joint for joint in light if not joint.mimic and joint.name not in moved]
+    held = [joint for joint in massless if joint.name not in driven]
     held = held if len(massless) < len(robot.moving_joints) else []
     for joint in massless:
         message = "nothing behind this joint has mass or inertia, so its motion is not defined"
@@ -93,4 +97,5 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
         else:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
     fixed = {joint.name: replace(joint, kind="fixed") for joint in held}
+    fixed |= {joint.name: fixed_at(joint, joint.offset) for joint in robot.moving_joints if joint.mimic in fixed}
     return replace(robot, joints=tuple(fixed.get(joint.name, joint) for joint in robot.joints)) if fixed else robot

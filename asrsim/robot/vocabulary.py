@@ -97,7 +97,10 @@ def _soft_limits(tag: Any, _text: str) -> Effect | None:
 
 
 def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
-    """Inertia of a transmission's motor as it acts on the joint: the motor's, times the square of the reduction."""
+    """Inertia of a motor in a transmission of several joints, as it acts on a joint: the motor's, times the square of the
+    reduction. `asrsim.robot.mechanics` reads that of one joint."""
+    if len(elements(actuator.getparent(), "joint")) == 1:
+        return None
     inertia = _of_actuator(actuator, ("motorInertia", "rotor_inertia")) or 0.0
     ratio = _of_actuator(actuator, ("mechanicalReduction", "gear_ratio")) or 1.0
     at_joint = inertia * ratio**2
@@ -113,12 +116,6 @@ def _of_actuator(actuator: Any, names: Collection[str]) -> float | None:
     return None
 
 
-def _gravity_off(tag: Any, text: str) -> Effect | None:
-    off = ("true", "1") if tag.tag.endswith("Off") else ("false", "0")
-    message = "gravity is off for this link in the file; here the link falls with 9.81 m/s^2 (the scenario's gravity)"
-    return Effect(message) if text.lower() in off else None
-
-
 def _spring(tag: Any, text: str) -> Effect | None:
     stiffness = number_of(text)
     return Effect(f"a spring of {text} N m/rad (N/m) is left out", abs(stiffness)) if stiffness else None
@@ -129,13 +126,10 @@ def _loop(tag: Any, _text: str) -> Effect:
     return Effect(f"the loop between the links {' and '.join(ends)} stays open: both move freely")
 
 
-def _mimic_plugin(plugin: Any, _text: str) -> Effect:
-    texts = {tag.tag: text_of(tag) for tag in elements(plugin)}
-    follower, master, ratio = texts.get("mimicJoint"), texts.get("joint"), texts.get("multiplier", "1")
-    if follower and master:
-        return Effect(
-            f"the plugin couples joint '{follower}' to {ratio} times joint '{master}'; here '{follower}' moves freely"
-        )
+def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
+    """Plugins with other words than those that `asrsim.robot.mechanics` reads."""
+    if {"joint", "mimicJoint"} <= {tag.tag for tag in elements(plugin)}:
+        return None
     return Effect("the plugin couples joints; here they move freely")
 
 
@@ -164,7 +158,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "@name"), **_words(SILENT, "@type @verbose verbose sensor"),
         **_within("inertial", "visual", "collision"),
         **_words(CONTACT, "contact inertia_scaling self_collision_checking collision_checking"),
-        "gravity": special(_gravity_off, "gravity is off for the link in the file; here it falls"),
+        "gravity": READ,
     },
     "inertial": _within("origin", "mass", "inertia"),
     "mass": _words(READ, "@value"),
@@ -202,7 +196,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "dynamics": {
         **_words(READ, "@damping @friction"),
-        "@armature": left("rotor inertia of {} kg m^2 (kg) at the joint is left out"),
+        "@armature": READ,
         "@spring_stiffness": _SPRING, "@spring_reference": SILENT,
     },
     "joint_properties": {
@@ -216,7 +210,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
                          " passive_joint compensator robotNamespace simulated_reduction mechanicalReduction"
                          " motorInertia motorTorqueConstant screw_reduction init_joint_size final_joint_size"
                          " drake:rotor_inertia drake:gear_ratio"),
-        "actuator": special(_rotor_inertia, "rotor inertia of the motor at the joint (inertia x reduction^2) is left out"),
+        "actuator": special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"),
     },
     "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
     "mujoco": {
@@ -233,7 +227,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(CONTACT, "mu mu1 mu2 kp kd maxVel minDepth fdir1 maxContacts max_contacts selfCollide self_collide"
                           " surface collision slip1 slip2 soft_cfm soft_erp restitution_coefficient threshold"),
         **_words(READ, "springStiffness springReference stribeckFriction stribeckVelocity loadFriction"),
-        **_words(special(_gravity_off, "gravity is off for the link in the file; here it falls"), "turnGravityOff gravity"),
+        **_words(READ, "turnGravityOff gravity"),
         **_words(left(_STOP), "stopKp stopKd"),
         "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; here it moves without this loss"),
         "velocity_decay": left("Gazebo slows the link in every step; here it moves without this loss", neutral=None),
@@ -246,7 +240,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
 """Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`)."""
 
 PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
-    (("mimic",), special(_mimic_plugin, "the plugin couples joints: here they move freely")),
+    (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),
     (
         ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
          "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "force",

@@ -20,7 +20,7 @@ from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.model import UNREAD, is_locked
-from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names
+from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
@@ -137,6 +137,11 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         table = {"modes": scenario.modes, "parameters": parameters}.get(section, {})
         set_there = fault.file is not None or joint in table or "*" in table
         problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
+    changed = with_rotors(changed, scenario.armature)
+    if scenario.weightless:
+        off = scenario.weightless
+        links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
+        changed = replace(changed, links=links)
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)

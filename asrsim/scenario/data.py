@@ -31,6 +31,7 @@ from asrsim.samples import Array, grid
 from asrsim.scenario.blocks import (
     EFFECTS_BY_JOINT,
     INITIAL,
+    LINK,
     MODE,
     ORIGIN,
     PARAMETERS,
@@ -127,6 +128,16 @@ class Scenario:
         MapOf(of=PARAMETERS),
         default={},
         doc="actuator parameters that replace the URDF's, by asrsim's name or the toolbox's tag",
+    )
+    armature: Mapping[str, float] = declare(
+        MapOf(of=NOT_NEGATIVE, bare=True),
+        default={},
+        unit="kg m^2",
+        shown="the robot file's, except behind springs",
+        doc="inertia of rotors that moves with the link, as felt at the joint: the rotor's times the square of the gear ratio",
+    )
+    weightless: tuple[str, ...] = declare(
+        ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,

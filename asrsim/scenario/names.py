@@ -14,14 +14,14 @@ from asrsim.robot.mounting import reference_names
 from asrsim.scenario.blocks import JOINT, LINK
 from asrsim.scenario.data import SCENARIO, Scenario
 
-MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges", "expect")
+MOVING = ("initial", "armature", "external_torques", "desired", "motion", "reference_ranges", "expect")
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
 """Keys whose joints are checked when the scenario is applied to the robot."""
 TABLES = {
     "initial_positions": "initial", "initial_velocities": "initial", "initial_motor_positions": "initial",
     "initial_motor_velocities": "initial", "external_torques": "external_torques", "desired": "desired", "motion": "motion",
-    "references": "references", "reference_ranges": "reference_ranges", "link_damping": "link_damping",
+    "references": "references", "armature": "armature", "reference_ranges": "reference_ranges", "link_damping": "link_damping",
 }  # fmt: skip
 """Fields of the scenario that code may set, with their keys in a file; their names are checked also without a file."""
 BY_NAME = ("references", "parameters")

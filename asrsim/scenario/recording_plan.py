@@ -91,6 +91,9 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
+    slides = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
+    # A name such as `tau_cmd` says torque, which is a force on a prismatic joint.
+    columns = {key: replace(c, unit="N") if key[0] in slides and c.unit == "N m" else c for key, c in columns.items()}
     remarks = [*filter(None, (_beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []

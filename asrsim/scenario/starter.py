@@ -18,7 +18,7 @@ from asrsim.document.kinds import File, walk
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, listed
+from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, UnresolvedSpringError, listed
 from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
@@ -42,6 +42,9 @@ MOUNTED_MODE = 6
 """Mode of actuators that the scenario puts on joints, unless another mode is chosen."""
 ROUNDS = 6
 """Number of rounds in which presets and parameters are found that hold the arm."""
+FASTEST = (2000.0, 700.0, 250.0, 90.0, 30.0)
+"""Highest natural frequencies of joints, rad/s, that are tried in turn until a run resolves the springs. The springs of light
+fingers are softened: a stiffer spring would need more substeps than a run allows, and its motion could not be seen."""
 VISIBLE = 1e-3
 """Smallest sag of a joint, rad or m, for which the scenario starts at equilibrium."""
 SCHEMA_FILE = "asrsim.schema.json"
@@ -292,36 +295,24 @@ def write_starter(
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file exists or cannot be written.
     """
-    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
-
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
     changed = with_actuators(loaded, given, {})
-    starter = Starter(
+    bare = Starter(
         robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
+        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or ("*" in given and not joint.mimic)),
     )
-    for _ in range(ROUNDS if given else 0):
-        # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
-        starter = _sized(starter, strengthened(starter.scenario(out.parent), starter.robot))
-    found = sizing(starter.scenario(out.parent), starter.robot)
-    notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
-    if given:
-        notes = [problem for problem in notes if problem.key != loaded.name]
-    lasts, damped = calming(starter.scenario(out.parent), starter.robot)
-    if damped:
-        message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
-        hint = "`link_damping` in the scenario damps it" if given else f"`link_damping: {damped}` would damp it"
-        notes.append(Problem(message, file=robot, hint=hint, code="swings-on"))
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
-    starter = replace(
-        starter,
-        damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
-        at_rest=bool(given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
-    )
-    starter = _runnable(starter, out.parent)
+    bare = _sized(bare, _rotors(bare))
+    for fastest in FASTEST if given else FASTEST[:1]:
+        try:
+            starter, notes = _finished(bare, loaded, out.parent, fastest)
+            break
+        except UnresolvedSpringError:
+            # Softer springs of the given actuators need fewer substeps.
+            if not given or fastest == FASTEST[-1]:
+                raise
     schema = out.parent / SCHEMA_FILE
     check_output(out, "schema", inputs=[robot], replace=True)
     check_output(schema, "schema")
@@ -329,17 +320,55 @@ def write_starter(
     return (out, schema), tuple(notes)
 
 
-def _runnable(starter: Starter, folder: Path) -> Starter:
+def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
+    """Inertias of the motors of actuators that the scenario gives, from the rotors in the robot's file."""
+    found = {}
+    for block in starter.robot.actuators:
+        rotor, motors = starter.robot.joint(block.joint).rotor_inertia, ACTUATORS.get(block.actuator).motors
+        if rotor and MODES[block.mode].motor and block.joint in starter.given:
+            found[block.joint] = {f"motor_{i}_inertia": _rounded(rotor / motors) for i in range(1, motors + 1)}
+    return found
+
+
+def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> tuple[Starter, list[Problem]]:
+    """Starter with parameters, damping and start, and its warnings. Raises the errors of a run.
+
+    loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
+    """
+    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
+
+    for _ in range(ROUNDS if starter.given else 0):
+        # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
+        starter = _sized(starter, strengthened(starter.scenario(folder), starter.robot, fastest=fastest))
+    found = sizing(starter.scenario(folder), starter.robot)
+    notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
+    if starter.given:
+        notes = [problem for problem in notes if problem.key != loaded.name]
+    lasts, damped = calming(starter.scenario(folder), starter.robot)
+    if damped:
+        message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
+        hint = "`link_damping` in the scenario damps it" if starter.given else f"`link_damping: {damped}` would damp it"
+        notes.append(Problem(message, file=loaded.path, hint=hint, code="swings-on"))
+    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
+    starter = replace(
+        starter,
+        damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
+        at_rest=bool(starter.given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
+    )
+    return _runnable(starter, loaded, folder), notes
+
+
+def _runnable(starter: Starter, loaded: Robot, folder: Path) -> Starter:
     """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
     from asrsim.simulation.prepare import prepare
 
     try:
         for scenario in starter.scenarios(folder):
-            prepare(scenario)
+            prepare(scenario, loaded)
     except ScenarioError:
         if not starter.at_rest:
             raise
-        return _runnable(replace(starter, at_rest=False), folder)
+        return _runnable(replace(starter, at_rest=False), loaded, folder)
     return starter
 
 

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from asrsim.compiling import available
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
+from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation import kernel, laws
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
+from asrsim.simulation.fields import JointConstants, JointState, Scheme, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
-from asrsim.simulation.layout import HEALTHY, JOINT_STEP, KIND, LINK_IMPLICITNESS, SPRING_LAW, SPRUNG, STEP
+from asrsim.simulation.layout import HEALTHY, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import RowShape, shape_of, start_of, tables
@@ -59,13 +61,12 @@ class Core:
         drives, stepping = prepared.drives, prepared.stepping
         self.shape: RowShape = shape_of(drives)
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._z = np.array([
-            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, prepared.resolution.link_implicitness,
-            float(stepping.staggered),
-        ])  # fmt: skip
+        self._scheme = Scheme(
+            step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
+            implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
+            staggered=float(stepping.staggered),
+        )  # fmt: skip
         kinds, constants = tables(prepared, self.shape)
-        self._kinds: Any = kinds if compiled else kinds.tolist()
-        """Table K of `asrsim.simulation.layout`; for the Python loop, a list that contains functions instead of addresses."""
         code: Any = laws
         if compiled:
             from asrsim.simulation import native as code
@@ -76,15 +77,22 @@ class Core:
         # Joints with the same actuator share its laws: each call computes a digest and checks files in the cache.
         bound_law: Any = cache(code.bound_law)
         bound_step: Any = cache(code.bound_step)
-        for k, drive in zip(self._kinds, drives, strict=True):
-            if k[KIND] == SPRUNG:
-                k[SPRING_LAW] = self._address(bound_law(drive.actuator, drive.positions))
+        for kind, drive in zip(kinds, drives, strict=True):
+            if kind.kind == SPRUNG:
+                kind.spring_law = self._address(bound_law(drive.actuator, drive.positions))
             if stepping.joint_step is not None:
-                k[JOINT_STEP] = self._address(bound_step(stepping.joint_step))
+                kind.joint_step = self._address(bound_step(stepping.joint_step))
+        self._kinds: Any = np.array([numbers(kind) for kind in kinds], dtype=np.int64) if compiled else kinds
+        """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
+        addresses."""
+        self._numbers_of_scheme = np.array(numbers(self._scheme))
+        self._plain_joints: dict[int, list[JointState]] = {}
+        self._plain_links: dict[int, list[JointConstants]] = {}
+        """States and constants of the joints as records, by number of the world; the Python loop makes them when needed."""
         self.S = np.zeros((worlds, len(drives), self.shape.state))
-        """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.layout`."""
+        """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.fields`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
-        """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.layout`."""
+        """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.fields`."""
         self.held = np.full((worlds, len(drives), self.shape.goals), np.nan)
         """Inputs that callers have set, (worlds, joints, input columns), in place of the scenario's signals; NaN: not set."""
         self.done = np.zeros(worlds, dtype=np.int64)
@@ -139,15 +147,16 @@ class Core:
 
     def _start_engine(self, engine: Engine, prepared: Prepared) -> Any:
         return engine.start(
-            prepared.initial_positions, prepared.initial_velocities, step=float(self._z[STEP]),
-            staggered=prepared.stepping.staggered, implicitness=float(self._z[LINK_IMPLICITNESS]),
+            prepared.initial_positions, prepared.initial_velocities, step=self._scheme.step,
+            staggered=prepared.stepping.staggered, implicitness=self._scheme.link_implicitness,
         )  # fmt: skip
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
         _, self.P[world] = tables(prepared, self.shape)
+        self._plain_links.pop(world, None)
         self._engines[world] = self._shared
-        if prepared.robot.links != self.prepared.robot.links:
+        if prepared.robot.inertials != self.prepared.robot.inertials:
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
                 own = self._bound(prepared.make_engine(), prepared)
@@ -162,7 +171,8 @@ class Core:
         bound.leave()
         placed = self._start_engine(bound.engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
-        self.S[world] = [start_of(drive, self.shape, q, v) for drive, q, v in rows]
+        self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
+        self._plain_joints.pop(world, None)
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTHY
         bound.entered(world)
@@ -181,6 +191,8 @@ class Core:
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
             table[world] = row
+        self._plain_joints.pop(world, None)
+        self._plain_links.pop(world, None)
         self._engines[world] = bound
         if bound is not self._shared:
             self._own[world] = bound
@@ -225,27 +237,31 @@ class Core:
         exchange, record = bound.borrow(self._pieces)
         self._run(
             which, first, count, self.prepared.resolution.substeps, self._watched, self.done, self.fault, self.S, self.P,
-            self._kinds, self._z, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given, exchange,
-            bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows, *self.observer,
+            self._kinds, self._numbers_of_scheme, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given,
+            exchange, bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows, *self.observer,
         )  # fmt: skip
         bound.give_back(record)
 
     def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Run the kernel in Python, for one world."""
         ((world, *places),) = which.tolist()
-        state = self.S[world].tolist()
+        if world not in self._plain_joints:
+            self._plain_joints[world] = [joint_of_row(row, self.shape.motors) for row in self.S[world].tolist()]
+        if world not in self._plain_links:
+            self._plain_links[world] = [link_of_row(row, self.shape.motors) for row in self.P[world].tolist()]
+        state = self._plain_joints[world]
         exchange, _ = bound.borrow(self._pieces)
         own = slice(world, world + 1)
         try:
             plain: Any = kernel.run
             plain(
                 [(0, *places)], first, count, self.prepared.resolution.substeps, self._watched, self.done[own],
-                self.fault[own], [state], [self.P[world].tolist()], self._kinds, self._z.tolist(), [None], *given,
-                exchange.data, bound.step, 0, self.columns.of_state.tolist(), self.columns.of_inputs.tolist(), out.data,
+                self.fault[own], [state], [self._plain_links[world]], self._kinds, self._scheme, [None], *given,
+                exchange.data, bound.step, 0, self.columns.readers, self.columns.of_inputs.tolist(), out.data,
                 self.rows[own].data, *UNOBSERVED,
             )  # fmt: skip
         finally:
-            self.S[world] = state
+            self.S[world] = [row_of_joint(joint) for joint in state]
 
 
 def make_core(

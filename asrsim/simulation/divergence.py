@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
+from asrsim.simulation.fields import JOINT
 from asrsim.simulation.kernel import SHARE
-from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.substeps import COARSE
 
@@ -54,14 +54,16 @@ class EnergyGuard:
         if not self._active:
             return None
         model = self._model
-        given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
+        given, residual, turnover, excess = (
+            state[:, JOINT[name]] for name in ("net_link_work", "residual", "turnover", "excess")
+        )
         worst = int(excess.argmax())
         if excess[worst] > FLOOR:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
             return self._joints[worst].name, f"{abs(residual[worst]):.3g} J {change} its actuator"
         if model is None:
             return None
-        positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
+        positions, velocities = state[:, JOINT["position"]], state[:, JOINT["engine_velocity"]]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         kinetic, potential = model.energies(positions, velocities)
         created = float(kinetic + potential - self._start - given.sum() - residual.sum())

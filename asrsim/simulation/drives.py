@@ -14,6 +14,7 @@ from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, LinkDamping, Scenario, for_joint
+from asrsim.scenario.starts import start_positions, start_velocities
 from asrsim.simulation.effects import Noise, Sensor
 from asrsim.simulation.steppings import Stepping
 
@@ -36,6 +37,8 @@ class SteppedJoint:
     """Drive of the joint; None for a joint without actuator plugin."""
     stepping: Stepping
     initial_position: float
+    stated_position: float = 0.0
+    """Start position that scenario or file state, which references without a signal hold, rad (m)."""
     initial_velocity: float = 0.0
     motor_positions: tuple[float, ...] = ()
     """Start positions of the motors in rad; empty: the positions at which springs are unloaded, so that runs begin smoothly."""
@@ -148,6 +151,7 @@ class SteppedJoint:
 def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:
     """All moving joints of `robot` with their drives and the scenario's start, in the order of the robot."""
     blocks = {block.joint: block for block in robot.actuators}
+    positions, velocities = start_positions(scenario, robot), start_velocities(scenario, robot)
     drives = []
     for joint in robot.moving_joints:
         block = blocks.get(joint.name)
@@ -157,8 +161,9 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
                 joint=joint,
                 drive=drive_of(block) if block else None,
                 stepping=stepping,
-                initial_position=float(for_joint(scenario.initial_positions, joint.name, 0.0)),
-                initial_velocity=float(for_joint(scenario.initial_velocities, joint.name, 0.0)),
+                initial_position=positions[joint.name],
+                stated_position=positions[joint.name],
+                initial_velocity=velocities[joint.name],
                 motor_positions=for_joint(scenario.initial_motor_positions, joint.name, ()),
                 motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name, ()),
                 link_damping=for_joint(scenario.link_damping, joint.name) if block else None,

@@ -12,7 +12,7 @@ from asrsim.errors import ScenarioError
 from asrsim.robot.balance import BALANCED, balanced
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
@@ -28,12 +28,14 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     """
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
-    external = sampled[EXTERNAL, :, 0]
-    movable = np.array([_gives_way(drive) for drive in drives])
-    own = np.flatnonzero(movable).tolist()
+    external = model.couplings.fold(sampled[EXTERNAL, :, 0])
+    gives_way = np.array([_gives_way(drive) for drive in drives])
+    own = np.flatnonzero(gives_way).tolist()
     # A robot on the ground has a fixed base.
     falls = not scenario.fixed_base and scenario.world.empty
-    stated = [for_joint(scenario.initial_positions, drive.name, 0.0) for drive in drives]
+    stated = [drive.stated_position for drive in drives]
+    couplings = model.couplings
+    movable = gives_way & np.isin(np.arange(len(drives)), couplings.free)
     q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
 
@@ -42,13 +44,14 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         return np.zeros_like(positions) if falls else model.gravity_torques(positions)
 
     def springs(positions: Array) -> Array:
-        """Torques of the springs on the links (1, k, joints) in N m."""
+        """Torques of the springs on the links (1, k, joints) in N m; those on a follower act on its master."""
+        positions = couplings.expand(positions)
         torques = np.zeros_like(positions)
         torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
-        return torques
+        return couplings.fold(torques)
 
     found, left = balanced(lambda positions: external - weight(positions), springs, q[None], low, high, movable)
-    q = found[0]
+    q = couplings.expand(found[0])
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"

@@ -198,7 +198,7 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
     mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
     moved = position and mode.number != 0 and not mode.direct
-    rest = Constant(value=for_joint(scenario.initial_positions, drive.name, 0.0)) if moved else REST
+    rest = Constant(value=drive.stated_position) if moved else REST
     signal = scenario.references_of(drive.name).get(names[slot], rest)
     if drive.command_effects is None:
         return signal

@@ -10,11 +10,10 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.vectorised import energy_law
-from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
 
-MOTOR_NUMBERS = 16
-"""Number of parameters that the law of a motor takes."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Errors that `math` raises if a law has no finite value."""
 
@@ -25,12 +24,12 @@ def call(address: Any, *arguments: Any) -> None:
 
 
 spring_law = call
-"""Arguments: address, s, thetas, torques, p, law, q, whole. Stores the torques of a joint's springs in N m in s[torques:]. The
-link is at q rad, the motors are at s[thetas:], and the parameters are p[law:]. whole: 1 to also store the stiffness in N m/rad
-and the energy in J in s[STIFFNESS:]."""
+"""Arguments: address, s, p, law, q, whole. Stores the torques of a joint's springs in N m in the `pull` of its motors. The link
+is at q rad, the motors at their `theta`, and the parameters begin at column `law` of the row of p. whole: 1 to also store
+stiffness in N m/rad and energy in J in `stiffness` and `law_energy`."""
 joint_step = call
 """Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
-`asrsim.simulation.kernel.advance` and sets s[TORQUE]."""
+`asrsim.simulation.kernel.advance` and sets the torque of the joint."""
 engine_step = call
 """Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step (`asrsim.engines.base`).
 pieces: number of pieces of the kick."""
@@ -41,9 +40,44 @@ def row(table: Any, j: int) -> Any:
     return table[j]
 
 
-def numbers(p: Any, at: int) -> Any:
-    """Parameters of a motor, beginning at column `at` of its row, in the order of the motor's law."""
-    return p[at : at + MOTOR_NUMBERS]
+def joint_of(table: Any, j: int) -> JointState:
+    """State of joint j in a table S of one world."""
+    return table[j]  # type: ignore[no-any-return]
+
+
+def link_of(table: Any, j: int) -> JointConstants:
+    """Constants of joint j in a table P of one world."""
+    return table[j]  # type: ignore[no-any-return]
+
+
+def kind_of(table: Any, j: int) -> JointKind:
+    """Kind of joint j."""
+    return table[j]  # type: ignore[no-any-return]
+
+
+def scheme_of(table: Any) -> Scheme:
+    """Constants of the stepping."""
+    return table  # type: ignore[no-any-return]
+
+
+def motor_of(joint: JointState, i: int) -> MotorState:
+    """State of motor i = 0, 1, ... of a joint."""
+    return joint.motors[i]
+
+
+def drive_of(link: JointConstants, i: int) -> MotorConstants:
+    """Constants of motor i = 0, 1, ... of a joint."""
+    return link.drives[i]
+
+
+def memory_of(joint: JointState, kind: JointKind) -> Any:
+    """Memory of the joint's sensors."""
+    return joint.memory
+
+
+def value_of(joint: JointState, column: Any) -> float:
+    """Number in a column of the joint's row; in plain Python, the column is a function of the joint."""
+    return column(joint)  # type: ignore[no-any-return]
 
 
 def bound_step(function: Callable[..., None]) -> Any:
@@ -60,14 +94,17 @@ def bound_law(actuator: Any, motors: int) -> Callable[..., None]:
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)
 
-    def laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
-        positions, parameters = s[thetas : thetas + motors], tuple(p[law : law + count])
+    def laws(joint: JointState, link: JointConstants, law: int, q: float, whole: int) -> None:
+        own = joint.motors[:motors]
+        positions, parameters = [motor.theta for motor in own], tuple(link.law[:count])
         try:
             found = torques(q, *positions, parameters)
             if whole:
-                s[STIFFNESS], s[LAW_ENERGY] = stiffness(q, *positions, parameters), energy(q, *positions, parameters)
-            s[result : result + motors] = found
+                joint.stiffness = stiffness(q, *positions, parameters)
+                joint.law_energy = energy(q, *positions, parameters)
+            for motor, torque in zip(own, found, strict=False):
+                motor.pull = torque
         except UNDEFINED:
-            s[result] = math.nan
+            own[0].pull = math.nan
 
     return laws

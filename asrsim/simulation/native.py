@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from asrsim import compiling
+from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import SimulationError
+from asrsim.records import columns, own_fields
 from asrsim.simulation import kernel
-from asrsim.simulation.laws import MOTOR_NUMBERS
-from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
 
 INLINE = "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.kernel"
 """Modules whose functions are inlined into their callers."""
@@ -32,13 +33,15 @@ def compiled_run() -> Any:
 
 def bound_law(actuator: Any, motors: int) -> compiling.Callback:
     """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.bound_law`. Raises SimulationError."""
+    first, size, theta = len(columns(JointState)), len(columns(MotorState)), columns(MotorState)["theta"]
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
-        "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
-        "row": compiling.row_at(),
+        "positions": compiling.numbers_reader(motors, first + theta, size),
+        "parameters": compiling.numbers_reader(len(actuator.parameters)),
+        "row": compiling.row_at(), "joint_at": _at(JointState), "motor_of": _part(JointState, MotorState),
     }  # fmt: skip
     try:
-        return compiling.compile_law(_laws, names, "aiiaidi")
+        return compiling.compile_law(_laws, names, "aaidi")
     except Exception as error:
         reason = str(error).strip().splitlines()[0]
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
@@ -46,41 +49,127 @@ def bound_law(actuator: Any, motors: int) -> compiling.Callback:
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
 # the world stops and the error names the joint.
-def _laws(s: int, thetas: int, result: int, p: int, law: int, q: float, whole: int) -> None:
+def _laws(s: int, p: int, law: int, q: float, whole: int) -> None:
     try:
-        _put_laws(row(s), thetas, result, row(p), law, q, whole)
+        _put_laws(s, row(p), law, q, whole)
     except Exception:
-        row(s)[result] = np.nan
+        motor_of(joint_at(s), 0).pull = np.nan
 
 
-def _put_laws(s: Any, thetas: int, result: int, p: Any, law: int, q: float, whole: int) -> None:
+def _put_laws(s: int, p: Any, law: int, q: float, whole: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    given = q, *positions(s, thetas), parameters(p, law)
+    given = q, *positions(row(s), 0), parameters(p, law)
     values = torques(*given)
     known = 0.0, 0.0
     if whole != 0:
         known = stiffness(*given), energy(*given)
+    joint = joint_at(s)
     for i in range(len(values)):
-        s[result + i] = values[i]
+        motor_of(joint, i).pull = values[i]
     if whole != 0:
-        s[STIFFNESS], s[LAW_ENERGY] = known
+        joint.stiffness, joint.law_energy = known
 
 
 def bound_step(function: Any) -> compiling.Callback:
     """The function by which a stepping advances a joint, compiled; see `asrsim.simulation.laws.joint_step`."""
-    names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
+    names = {
+        **_pointers(), "own_step": function, "row": compiling.row_at(), "joint_at": _at(JointState),
+        "link_at": _at(JointConstants), "kind_at": _at(JointKind),
+    }  # fmt: skip
     return compiling.compile_law(_joint_step, names, "aaaadi")
 
 
 def _joint_step(s: int, p: int, k: int, u: int, h: float, note: int) -> None:
-    own_step(row(s), row(p), whole_row(k), row(u), h, note)
+    own_step(joint_at(s), link_at(p), kind_at(k), row(u), h, note)
 
 
 def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("the compiler replaces this function")
 
 
-torques = stiffness = energy = positions = parameters = row = whole_row = own_step = _unbound
+torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = motor_of = _unbound
+
+
+@cache
+def _type(kind: Any) -> Any:
+    """Numba's type of a record: names for numbers in memory, in the order of `asrsim.records.columns`."""
+    import numba
+
+    make: Any = numba.from_dtype
+    return make(_dtype(kind))
+
+
+def _dtype(kind: Any) -> np.dtype[Any]:
+    def of(field: Any) -> Any:
+        inner = field.metadata.get("record")
+        return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
+
+    return np.dtype([(field.name, of(field)) for field in own_fields(kind)], align=True)
+
+
+@cache
+def _at(kind: Any) -> Any:
+    """Function for compiled code: the record at an address."""
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+    found = _type(kind)
+
+    def record_at(typing: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(found))
+
+        return found(kinds.intp), generate
+
+    record_at.__name__ = f"{kind.__name__}_at"
+    return intrinsic(record_at)
+
+
+@cache
+def _part(whole: Any, part: Any) -> Any:
+    """Function for compiled code: record i of the parts that follow a record in its row."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+    found, first, size = _type(part), len(columns(whole)), len(columns(part))
+
+    def part_of(typing: Any, record: Any, i: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            numbers = builder.bitcast(arguments[0], ir.DoubleType().as_pointer())
+            place = builder.add(
+                builder.mul(arguments[1], ir.Constant(ir.IntType(64), size)), ir.Constant(ir.IntType(64), first)
+            )
+            return builder.bitcast(builder.gep(numbers, [place]), context.get_value_type(found))
+
+        return found(record, kinds.int64), generate
+
+    part_of.__name__ = f"{part.__name__}_of_{whole.__name__}"
+    return intrinsic(part_of)
+
+
+@cache
+def _row_as(kind: Any) -> Any:
+    """Function for compiled code: row j of a table as a record."""
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+    found = _type(kind)
+
+    def row_as(typing: Any, table: Any, j: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            whole = context.make_array(signature.args[0])(context, builder, arguments[0])
+            columns = builder.extract_value(whole.shape, 1)
+            place = builder.gep(whole.data, [builder.mul(arguments[1], columns)])
+            return builder.bitcast(place, context.get_value_type(found))
+
+        return found(table, kinds.int64), generate
+
+    row_as.__name__ = f"row_as_{kind.__name__}"
+    return intrinsic(row_as)
 
 
 @cache
@@ -111,8 +200,8 @@ def _pointers() -> dict[str, Any]:
 
         return signature, generate
 
-    def call_law(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any) -> Any:
-        return passed(address, a, b, c, d, e, f, g)
+    def call_law(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any) -> Any:
+        return passed(address, a, b, c, d, e)
 
     def call_step(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
         return passed(address, a, b, c, d, e, f)
@@ -125,7 +214,36 @@ def _pointers() -> dict[str, Any]:
 
         return kinds.CPointer(table.dtype)(table, kinds.int64), generate
 
+    def find_scheme(typing: Any, table: Any) -> Any:
+        found = _type(Scheme)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+            return builder.bitcast(data, context.get_value_type(found))
+
+        return found(table), generate
+
+    def find_value(typing: Any, record: Any, column: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            numbers = builder.bitcast(arguments[0], ir.DoubleType().as_pointer())
+            return builder.load(builder.gep(numbers, [arguments[1]]))
+
+        return kinds.float64(record, kinds.int64), generate
+
+    def find_memory(typing: Any, record: Any, kind: Any) -> Any:
+        column = columns(JointKind)["memory"]
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            integers = builder.bitcast(arguments[1], ir.IntType(64).as_pointer())
+            place = builder.load(builder.gep(integers, [ir.Constant(ir.IntType(64), column)]))
+            return builder.gep(builder.bitcast(arguments[0], ir.DoubleType().as_pointer()), [place])
+
+        return kinds.CPointer(kinds.float64)(record, kind), generate
+
     return {
         "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_step), "joint_step": intrinsic(call_step),
-        "numbers": compiling.numbers_reader(MOTOR_NUMBERS), "row": intrinsic(find_row),
+        "row": intrinsic(find_row), "joint_of": _row_as(JointState), "link_of": _row_as(JointConstants),
+        "kind_of": _row_as(JointKind), "scheme_of": intrinsic(find_scheme), "motor_of": _part(JointState, MotorState),
+        "drive_of": _part(JointConstants, MotorConstants), "value_of": intrinsic(find_value),
+        "memory_of": intrinsic(find_memory),
     }  # fmt: skip

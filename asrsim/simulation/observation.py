@@ -8,24 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.quantities import LIMITS
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.layout import (
-    DEFLECTION_COUNT,
-    EFFORT_COUNT,
-    ENGINE_VELOCITY,
-    FIRST_MOTOR,
-    MOTOR_POSITION,
-    MOTOR_SPEED_COUNT,
-    MOTOR_STOP_COUNT,
-    MOTOR_VELOCITY,
-    PER_MOTOR,
-    POSITION,
-    SATURATION_COUNT,
-    STIFFEST,
-    STOP_COUNT,
-    VELOCITY_COUNT,
-)  # fmt: skip
+from asrsim.simulation.fields import JOINT, motor_column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,16 +49,15 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
     dynamic = [drive.dynamic_motors for drive in drives]
     lag = drives[0].stepping.first_drift * substep
     for i in range(min(max(dynamic), 2)):
-        m = FIRST_MOTOR + i * PER_MOTOR
         # A slice is several times faster than a list of all joints.
         joints: Any = slice(None) if min(dynamic) > i else [j for j, count in enumerate(dynamic) if count > i]
-        velocity = state[..., joints, m + MOTOR_VELOCITY]
-        motors[2 * i][..., joints] = state[..., joints, m + MOTOR_POSITION] + lag * velocity
+        velocity = state[..., joints, motor_column("velocity", i)]
+        motors[2 * i][..., joints] = state[..., joints, motor_column("position", i)] + lag * velocity
         motors[2 * i + 1][..., joints] = velocity
     return Observation(
         time=time,
-        link_position=state[..., POSITION].copy(),
-        link_velocity=state[..., ENGINE_VELOCITY].copy(),
+        link_position=state[..., JOINT["position"]].copy(),
+        link_velocity=state[..., JOINT["engine_velocity"]].copy(),
         motor_1_position=motors[0],
         motor_1_velocity=motors[1],
         motor_2_position=motors[2],
@@ -105,9 +90,5 @@ class Counts:
 
 def counts_of(state: Array, substeps: int) -> Counts:
     """Counts from the state (joints, columns) of a world after the given number of substeps."""
-    columns = {
-        "effort": EFFORT_COUNT, "velocity": VELOCITY_COUNT, "saturation": SATURATION_COUNT, "motor_stop": MOTOR_STOP_COUNT,
-        "motor_speed": MOTOR_SPEED_COUNT, "deflection": DEFLECTION_COUNT, "stop": STOP_COUNT,
-    }  # fmt: skip
-    counted = {name: state[:, column].astype(int) for name, column in columns.items()}
-    return Counts(**counted, stiffest=state[:, STIFFEST].copy(), substeps=substeps)
+    counted = {name: state[:, JOINT[f"{name}_count"]].astype(int) for name in LIMITS}
+    return Counts(**counted, stiffest=state[:, JOINT["stiffest"]].copy(), substeps=substeps)

@@ -245,7 +245,7 @@ class Prepared:
         """
         robot, model = varied_robot(self.robot, parameters), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
-        if model is not None and robot.links != self.robot.links:
+        if model is not None and robot.inertials != self.robot.inertials:
             model = robot_model(self.scenario, robot)
             check_inertia(drives, model)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()

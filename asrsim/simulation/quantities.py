@@ -8,19 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.records import declared
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
-from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR, STIFFNESS
+from asrsim.simulation.fields import JOINT, JointState, MotorState, motor_column, reader_of
+from asrsim.simulation.layout import EXTERNAL, GOALS
 
-WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
+LOGGED = {path: one["log"] for path, one in declared(JointState).items() if one["log"]}
+"""Name in logs of each number of a joint's state that is logged."""
+LOGGED_OF_MOTORS = {path: one["log"] for path, one in declared(MotorState).items() if one["log"]}
+"""Name in logs of each number of a motor's state that is logged; {} stands for the number of the motor."""
+WATCHED = frozenset(one["log"] for one in declared(JointState).values() if one["watched"])
 """Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
 
 
 def columns_of(motors: int) -> dict[str, int]:
     """Column of S for each quantity, in rows with this number of motor blocks."""
-    found = {name: column for column, name in LOGGED.items()}
+    found = {name: JOINT[path] for path, name in LOGGED.items()}
     for i in range(motors):
-        found |= {name.format(i + 1): FIRST_MOTOR + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
+        found |= {name.format(i + 1): motor_column(path, i) for path, name in LOGGED_OF_MOTORS.items()}
     return found
 
 
@@ -74,7 +80,7 @@ def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None
     """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
     energies."""
     known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
-    possible = tuple(name for name in known if name == LOGGED[STIFFNESS] or name not in WATCHED)
+    possible = tuple(name for name in known if name == LOGGED["stiffness"] or name not in WATCHED)
     require_recorded(possible if names is None else names, possible, possible)
     return possible if names is None else tuple(names)
 
@@ -92,6 +98,8 @@ class RowColumns:
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
         self.of_state: NDArray[np.int64] = np.array([of_state[name] for name in first], dtype=np.int64)
         """Columns of S that are recorded."""
+        self.readers = [reader_of(column) for column in self.of_state.tolist()]
+        """Functions that return the numbers in these columns from a joint's state."""
         self.of_inputs: NDArray[np.int64] = np.array([of_inputs[name] for name in second], dtype=np.int64)
         """Columns of the references that are recorded."""
         self.place = {name: place for place, name in enumerate((*first, *second))}

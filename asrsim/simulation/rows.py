@@ -1,54 +1,25 @@
-"""Rows of the tables S, P and K at the start of a run; `asrsim.simulation.layout` lists their columns."""
+"""Records of the joints at the start of a run, and the tables S, P and K that contain them; see `asrsim.simulation.fields`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asrsim.actuators.motor import MotorConstants
+from asrsim.records import columns
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, row_of_link
 from asrsim.simulation.kernel import AT_STOP
-from asrsim.simulation.layout import (
-    ANCHOR,
-    CONTROLLED,
-    CONTROLLERS,
-    DEFLECTION,
-    DIRECT,
-    DYNAMIC,
-    ENGINE_VELOCITY,
-    FIRST_DRIVE,
-    FIRST_MOTOR,
-    GOALS,
-    INTEGRAL,
-    KIND,
-    KINDS,
-    LAST_DEFLECTION,
-    LAST_ENGINE_VELOCITY,
-    LAW,
-    MOTOR_INTEGRAL,
-    MOTOR_POSITION,
-    MOTOR_VELOCITY,
-    MOTORS,
-    ON_LINK,
-    PASSIVE,
-    PER_DRIVE,
-    PER_MOTOR,
-    PLACED,
-    POSITION,
-    RING,
-    RINGS,
-    SPRINGS,
-    SPRUNG,
-    THETAS,
-    TORQUES,
-)  # fmt: skip
+from asrsim.simulation.layout import CONTROLLED, DIRECT, GOALS, PASSIVE, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
+
+NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
+"""Constants in the place of a motor that a joint does not have."""
 
 
 @dataclass(frozen=True)
@@ -56,31 +27,26 @@ class RowShape:
     """Sizes of the variable parts of the rows, which are the same for all joints of a robot."""
 
     motors: int
-    """Number of motor blocks in every row."""
+    """Number of motors in every row."""
     ring: int
     """Number of values in the memory of one sensor."""
     parameters: int
     """Largest number of parameters of a spring's law."""
 
     @property
-    def thetas(self) -> int:
-        """Column of S at which the motor positions for the spring's law begin."""
-        return FIRST_MOTOR + self.motors * PER_MOTOR
+    def memory(self) -> int:
+        """Column of S at which the memory of the sensors begins."""
+        return len(columns(JointState)) + self.motors * len(columns(MotorState))
 
     @property
     def state(self) -> int:
         """Number of columns of S."""
-        return self.thetas + 2 * self.motors + self.motors * self.ring
+        return self.memory + self.motors * self.ring
 
     @property
-    def drives(self) -> int:
-        """Number of columns of P before the parameters of the spring's law."""
-        return FIRST_DRIVE + self.motors * PER_DRIVE
-
-    @property
-    def constants(self) -> int:
-        """Number of columns of P."""
-        return self.drives + self.parameters
+    def law(self) -> int:
+        """Column of P at which the parameters of the spring's law begin."""
+        return len(columns(JointConstants)) + self.motors * len(columns(MotorConstants))
 
     @property
     def goals(self) -> int:
@@ -97,86 +63,76 @@ def shape_of(drives: Sequence[SteppedJoint]) -> RowShape:
     )
 
 
-def kind_of(drive: SteppedJoint, shape: RowShape) -> list[int]:
-    """Row of K for a joint, without the addresses."""
-    k = [0] * KINDS
-    if drive.drive is None:
-        k[KIND] = PASSIVE
-    else:
-        mode = drive.drive.mode
-        k[KIND] = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
-    k[DYNAMIC], k[PLACED], k[SPRINGS] = drive.dynamic_motors, drive.placed, drive.motors if drive.placed else 0
-    k[MOTORS] = drive.positions
-    if drive.sensor is not None:
-        k[CONTROLLERS], k[ON_LINK] = drive.sensor.count, int(drive.sensor.on_link)
-    k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
-    k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
-    k[LAW] = shape.drives
-    return k
+def kind_of(drive: SteppedJoint, shape: RowShape) -> JointKind:
+    """Kind of a joint, without the addresses of its functions."""
+    kind, mode, sensor = PASSIVE, drive.mode, drive.sensor
+    if mode is not None:
+        kind = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
+    return JointKind(
+        kind=kind, positions=drive.positions, dynamic=drive.dynamic_motors, springs=drive.motors if drive.placed else 0,
+        placed=drive.placed, controllers=sensor.count if sensor else 0, on_link=int(sensor.on_link) if sensor else 0,
+        ring=shape.ring, memory=shape.memory, law=shape.law, spring_law=0, joint_step=0,
+    )  # fmt: skip
 
 
-def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, cutoff: bool) -> list[float]:
-    """Row of P for a joint."""
+def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, cutoff: bool) -> JointConstants:
+    """Constants of a joint."""
     joint, law, values, sensor = drive.joint, drive.link_damping, drive.values, drive.sensor
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
     level, length = drive.hysteresis or (0.0, 1.0)
-    gains = ("proportional", "integral", "derivative")
-    row = [
-        joint.most_effort, joint.velocity or np.inf, float(cutoff), low + AT_STOP, high - AT_STOP, drive.constant_damping,
-        law.ratio if law and follows else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness,
-        joint.spring_reference,
-        joint.friction, joint.stribeck_friction, 1.0 / joint.stribeck_velocity, joint.load_friction,
-        *(values.get(f"controller_1_{name}", 0.0) for name in gains), motor_substeps if drive.dynamic_motors else 1,
-        values.get("max_deflection", np.inf), level, length,
-        float(bool(sensor and sensor.effects.rate)), sensor.delay if sensor else 0.0, sensor.effects.quantum if sensor else 0.0,
-    ]  # fmt: skip
-    motors = [_motor(drive, index) for index in range(1, shape.motors + 1)]
-    row += [number for motor in motors for number in motor]
-    row += drive.elastic
-    return [float(number) for number in row] + [0.0] * (shape.constants - len(row))
+    return JointConstants(
+        effort=joint.most_effort, fastest=joint.velocity or np.inf, cutoff=float(cutoff), lowest=low + AT_STOP,
+        highest=high - AT_STOP, damping=drive.constant_damping, damping_ratio=law.ratio if law and follows else 0.0,
+        damping_inertia=law.inertia if law else 0.0, brake=drive.link_brake, spring=joint.spring_stiffness,
+        rest=joint.spring_reference, coulomb=joint.friction, stribeck=joint.stribeck_friction,
+        fade=1.0 / joint.stribeck_velocity, share=joint.load_friction,
+        proportional=values.get("controller_1_proportional", 0.0), integral=values.get("controller_1_integral", 0.0),
+        derivative=values.get("controller_1_derivative", 0.0),
+        substeps=float(motor_substeps if drive.dynamic_motors else 1), max_deflection=values.get("max_deflection", np.inf),
+        level=level, length=length, sampled=float(bool(sensor and sensor.effects.rate)),
+        delay=sensor.delay if sensor else 0.0, quantum=sensor.effects.quantum if sensor else 0.0,
+        drives=[_motor(drive, index) for index in range(1, shape.motors + 1)],
+        law=[*map(float, drive.elastic), *[0.0] * (shape.parameters - len(drive.elastic))],
+    )  # fmt: skip
 
 
-def _motor(drive: SteppedJoint, index: int) -> list[float]:
-    """Columns of P for motor `index` (1, 2, ...); zeros if the joint has no such motor."""
+def _motor(drive: SteppedJoint, index: int) -> MotorConstants:
+    """Constants of motor `index` (1, 2, ...)."""
     if index > drive.dynamic_motors:
-        row = [0.0] * PER_DRIVE
         if drive.stepping.released and drive.dynamic_motors and drive.actuator and index <= RELEASED_MOTORS:
-            for column, value in (PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)).items():
-                row[column] = value
-        return row
+            return replace(NO_MOTOR, **(PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)))
+        return NO_MOTOR
     assert drive.drive is not None
-    own, values, electric = drive.drive, drive.values, index in drive.electric_motors
-    constant = values[f"motor_{index}_torque_constant"] * values[f"motor_{index}_gear_ratio"] if electric else 0.0
-    limits = *own.motor_ranges[index - 1], own.max_velocity[index - 1], values[f"motor_{index}_max_torque"]
-    return [*own.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
+    constants = drive.drive.motor_constants(index)
+    if index in drive.electric_motors:
+        return constants
+    return replace(constants, torque_constant=0.0, resistance=0.0)
 
 
-def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: float) -> list[float]:
-    """Row of S for a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
-    s = [0.0] * shape.state
-    s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
+def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: float) -> JointState:
+    """State of a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
+    joint = JointState(position=position, engine_velocity=velocity, last_engine_velocity=velocity)
     mode = drive.mode
     if mode is not None and not mode.spring and mode.controller:
-        s[INTEGRAL] = (drive.integrals or (0.0,))[0]
+        joint.integral = (drive.integrals or (0.0,))[0]
+    joint.motors = [MotorState() for _ in range(shape.motors)]
     starts = drive.motor_starts(shape.motors) if drive.dynamic_motors else []
-    for i in range(shape.motors):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        s[m + DEFLECTION] = s[m + LAST_DEFLECTION] = np.nan
-        if i < len(starts):
-            s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]
+    for motor, start in zip(joint.motors, starts, strict=False):
+        motor.position, motor.velocity, motor.anchor, motor.integral = start
     sensor = drive.sensor
-    for i in range(sensor.count if sensor else 0):
+    for motor in joint.motors[: sensor.count] if sensor else ():
         # The memory of a sensor is filled with the values at the start.
-        x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
-        ring = shape.thetas + 2 * shape.motors + i * shape.ring
+        x, v = (position, velocity) if sensor.on_link else (motor.position, motor.velocity)  # type: ignore[union-attr]
         seen = [*[x, v] * sensor.memory, 0.0, x, v]  # type: ignore[union-attr]
-        s[ring : ring + len(seen)] = seen
-    return s
+        joint.memory += [*seen, *[0.0] * (shape.ring - len(seen))]
+    joint.memory += [0.0] * (shape.motors * shape.ring - len(joint.memory))
+    return joint
 
 
-def tables(prepared: Prepared, shape: RowShape) -> tuple[NDArray[np.int64], Array]:
-    """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
-    kinds = np.array([kind_of(drive, shape) for drive in prepared.drives], dtype=np.int64)
-    options: Any = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
-    return kinds, np.array([constants_of(drive, shape, **options) for drive in prepared.drives])
+def tables(prepared: Prepared, shape: RowShape) -> tuple[list[JointKind], Array]:
+    """Kinds of the joints, without the addresses, and the table P (joints, ...)."""
+    kinds = [kind_of(drive, shape) for drive in prepared.drives]
+    substeps, cutoff = prepared.resolution.motor_substeps, prepared.velocity_cutoff
+    links = [constants_of(drive, shape, motor_substeps=substeps, cutoff=cutoff) for drive in prepared.drives]
+    return kinds, np.array([row_of_link(link) for link in links], dtype=float)

@@ -14,8 +14,9 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
-from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
+from asrsim.simulation.layout import HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
@@ -146,7 +147,7 @@ class Simulation:
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != NO_VALUE:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
-            joint = np.nan_to_num(np.abs(core.S[0, :, ENGINE_VELOCITY]), nan=np.inf).argmax()
+            joint = np.nan_to_num(np.abs(core.S[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite or sane"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 

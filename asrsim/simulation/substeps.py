@@ -17,6 +17,7 @@ import numpy as np
 
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
+from asrsim.robot.couplings import Couplings, uncoupled
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -85,14 +86,17 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Rob
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
     # An engine without dynamics prescribes the motion of the links: springs need no substeps.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
+    couplings = uncoupled(len(drives)) if model is None else model.couplings
     if model is not None:
         configurations = _configurations(drives)
         masses = model.mass_matrix(configurations)
-        loads = loads + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
+        loads = couplings.fold_sizes(loads) + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
+    # The spring of a follower moves all that its master moves.
+    inertias, loads = inertias[couplings.master] / couplings.ratio**2, loads[couplings.master] / np.abs(couplings.ratio)
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    return _resolve(scenario, drives, masses, [_reachable_stiffness(*row, interval) for row in rows])
+    return _resolve(scenario, drives, couplings, masses, [_reachable_stiffness(*row, interval) for row in rows])
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
@@ -182,7 +186,9 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
     return high
 
 
-def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[float]) -> Resolution:
+def _resolve(
+    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, masses: Array, stiffness: Sequence[float]
+) -> Resolution:
     """Numbers of substeps. masses: mass matrices (m, n, n) in the relevant configurations; stiffness: of each joint in N m/rad.
 
     The released code has no substeps, and also runs springs that the step does not resolve.
@@ -199,8 +205,9 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
         for drive, k in zip(drives, limited, strict=True)
     ]
-    omega, shape = _fastest(masses, gains)
-    frequency, column = math.sqrt(omega), int(np.argmax(np.abs(shape)))
+    omega, shape = _fastest(masses, couplings.fold_gains(gains))
+    group = couplings.master == int(np.argmax(np.abs(shape)))
+    frequency, column = math.sqrt(omega), int(np.argmax(np.where(group, gains, -1.0)))
     stiffest = drives[column].name
     needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
@@ -213,7 +220,8 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
                 "its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
-        mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0).tolist()
+        mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
+        mobilities = (mobilities[couplings.master] * couplings.ratio**2).tolist()
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
         substeps = int(max(needed, min(scenario.substep_cap, _count(STEEPEST * max(growths) * step / FADING))))
@@ -223,7 +231,8 @@ def _resolve(scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array, 
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
-    decay = h * _fastest(masses, [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)])[0]
+    dampings = [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)]
+    decay = h * _fastest(masses, couplings.fold_gains(dampings))[0]
     frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
     rates = max(max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING)
     motor_substeps = 1 if stepping.released else scenario.motor_substeps or _count(rates * h)
@@ -277,7 +286,7 @@ def _implicitness(decay: float, least: float) -> float:
     return max(least, (decay - 1.0 - RINGING) / (decay * (1.0 + RINGING))) if decay > 1.0 else least
 
 
-def _fastest(masses: Array, gains: Sequence[float]) -> tuple[float, Array]:
+def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
     """Largest eigenvalue of M^-1 diag(gains) over the mass matrices, and the eigenvector of this eigenvalue."""
     root = np.sqrt(gains)
     values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(masses) * root)

@@ -13,11 +13,13 @@ from asrsim.engines.mujoco import MujocoEngine
 from asrsim.engines.mujoco_build import HARD
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import InputError, SimulationError
+from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation.core import UNOBSERVED, Core
+from asrsim.simulation.fields import JOINT, Scheme, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
-from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE, POSITION, RAN_AWAY, SPRING_LAW
+from asrsim.simulation.layout import HEALTHY, NO_VALUE, RAN_AWAY
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import shape_of, start_of, tables
@@ -54,15 +56,17 @@ class WarpCore(Core):
         self.shape = shape_of(prepared.drives)
         stepping = prepared.stepping
         now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._z = np.array([
-            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, prepared.resolution.link_implicitness,
-            float(stepping.staggered),
-        ])  # fmt: skip
+        self._scheme = Scheme(
+            step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
+            implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
+            staggered=float(stepping.staggered),
+        )  # fmt: skip
         made, actuators = program(prepared.drives)
         self._program: Any = made.load()
-        kinds, constants = tables(prepared, self.shape)
-        for k, drive in zip(kinds, prepared.drives, strict=True):
-            k[SPRING_LAW] = actuators.index(drive.actuator) + 1 if drive.actuator is not None else 0
+        joints, constants = tables(prepared, self.shape)
+        for k, drive in zip(joints, prepared.drives, strict=True):
+            k.spring_law = actuators.index(drive.actuator) + 1 if drive.actuator is not None else 0
+        kinds = np.array([numbers(joint) for joint in joints])
         self.S = np.zeros((worlds, len(kinds), self.shape.state), dtype=np.float32)
         self.P = np.repeat(constants[None].astype(np.float32), worlds, axis=0)
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
@@ -72,7 +76,7 @@ class WarpCore(Core):
         self._start_engine(engine, prepared)
         self._make_model(worlds)
         new = self._new
-        self._s, self._p, self._k, self._scheme = new(self.S), new(self.P), new(kinds, int), new(self._z)
+        self._s, self._p, self._k, self._z = new(self.S), new(self.P), new(kinds, int), new(numbers(self._scheme))
         self._kinds = kinds
         self._which = new(np.zeros((worlds, 3)), int, flat=False)
         self._done, self._ran = new(self.done, int), new(self.done, int)
@@ -96,7 +100,7 @@ class WarpCore(Core):
         room = engine.room
         model = self._model = copy.copy(engine.raw_model)
         freedoms, joints = room.joint_v, engine.raw_model.dof_jntid[room.joint_v]
-        step = float(self._z[0])
+        step = self._scheme.step
         model.opt.timestep = step
         if self.prepared.scenario.world.empty:
             # Friction cones serve contacts only; without them the solver is cheaper.
@@ -154,7 +158,7 @@ class WarpCore(Core):
         """Put a world at the start of a run."""
         placed = self._start_engine(self._engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
-        self.S[world] = [start_of(drive, self.shape, q, v) for drive, q, v in rows]
+        self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTHY
         state, first = self._engine.state, self._model.nq
@@ -224,7 +228,7 @@ class WarpCore(Core):
         self._look_for_faults(worlds)
 
     def _look_for_faults(self, worlds: NDArray[np.int64]) -> None:
-        speeds, places = self.S[worlds][..., ENGINE_VELOCITY], self.S[worlds][..., POSITION]
+        speeds, places = self.S[worlds][..., JOINT["engine_velocity"]], self.S[worlds][..., JOINT["position"]]
         wrong = ~(np.abs(speeds) <= FASTEST) | ~np.isfinite(places)
         for place in np.flatnonzero(wrong.any(axis=1)).tolist():
             joint = int(wrong[place].argmax())
@@ -258,7 +262,7 @@ class WarpCore(Core):
             self._inputs, self._lengths, self._pieces = self._new(given.inputs), self._new(given.lengths), self._new(pieces, int)
             self._given, self._graph = given, None
         _, rows, joints, columns = given.inputs.shape
-        sizes = joints, rows, columns, first, self.shape.state, self.shape.constants, self._kinds.shape[1], every
+        sizes = joints, rows, columns, first, self.S.shape[2], self.P.shape[2], self._kinds.shape[1], every
         self._sizes = self._new(sizes, int) if self._graph is None else self._sizes
         self._sizes.assign(np.array(sizes, dtype=np.int32))
         table = np.zeros((len(self.S), 3), dtype=np.int32)
@@ -284,7 +288,7 @@ class WarpCore(Core):
         wp.launch(
             code.load_joints, dim=size, device=self._device,
             inputs=[
-                self._s, self._p, self._k, self._scheme, self._sizes, self._inputs, self._lengths, self._pieces, self._which,
+                self._s, self._p, self._k, self._z, self._sizes, self._inputs, self._lengths, self._pieces, self._which,
                 self._done, self._ran, self._freedoms, self._loads, d.qfrc_applied, m.dof_armature, m.dof_frictionloss,
             ],
         )  # fmt: skip
@@ -293,7 +297,7 @@ class WarpCore(Core):
         wp.launch(
             code.settle_joints, dim=size, device=self._device,
             inputs=[
-                self._s, self._p, self._k, self._scheme, self._sizes, self._done, self._ran, self._freedoms, self._coordinates,
+                self._s, self._p, self._k, self._z, self._sizes, self._done, self._ran, self._freedoms, self._coordinates,
                 self._loads, d.qpos, d.qvel, self._columns, rows,
             ],
         )  # fmt: skip

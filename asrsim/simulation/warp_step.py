@@ -6,34 +6,18 @@ a substep: if an input jumps, it receives the means of the torques over the piec
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from asrsim.actuators.motor import MotorConstants
+from asrsim.records import columns
 from asrsim.simulation import kernel, laws
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.layout import (
-    APPLIED,
-    BRAKE,
-    CONTROLLERS,
-    DRAG,
-    ENGINE_VELOCITY,
-    EXTERNAL,
-    LAST_ENGINE_VELOCITY,
-    LINK_IMPLICITNESS,
-    P_DAMPING_RATIO,
-    P_LEVEL,
-    POSITION,
-    PUSH,
-    STAGGERED,
-    STEP,
-    STIFFNESS,
-    TORQUE,
-    WEIGHT_LAST,
-    WEIGHT_NOW,
-)  # fmt: skip
+from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
+from asrsim.simulation.layout import EXTERNAL
 from asrsim.warping import BOOL, FLOAT, INT, NotTranslatable, Program, Row, Value
 from asrsim.warping.kinds import number_as
-from asrsim.warping.translate import Translation
+from asrsim.warping.translate import Call, Translation
 
 LOAD, ARMATURE, FRICTION, FRACTION = range(4)
 """Columns of the loads of a joint: torque in N m, inertia in kg m^2 by which implicit damping acts, friction in N m, length of
@@ -47,8 +31,8 @@ def later(table: Any, at: int) -> Any:
 
 
 def load(
-    s: Any, p: Any, k: Any, z: Any, inputs: Any, stride: int, pieces: Any, lengths: Any, step: int, first: bool, recorded: bool,
-    loads: Any,
+    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, stride: int, pieces: Any,
+    lengths: Any, step: int, first: bool, recorded: bool, loads: Any,
 ) -> None:  # fmt: skip
     """Advance motors and springs of a joint by a substep, with the link at its present position, and store its loads.
 
@@ -56,12 +40,12 @@ def load(
     row of the piece that begins at the time of the substep, or -1 for a kick of one piece; lengths: lengths of the rows' pieces;
     step: row of the substep; first: whether the run begins; recorded: whether the values are recorded.
     """
-    v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
-    if k[CONTROLLERS]:
-        kernel.remember_positions(s, p, k, z)
+    v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
+    if kind.controllers:
+        kernel.remember_positions(joint, link, kind, scheme)
     begin, end, on_time = pieces[0], pieces[1], pieces[2]
     jumped = on_time >= 0
-    since = 0.0 if first else -0.5 * z[STAGGERED]
+    since = 0.0 if first else -0.5 * scheme.staggered
     until = -since
     torque = applied = push = drag = force = damping = friction = fraction = 0.0
     for turn in range(begin, end + 1 if jumped else end):
@@ -73,74 +57,95 @@ def load(
             length = lengths[at]
             until = since + length
         u = later(inputs, at * stride)
-        if k[CONTROLLERS]:
-            kernel.read_sensors(s, p, k, z, u, since, until)
+        if kind.controllers:
+            kernel.read_sensors(joint, link, kind, scheme, u, since, until)
         since = until
-        kernel.advance(s, p, k, z, u, length * z[STEP], noted, recorded or p[P_DAMPING_RATIO] != 0.0)
-        s[BRAKE] = kernel.limit(s, p, v)
-        s[PUSH] = kernel.push_of(s, p, u[EXTERNAL])
-        s[DRAG] = kernel.damping_of(s, p)
+        kernel.advance(joint, link, kind, scheme, u, length * scheme.step, noted, recorded or link.damping_ratio != 0.0)
+        joint.brake = kernel.limit(joint, link, v)
+        joint.now.push = kernel.push_of(joint, link, u[EXTERNAL])
+        joint.drag = kernel.damping_of(joint, link)
         if noted:
-            torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
+            torque, applied, push, drag = joint.now.torque, joint.now.applied, joint.now.push, joint.drag
         fraction += length
-        force += length * (s[APPLIED] + s[PUSH])
-        damping += length * (s[DRAG] + s[BRAKE])
-        friction += length * kernel.friction_of(s, p, v)
-    s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
+        force += length * (joint.now.applied + joint.now.push)
+        damping += length * (joint.drag + joint.brake)
+        friction += length * kernel.friction_of(joint, link, v)
+    joint.now.torque, joint.now.applied, joint.now.push, joint.drag = torque, applied, push, drag
     # Damping acts on a mean of the velocities before and after the kick.
-    loads[LOAD] = (force - damping * s[ENGINE_VELOCITY]) / fraction
-    loads[ARMATURE] = z[LINK_IMPLICITNESS] * z[STEP] * damping
+    loads[LOAD] = (force - damping * joint.engine_velocity) / fraction
+    loads[ARMATURE] = scheme.link_implicitness * scheme.step * damping
     loads[FRICTION] = friction / fraction
     loads[FRACTION] = fraction
 
 
-def settle(s: Any, p: Any, k: Any, z: Any, velocity: float, first: bool) -> None:
+def settle(
+    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, velocity: float, first: bool
+) -> None:  # fmt: skip
     """Store the values at the time of the substep after the engine has moved the link. velocity: of the link now, rad/s."""
-    now = 0.5 * (s[ENGINE_VELOCITY] + velocity)
-    if first or z[STAGGERED] == 0.0:
-        now = s[ENGINE_VELOCITY]
-    kernel.read_engine(s, p, z, velocity, now, False)
-    if p[P_LEVEL] > 0.0:
-        kernel.remember_springs(s, p, k)
+    now = 0.5 * (joint.engine_velocity + velocity)
+    if first or scheme.staggered == 0.0:
+        now = joint.engine_velocity
+    kernel.read_engine(joint, link, scheme, velocity, now, False)
+    if link.level > 0.0:
+        kernel.remember_springs(joint, link, kind)
 
 
-def move_on(s: Any, z: Any, position: float, velocity: float, first: bool) -> None:
+def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
     """Store the position (rad) and velocity (rad/s) of the link for the next substep."""
-    last = s[ENGINE_VELOCITY]
-    if first and z[STAGGERED] != 0.0:
-        last = 2.0 * s[ENGINE_VELOCITY] - velocity
-    s[LAST_ENGINE_VELOCITY], s[ENGINE_VELOCITY], s[POSITION] = last, velocity, position
+    last = joint.engine_velocity
+    if first and scheme.staggered != 0.0:
+        last = 2.0 * joint.engine_velocity - velocity
+    joint.last_engine_velocity, joint.engine_velocity, joint.position = last, velocity, position
+
+
+def shortened(joint: JointState, scheme: Scheme, fraction: float, velocity: float) -> tuple[float, float]:
+    """Velocity and position of a link after a kick that was a fraction of the engine's kick to `velocity` (rad/s)."""
+    after = joint.engine_velocity + fraction * (velocity - joint.engine_velocity)
+    return after, joint.position + scheme.step * after
 
 
 # -- as a program of Warp -----------------------------------------------------------------------------------------------
 
-FLOATS, INTEGERS = Row(FLOAT), Row(INT)
+NUMBERS, WHOLE_NUMBERS = Row(FLOAT), Row(INT)
+STATE, CONSTANTS, KIND, SCHEME = (
+    Row(INT if one is JointKind else FLOAT, record=one) for one in (JointState, JointConstants, JointKind, Scheme)
+)  # fmt: skip
 
 
 def program(drives: Iterable[SteppedJoint]) -> tuple[Program, tuple[Any, ...]]:
-    """The program that advances joints with these drives, and their actuators: `SPRING_LAW` of a joint is the number of its
+    """The program that advances joints with these drives, and their actuators: `spring_law` of a joint is the number of its
     actuator, from 1. Raises NotTranslatable that names the actuator and the line."""
-    actuators = tuple(dict.fromkeys(drive.actuator for drive in drives if drive.actuator is not None))
-    positions = {drive.actuator: drive.positions for drive in drives}
-    made = Program({laws.numbers: _numbers, laws.spring_law: _call_law, later: _later, kernel.find_state: _nothing})
-    made.add(_law_text(made, actuators, positions))
+    positions = {drive.actuator: drive.positions for drive in drives if drive.actuator is not None}
+    made = Program({
+        laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
+        laws.memory_of: _memory, laws.spring_law: _call_law, later: _later, kernel.find_state: _nothing,
+    })  # fmt: skip
+    made.add(_law_text(made, positions))
+    joint = STATE, CONSTANTS, KIND, SCHEME
     for function, kinds in (
-        (load, (*[FLOATS] * 2, INTEGERS, *[FLOATS] * 2, INT, INTEGERS, FLOATS, INT, BOOL, BOOL, FLOATS)),
-        (settle, (FLOATS, FLOATS, INTEGERS, FLOATS, FLOAT, BOOL)),
-        (move_on, (FLOATS, FLOATS, FLOAT, FLOAT, BOOL)),
+        (load, (*joint, NUMBERS, INT, WHOLE_NUMBERS, NUMBERS, INT, BOOL, BOOL, NUMBERS)),
+        (settle, (*joint, FLOAT, BOOL)),
+        (shortened, (STATE, SCHEME, FLOAT, FLOAT)),
+        (move_on, (STATE, SCHEME, FLOAT, FLOAT, BOOL)),
     ):
         name, _ = made.function(function, kinds)
         made.add(f"{function.__name__} = {name}")
     made.add(KERNELS)
-    return made, actuators
+    return made, tuple(positions)
 
 
 def _nothing(caller: Translation, given: list[Value]) -> Value:
     return Value(None)
 
 
-def _numbers(caller: Translation, given: list[Value]) -> Value:
-    return given[0].from_place(given[1].text, laws.MOTOR_NUMBERS)
+def _part(whole: Any, part: Any) -> Call:
+    """Record i of the parts that follow a record in its row."""
+    first, size = len(columns(whole)), len(columns(part))
+    return lambda caller, given: given[0].from_place(f"{first} + {given[1].text} * {size}", part)
+
+
+def _memory(caller: Translation, given: list[Value]) -> Value:
+    return given[0].from_place(given[1].field("memory").text)
 
 
 def _later(caller: Translation, given: list[Value]) -> Value:
@@ -149,25 +154,25 @@ def _later(caller: Translation, given: list[Value]) -> Value:
 
 def _call_law(caller: Translation, given: list[Value]) -> Value:
     # `call` is also the function by which other steppings advance a joint: they do not run on Warp.
-    if len(given) != 8:
+    if len(given) != 6:
         return Value(None)
-    which, s, thetas, torques, p, law, q, whole = given
-    row = p.from_place(law.text)
-    values = [which.text, *s.arguments, thetas.text, torques.text, *row.arguments, q.text, number_as(whole, INT).text]
+    which, joint, link, law, q, whole = given
+    row = link.from_place(law.text)
+    values = [which.text, *joint.arguments, *row.arguments, q.text, number_as(whole, INT).text]
     caller.line(f"spring_law({', '.join(values)})")
     return Value(None)
 
 
-def _law_text(made: Program, actuators: Iterable[Any], positions: Any) -> str:
-    """A function that calls the laws of the actuator with a number."""
+def _law_text(made: Program, actuators: Mapping[Any, int]) -> str:
+    """A function that calls the laws of the actuator with a number. actuators: number of positions of each actuator."""
     lines = ["@wp.func", (
-        "def spring_law(which: int, s: wp.array(dtype=float), s_at: int, thetas: int, torques: int, p: wp.array(dtype=float), "
-        "p_at: int, q: float, whole: int):"
-    ), "    t = s_at + thetas", "    r = s_at + torques"]  # fmt: skip
-    for number, actuator in enumerate(actuators, start=1):
-        count = positions[actuator]
+        "def spring_law(which: int, s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int, q: float, "
+        "whole: int):"
+    )]  # fmt: skip
+    for number, (actuator, count) in enumerate(actuators.items(), start=1):
         kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
-        values = ", ".join(["q", *(f"s[t + {i}]" for i in range(count)), "p", "p_at"])
+        thetas = (f"s[s_at + {motor_column('theta', i)}]" for i in range(count))
+        values = ", ".join(["q", *thetas, "p", "p_at"])
         try:
             torques, found = made.function(actuator.elastic_torques, kinds)
             stiffness, one = made.function(actuator.stiffness, kinds)
@@ -176,11 +181,11 @@ def _law_text(made: Program, actuators: Iterable[Any], positions: Any) -> str:
         names = [f"r_{number}_{i}" for i in range(len(found.kinds))]
         lines += [f"    if which == {number}:", f"        {', '.join(names)} = {torques}({values})"]
         lines += [
-            f"        s[r + {i}] = {number_as(Value(kind, name), FLOAT).text}"
+            f"        s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
             for i, (name, kind) in enumerate(zip(names, found.kinds, strict=True))
         ]
-        lines += ["        if whole != 0:"]
-        lines += [f"            s[s_at + {STIFFNESS}] = {number_as(Value(one, f'{stiffness}({values})'), FLOAT).text}"]
+        stored = number_as(Value(one, f"{stiffness}({values})"), FLOAT).text
+        lines += ["        if whole != 0:", f"            s[s_at + {JOINT['stiffness']}] = {stored}"]
     return "\n".join([*lines, "    return"])
 
 
@@ -224,9 +229,7 @@ def settle_joints(
     position = qpos[w, coordinates[j]]
     if loads[i * 4 + 3] < 0.99:
         # The first kick is shorter than a substep.
-        before = s[at + ENGINE_VELOCITY]
-        velocity = before + loads[i * 4 + 3] * (velocity - before)
-        position = s[at + POSITION] + z[STEP] * velocity
+        velocity, position = shortened(s, at, z, 0, loads[i * 4 + 3], velocity)
         qvel[w, freedoms[j]] = velocity
         qpos[w, coordinates[j]] = position
     settle(s, at, p, i * sizes[5], k, j * sizes[6], z, 0, velocity, substep == 0)
@@ -241,6 +244,6 @@ def settle_joints(
 def count_steps(ran: wp.array(dtype=int)):
     w = wp.tid()
     ran[w] = ran[w] + 1
-'''.replace("ENGINE_VELOCITY", str(ENGINE_VELOCITY)).replace("POSITION", str(POSITION)).replace("STEP]", f"{STEP}]")
+'''
 """Kernels over worlds and joints. sizes: joints, rows and columns of an input table, its first row, columns of S, P and K,
 substeps between recorded rows."""

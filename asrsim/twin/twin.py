@@ -114,6 +114,7 @@ class Twin:
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
+        self._followers = np.flatnonzero([bool(drive.joint.mimic) for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._observer = Observer(shape[::-1], step=step, bandwidth=bandwidth)
         self._noise_gain = noise_gain(step, bandwidth)
@@ -147,6 +148,8 @@ class Twin:
                 self._command(joint, reference, value, notes)
         lost = self._missing * self._step > LONGEST_GAP
         self._measure_noise(positions, notes)
+        # The master of a coupled joint moves it: its own position would count twice.
+        positions[self._followers] = math.nan
         # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
         positions = np.clip(positions, *self._stops)
         begins = self._steps == 0 or bool((lost & np.isfinite(positions)).any())

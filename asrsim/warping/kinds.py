@@ -8,6 +8,7 @@ from math import isfinite, isnan
 from typing import Any
 
 from asrsim.errors import SimulationError
+from asrsim.records import columns, own_fields
 
 
 class NotTranslatable(SimulationError):
@@ -34,10 +35,11 @@ ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
 @dataclass(frozen=True)
 class Row:
     """Kind of a row of numbers in a table: an array and the place in it at which the row begins. size: number of its numbers, if
-    it is known."""
+    it is known; record: class of the record whose numbers these are (`asrsim.records`)."""
 
     number: Kind
     size: int | None = None
+    record: Any = None
 
     @property
     def annotation(self) -> str:
@@ -67,9 +69,20 @@ class Value:
         """Number of a row."""
         return Value(self.kind.number, f"{self.text}[{summed(self.at, index)}]")
 
-    def from_place(self, index: str, size: int | None = None) -> Value:
-        """The row that begins within this row."""
-        return Value(Row(self.kind.number, size), self.text, summed(self.at, index))
+    def from_place(self, index: str, record: Any = None) -> Value:
+        """The row that begins within this row, or the record there."""
+        return Value(Row(self.kind.number, record=record), self.text, summed(self.at, index))
+
+    def field(self, name: str) -> Value:
+        """Number, or record, of this name in a record. Raises NotTranslatable."""
+        for one in own_fields(self.kind.record):
+            if one.name == name:
+                inner = one.metadata.get("record")
+                if inner is None:
+                    return self.part(str(columns(self.kind.record)[name]))
+                first = next(iter(columns(inner)))
+                return self.from_place(str(columns(self.kind.record)[f"{name}.{first}"]), inner)
+        raise NotTranslatable(f"a record has no number '{name}'")
 
     @property
     def arguments(self) -> list[str]:

@@ -193,7 +193,7 @@ class Translation:
                 self._store(one, value)
         elif isinstance(target, ast.Name):
             self._bound[target.id] = self._stored(found, target.id)
-        elif isinstance(target, ast.Subscript):
+        elif isinstance(target, ast.Subscript | ast.Attribute):
             place = self.value(target)
             if place.kind not in ORDER or not isinstance(self.value(target.value).kind, Row):
                 raise NotTranslatable("only numbers of a row can be set")
@@ -313,6 +313,8 @@ class Translation:
 
     def _of_Attribute(self, node: ast.Attribute) -> Value:
         owner = self.value(node.value)
+        if isinstance(owner.kind, Row) and owner.kind.record is not None:
+            return owner.field(node.attr)
         if owner.kind is not None or owner.known is None or not hasattr(owner.known, node.attr):
             raise NotTranslatable(f"'.{node.attr}' has no translation")
         return self._known(getattr(owner.known, node.attr))

@@ -42,8 +42,8 @@ class PendulumEngine(RigidEngine):
 
     def look(self, wrenches, forces):
         room, (q,) = self._room, self._room.qpos
-        room.matrix[:] = self.inertia
-        room.bias[:] = np.cos(q) * self.torques[0] + np.sin(q) * self.torques[1]
+        room.full_matrix[:] = self.inertia
+        room.full_bias[:] = np.cos(q) * self.torques[0] + np.sin(q) * self.torques[1]
 
 
 ENGINES.add("pendulum", EngineEntry(make=lambda scenario, robot: (PendulumEngine(scenario, robot), ()), doc="a pendulum"))

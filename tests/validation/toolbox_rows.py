@@ -12,22 +12,9 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
+from asrsim.simulation.fields import JointState, Scheme
 from asrsim.simulation.kernel import advance
 from asrsim.simulation.laws import bound_law
-from asrsim.simulation.layout import (
-    DRIVE_TORQUE,
-    ENGINE_VELOCITY,
-    FIRST_MOTOR,
-    JOINT_STEP,
-    KICK_POSITION,
-    LOAD,
-    MEAN_VELOCITY,
-    MOTOR_POSITION,
-    PER_MOTOR,
-    POSITION,
-    SPRING_LAW,
-    TORQUE,
-)  # fmt: skip
 from asrsim.simulation.rows import constants_of, kind_of, shape_of, start_of
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -42,35 +29,39 @@ def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) ->
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
     (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), Scenario(name="toolbox", robot=robot.path))
     shape = shape_of([drive])
-    k: list[Any] = kind_of(drive, shape)
+    k = kind_of(drive, shape)
     p = constants_of(drive, shape, motor_substeps=1, cutoff=False)
     actuator: Any = drive.actuator
     if actuator is not None and drive.mode is not None and drive.mode.spring:
-        k[SPRING_LAW] = bound_law(actuator, drive.positions)
-    k[JOINT_STEP] = drive.stepping.joint_step
+        k.spring_law = bound_law(actuator, drive.positions)
+    k.joint_step = drive.stepping.joint_step
     s = start_of(drive, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()
     rows = []
     for row, ((q, v, *_), goal) in enumerate(zip(motion.tolist(), goals, strict=True)):
         h = step if row else first_step
-        s[POSITION], s[ENGINE_VELOCITY] = q, v
-        before = [s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
-        z = (h, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
+        s.position, s.engine_velocity = q, v
+        before = [motor.position for motor in s.motors[:2]]
+        stepping = drive.stepping
+        z = Scheme(
+            step=h, weight_now=1.0, weight_last=0.0, first_drift=stepping.first_drift, implicitness=stepping.implicitness,
+            link_implicitness=0.0, staggered=0.0,
+        )  # fmt: skip
         advance(s, p, k, z, [0.0, *goal], h, True, False)
-        rows.append((s[TORQUE], *_outputs(drive, q, before, s)))
+        rows.append((s.now.torque, *_outputs(drive, q, before, s)))
     return dict(zip(OUTPUTS, np.array(rows).T, strict=True))
 
 
-def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence[float]) -> tuple[float, ...]:
+def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: JointState) -> tuple[float, ...]:
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return (math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    torques = [s[FIRST_MOTOR + i * PER_MOTOR + LOAD] for i in range(2)]
-    x, v_x, drive_x, y, v_y, drive_y = (
-        s[FIRST_MOTOR + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
-    )
+    first, second = s.motors[:2]
+    x, y = first.kick_position, second.kick_position
     law: Any = actuator.stiffness
     # In mode 4 the released code computes the stiffness at the motors' positions before the step.
     stiffness = law(q, *(before if mode.number == 4 else (x, y)), drive.elastic)
     x, y = (x, y) if mode.motor else (0.0, 0.0)
-    return (*torques, stiffness, x, v_x, drive_x, y, v_y, drive_y)
+    return (
+        first.load, second.load, stiffness, x, first.mean_velocity, first.torque, y, second.mean_velocity, second.torque,
+    )  # fmt: skip

@@ -73,7 +73,7 @@ def test_a_model_that_does_not_fit_identifies_nothing(tmp_path):
     """
     true = SEA.scaled(lambda name: 5.0 if name == "friction" else 1.0)
     recording = record(true, tmp_path / "a.csv", seed=0)
-    result = identify(SEA.write(tmp_path), [recording], free=["joint_1.spring_stiffness"], starts=1)
+    result = identify(SEA.write(tmp_path), [recording], free=["joint_1.spring_stiffness"])
     assert result.fits is False
     (one,) = result.estimates
     assert one.verdict == "weak"
@@ -99,7 +99,7 @@ STIFFNESS = replace(INERTIA, key="joint_1.spring_stiffness", name="joint_1.sprin
     ],
 )
 def test_doubtful_estimates_are_weak_and_say_why(one, fits, otherwise, reason):
-    (found,) = doubted([one], fits=fits, otherwise=otherwise)
+    (found,) = doubted([one], fits=fits, others=[otherwise])
     assert found.verdict == ("weak" if reason else "identified")
     assert re.match(reason, found.reason)
     assert found.high >= otherwise.get(one.name, one.high)

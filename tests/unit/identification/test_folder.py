@@ -20,7 +20,7 @@ def fitted(tmp_path_factory):
     true = write(folder / "true", "lab", SEA, references=f"{{equilibrium_position: {CHIRP}}}")
     recording = record(true, folder / "a.csv")
     guess = write(folder / "guess", "lab", {**SEA, "damping": 0.03}, references=f"{{equilibrium_position: {CHIRP}}}")
-    result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"], starts=1)
+    result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"])
     place = folder / "result"
     place.mkdir()
     write_json(place / FIT, as_dict(result))

@@ -386,6 +386,6 @@ def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path, name, tag, 
     true = write(tmp_path, "true", tight, f"{{equilibrium_position: {reference}}}")
     record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"))
     lab = write(tmp_path, "lab", {**free, "damping": 0.025})
-    result = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"], starts=2)
+    result = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert not result.fits
     assert any(f"motor_1_{name}" in text for text in result.causes), (result.misfit, result.causes)

@@ -150,7 +150,7 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
         torque = 4.0 * place + generator.normal(scale=0.1) + 2e-3 * generator.normal(size=len(time))
         trials.append(save(tmp_path / f"{number}.csv", BENCH, time, place, torque))
     lab = bench(tmp_path, 3)
-    shared = identify(lab, trials, free=["joint_1.spring_stiffness"], starts=1)
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"])
     assert not shared.fits
     zeros = [text for text in shared.causes if text.startswith("a zero of joint_1.elastic_torque_1 in each recording")]
     assert any("--own joint_1.elastic_torque_1.offset" in text for text in zeros), shared.causes
@@ -167,7 +167,7 @@ def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
     )  # fmt: skip
     header, *columns, motor = recording.read_text().partition("\n")[0], *np.loadtxt(recording, delimiter=",", skiprows=1).T
     save(recording, header, *columns, 20.0 * motor)
-    result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"], starts=1)
+    result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"])
     (cause,) = result.causes
     (gain,) = re.findall(r"another scale and zero of joint_1.motor_1_position \((.*?)\)", cause)
     assert float(gain) == pytest.approx(0.05, rel=1e-2)

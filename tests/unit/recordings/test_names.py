@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
+from asrsim.actuators import MODES
 from asrsim.recordings import read_recording
+from asrsim.recordings.matching import wrong_unit
 from asrsim.recordings.units import split_header
+from asrsim.robot import load_robot
+from asrsim.scenario.recording_plan import make_plan
 
 TIME = np.arange(40) * 0.01
 
@@ -152,3 +156,59 @@ def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path):
     path.write_text("time,q1\n" + "".join(f"{0.01 * i:.2f},{i * 40}\n" for i in range(40)))
     (column,) = read_recording(path).asked
     assert "counts or degrees" in column.origin
+
+
+COMMANDS = {
+    "N m": ["knee_tau_des", "knee_effort_command", "torque_cmd_knee", "desiredTorque_knee", "knee.torque_setpoint", "tau_ref",
+            "knee_motor_torque_cmd", "/knee_effort_controller/command", "/knee/effort_controller/cmd/data"],
+    "A": ["knee_current_cmd", "target_current_knee", "cur_des", "knee_motor_current_setpoint"],
+    "V": ["knee_voltage_command", "volts_cmd", "cmdVoltage", "motor_voltage_ref"],
+    "N": ["force_command_knee"],
+    "": ["knee_cmd", "q_des_knee", "position_setpoint", "/knee/effort_interface/position_command"],
+}  # fmt: skip
+"""Names of commands by the unit of the kind that they state."""
+
+
+@pytest.mark.parametrize(("unit", "name"), [(unit, name) for unit, names in COMMANDS.items() for name in names])
+def test_a_command_keeps_the_kind_that_its_name_states(tmp_path, unit, name):
+    column = read(tmp_path, [name, "knee_pos"], ["knee"]).channels[name]
+    assert (column.quantity, column.unit) == ("reference_1", unit)
+
+
+@pytest.mark.parametrize(("unit", "name"), [(unit, names[0]) for unit, names in COMMANDS.items()])
+def test_a_command_of_another_kind_than_the_mode_takes_is_not_compared(tmp_path, unit, name):
+    recording = read(tmp_path, [name, "knee_pos"], ["knee"])
+    for mode, fitting in {0: "N m", 1: "", 4: "N m", 6: "", 7: "V", 8: "A"}.items():
+        refused = wrong_unit(recording.channels[name], "knee", prismatic=unit == "N", mode=mode)
+        assert (refused is None) == (unit in ("", fitting) or (unit, fitting) == ("N", "N m"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cmd_eff", "moment_ref", "theta_des", "i_des", "u_cmd", "v_ref", "cmd [rad/s]", "q_ref [rpm]", "tau_des [rad]",
+     "current_ref [V]"],
+)  # fmt: skip
+def test_a_command_of_a_doubtful_kind_is_asked_about(tmp_path, name):
+    recording = read(tmp_path, [name, "knee_pos"], ["knee"])
+    assert recording.channels[name].quantity is None
+    assert [column.source for column in recording.asked] == [name]
+
+
+@pytest.mark.parametrize(("name", "mode", "reference"), [
+    ("knee_tau_des", 4, "motor_1_torque"), ("knee_current_cmd", 8, "motor_1_current"),
+    ("knee_voltage_command", 7, "motor_1_voltage"), ("knee_cmd", 3, "equilibrium_position"),
+])  # fmt: skip
+def test_a_command_is_played_in_a_mode_that_takes_its_kind(tmp_path, tiny, name, mode, reference):
+    recording = read(tmp_path, [name.replace("knee", "elbow"), "elbow_pos"], ["elbow"])
+    plan = make_plan(load_robot(tiny.robot), recording, step=0.001)
+    assert [block.mode for block in plan.robot.actuators] == [mode]
+    assert [MODES[mode].references[one.slot] for one in plan.played] == [reference]
+
+
+def test_a_mapped_command_keeps_the_kind_of_its_name(tmp_path):
+    table = np.column_stack([TIME, np.sin(3 * TIME)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,knee_tau_des", comments="")
+    mapped = read_recording(tmp_path / "lab.csv", mapping=["knee_tau_des=knee.reference_1"], joints=["knee"])
+    assert mapped.channels["knee_tau_des"].unit == "N m"
+    stated = read_recording(tmp_path / "lab.csv", mapping=["knee_tau_des=knee.reference_1 [deg]"], joints=["knee"])
+    assert stated.channels["knee_tau_des"].unit == "rad"

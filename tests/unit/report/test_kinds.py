@@ -31,7 +31,7 @@ def fit(tmp_path_factory):
     true = write(folder / "true", "lab", SEA, references=f"{{equilibrium_position: {CHIRP}}}")
     guess = write(folder / "guess", "lab", {**SEA, "damping": 0.03}, references=f"{{equilibrium_position: {CHIRP}}}")
     recording = record(true, folder / "a.csv")
-    result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"], starts=1)
+    result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"])
     (folder / "result").mkdir()
     advice = ["asrsim design next.yaml", "move slower"]
     write_json(folder / "result" / FIT, {**as_dict(result), "next": advice, "causes": ["friction <b> would explain 3 %"]})

@@ -147,3 +147,10 @@ def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
         load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(("text", "tool"), [("<mujoco model='a'/>", "mjcf_urdf"), ("<sdf version='1.7'/>", "sdf2urdf")])
+def test_other_formats_are_told_how_to_convert(text, tool, tmp_path, asrsim_command):
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    assert tool in asrsim_command("check", path).out

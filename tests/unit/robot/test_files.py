@@ -177,7 +177,7 @@ def test_structure_warnings(read):
     found = {(problem.code, problem.key) for problem in read(robot(body)).warnings}
     assert found == {
         ("axis-length", "j"), ("missing-limit", "j"), ("triangle-inequality", "b"), ("no-inertial", "c"),
-        ("zero-inertia", "d"), ("mimic-joint", "m"), ("no-actuators", "r"),
+        ("zero-inertia", "d"), ("mimic-limits", "m"), ("no-actuators", "r"),
     }  # fmt: skip
 
 

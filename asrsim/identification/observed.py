@@ -1,0 +1,105 @@
+"""Measured positions of links and motors, towards which an observer moves a simulation.
+
+At each measured position with the error e = measured - simulated, the observer changes the position by (1 - a^2) e and the
+velocity by (1 - a)^2 / T e, with a = exp(-w T), the bandwidth w and the interval T between corrections. Without other forces,
+both poles of the error are a. No parameter of the robot is involved, and the simulation cannot diverge from the recording.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from asrsim.identification.data import Channel
+from asrsim.identification.door import Drive
+from asrsim.samples import Array
+
+BETWEEN = 0.2
+"""Interval between corrections in units of 1 / w, if samples are closer: corrections by noise then cost less."""
+FASTEST = 0.5
+"""Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
+GAP = 3.0
+"""Distance of two samples, in usual intervals, beyond which nothing is measured between them."""
+
+
+class Measured:
+    """Positions of links and motors that the channels of a recording show."""
+
+    def __init__(self, channels: Sequence[Channel], drives: Sequence[Drive], step: float) -> None:
+        """step: step of the simulation, s."""
+        self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
+        self.places = list(_places(self._channels, drives))
+        """Index of the joint, column (0: link, i: motor i), and the channels with their signs whose sum is the position."""
+        used = {one.key: one for *_, terms in self.places for one, _ in terms}
+        self._curves = {key: _Curve(one) for key, one in used.items()}
+        self.interval = max((curve.interval for curve in self._curves.values()), default=math.inf)
+        """Usual interval between samples, s."""
+        self._coarse = any(one.quantum for one in used.values())
+        self.columns = 1 + max((drive.dynamic_motors for drive in drives), default=0)
+
+    def gains(self, bandwidth: float, slowest: float) -> tuple[int, tuple[float, float]]:
+        """Number of steps between corrections, and gains of position and velocity (1/s). bandwidth: of the observer, rad/s;
+        slowest: interval in s between the corrections by encoders, whose steps otherwise act as noise of the velocity.
+        """
+        least = max(self.interval, BETWEEN / bandwidth, slowest if self._coarse else 0.0)
+        every = max(1, round(least / self._step))
+        a = math.exp(-bandwidth * every * self._step)
+        return every, (1.0 - a * a, (1.0 - a) ** 2 / (every * self._step))
+
+    def shows(self, bandwidth: float) -> bool:
+        """Whether the samples show a motion of this bandwidth in rad/s, and not the steps of encoders."""
+        return not self._coarse and bandwidth * self.interval <= FASTEST
+
+    def at(self, values: Mapping[str, float], clock: float, every: int, steps: int) -> Array:
+        """Measured positions (steps + 1, joints, columns) at whole steps; NaN where nothing is measured, or corrected.
+
+        values: parameters of the sensors by key; clock: delay of all channels, s.
+        """
+        found = np.full((steps + 1, len(self._drives), self.columns), np.nan)
+        for joint, column, terms in self.places:
+            found[::every, joint, column] = 0.0
+            for channel, sign in terms:
+                key = channel.key
+                shown = self._curves[key].at(clock + values.get(f"{key}.delay", 0.0), every * self._step, steps // every + 1)
+                true = values.get(f"{key}.gain", 1.0) * (shown - values.get(f"{key}.offset", 0.0))
+                found[::every, joint, column] += sign * true
+        return found
+
+
+class _Curve:
+    """Spline through a channel."""
+
+    def __init__(self, channel: Channel) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self._time, self._spline = channel.time, CubicSpline(channel.time, channel.values)
+        self.interval = float(np.median(np.diff(channel.time)))
+        self.at = lru_cache(8)(self._at)
+
+    def _at(self, late: float, step: float, count: int) -> Array:
+        """Values (count,) at multiples of `step` s, of a channel that is `late` s; NaN outside of the channel and in gaps."""
+        time = np.arange(count) * step + late
+        after = np.clip(np.searchsorted(self._time, time - 1e-9), 1, len(self._time) - 1)
+        known = (time > self._time[0] - 1e-9) & (time < self._time[-1] + 1e-9)
+        known &= self._time[after] - self._time[after - 1] < GAP * self.interval
+        return np.where(known, self._spline(time), np.nan)
+
+
+def _places(channels: Mapping[str, Channel], drives: Sequence[Drive]) -> Iterator[tuple[int, int, list[tuple[Channel, float]]]]:
+    for j, drive in enumerate(drives):
+        link, deflection = (channels.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
+        motors = [channels.get(f"{drive.name}.motor_{i}_position") for i in range(1, 1 + drive.dynamic_motors)]
+        # With one motor, the deflection is the motor's position minus the link's.
+        motor = motors[0] if len(motors) == 1 else None
+        if link is not None:
+            yield j, 0, [(link, 1.0)]
+        elif motor is not None and deflection is not None:
+            yield j, 0, [(motor, 1.0), (deflection, -1.0)]
+        for i, one in enumerate(motors, 1):
+            if one is not None:
+                yield j, i, [(one, 1.0)]
+        if len(motors) == 1 and motor is None and link is not None and deflection is not None:
+            yield j, 1, [(link, 1.0), (deflection, 1.0)]

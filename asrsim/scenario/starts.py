@@ -1,0 +1,25 @@
+"""Start positions of the joints: those of the scenario, else those of the robot's file, else 0."""
+
+from __future__ import annotations
+
+from asrsim.robot.model import Joint, Robot
+from asrsim.scenario.data import Scenario, for_joint
+
+
+def stated_start(scenario: Scenario, joint: Joint) -> float:
+    """Start position that scenario or file state for a joint that follows no other joint, rad or m."""
+    return float(for_joint(scenario.initial_positions, joint.name, joint.start or 0.0))
+
+
+def start_positions(scenario: Scenario, robot: Robot) -> dict[str, float]:
+    """Start position of each moving joint; coupled joints stand where their masters put them, rad or m."""
+    moving = robot.moving_joints
+    stated = robot.couplings.expand([stated_start(scenario, joint) for joint in moving])
+    return dict(zip((joint.name for joint in moving), stated.tolist(), strict=True))
+
+
+def start_velocities(scenario: Scenario, robot: Robot) -> dict[str, float]:
+    """Start velocity of each moving joint, rad/s or m/s."""
+    names = [joint.name for joint in robot.moving_joints]
+    rates = robot.couplings.expand_rates([float(for_joint(scenario.initial_velocities, name, 0.0)) for name in names])
+    return dict(zip(names, rates.tolist(), strict=True))

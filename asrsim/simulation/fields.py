@@ -1,0 +1,236 @@
+"""State, constants and kind of a joint, a motor and a stepping: each value is declared once, with its unit and meaning.
+
+The classes are the records that the kernel uses: `joint.now.applied`, `motor.velocity`, `drive.inertia`. In plain Python they
+are objects. In compiled code a record is an address in a table of numbers (`asrsim.simulation.native`), and the same names are
+places in memory. The tables S (state) and P (constants) contain a row of numbers for each joint of each world: the joint's
+record, the records of its motors, and numbers whose count depends on the robot (memory of sensors, parameters of the laws).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import nan
+from operator import attrgetter
+from typing import Any
+
+from asrsim.actuators.motor import MotorConstants
+from asrsim.records import columns, constant, filled, numbers, record, several, value
+
+
+@dataclass(slots=True)
+class Pushes:
+    """Torques that do work on a link."""
+
+    applied: float = value("torque of the actuator on the link, after the effort limit", "N m", log="link_torque")
+    torque: float = value("torque of the actuator on the link, before the effort limit", "N m")
+    damping: float = value("torque of the link's damping", "N m", log="damping_torque")
+    push: float = value("sum of the external torque and the torque of the passive spring", "N m")
+
+
+@dataclass(slots=True)
+class Works:
+    """Works of the torques on a motor."""
+
+    drive: float = value("work of the motor's torque", "J")
+    loss: float = value("work lost to friction and damping", "J")
+    spring: float = value("work against the spring", "J")
+
+
+@dataclass(slots=True)
+class MotorState:
+    """State of a motor, or of an adjuster."""
+
+    position: float = value("position of the motor at the beginning of the next substep", "rad")
+    velocity: float = value("velocity of the motor after the last kick", "rad/s")
+    anchor: float = value("position at which the bristles of the friction stick (Dahl's w)", "rad")
+    integral: float = value("integral action of the motor's controller, in units of the command", "N m")
+    theta: float = value("position at which the laws of the spring are evaluated", "rad")
+    pull: float = value("torque of the motor's spring at theta", "N m")
+    kick_position: float = value("position of the motor at the kick", "rad", log="motor_{}_position")
+    mean_velocity: float = value("mean velocity of the motor over the kick", "rad/s", log="motor_{}_velocity")
+    torque: float = value("torque of the motor after its limit", "N m", log="motor_{}_torque")
+    friction: float = value("friction torque on the motor", "N m", log="friction_torque_{}")
+    load: float = value("torque of the motor's spring", "N m", log="elastic_torque_{}")
+    work: Works = record(Works, "since the last whole substep")
+    row_work: Works = record(Works, "between the last two whole substeps")
+    last_kick_position: float = value("position of the motor at the previous kick", "rad")
+    kinetic: float = value("kinetic energy of the motor at its mean velocity", "J")
+    at_limit: float = value("number of coming energy balances that a limit affects: 2 after a kick at a limit", "")
+    current: float = value("current of the winding", "A", log="motor_{}_current")
+    voltage: float = value("voltage of the winding", "V", log="motor_{}_voltage")
+    last_power: float = value("heat loss of the winding at the previous kick", "W")
+    hysteresis: float = value("hysteresis torque of the motor's spring", "N m")
+    deflection: float = value("deflection of the motor's spring at the last kick; NaN before the first kick", "rad", start=nan)
+    last_hysteresis: float = value("hysteresis torque of the motor's spring at the previous kick", "N m")
+    last_deflection: float = value("deflection of the motor's spring at the previous kick", "rad", start=nan)
+    read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
+    read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")
+
+
+@dataclass(slots=True)
+class JointState:
+    """State of a joint."""
+
+    position: float = value("position of the link", "rad", log="link_position")
+    engine_velocity: float = value("velocity of the link in the engine: half a substep late in staggered steppings", "rad/s")
+    last_engine_velocity: float = value("velocity of the link in the engine at the previous substep", "rad/s")
+    velocity: float = value("velocity of the link at the whole substep", "rad/s", log="link_velocity")
+    integral: float = value("integral action of the link's controller (mode 1)", "N m")
+    last_position: float = value("position of the link at the previous substep", "rad")
+    brake: float = value(
+        "derivative gain of the link's controller that acts in this kick; 0 beyond the effort limit", "N m s/rad"
+    )
+    drag: float = value("viscous damping of the link in this kick", "N m s/rad")
+    jumped: float = value("flag: 1 if an input jumped in the last substep, else 0", "")
+    now: Pushes = record(Pushes, "values at the time of the substep", log=True)
+    before: Pushes = record(Pushes, "means over the half kick before the time of the substep, if an input jumps in the kick")
+    following: Pushes = record(Pushes, "means over the half kick after the time of the substep, if an input jumps in the kick")
+    last: Pushes = record(Pushes, "means over the half kick after the time of the previous substep")
+    free: float = value("flag: 1 if the derivative action (`brake`) acts at the time of the whole substep, else 0", "")
+    free_before: float = value("fraction of the half kick before the whole substep in which the derivative action acts", "")
+    free_after: float = value("fraction of the half kick after the whole substep in which the derivative action acts", "")
+    link_work: float = value("work of the actuator on the link since the start", "J", log="link_work", watched=True)
+    limit_loss: float = value("work that the effort limit prevented", "J", log="limit_loss", watched=True)
+    damping_loss: float = value("energy lost in the link's damping", "J", log="damping_loss", watched=True)
+    motor_work: float = value("work of the motors", "J", log="motor_work", watched=True)
+    friction_loss: float = value(
+        "energy lost by the motors' friction and damping, and at their limits", "J", log="friction_loss", watched=True
+    )
+    winding_loss: float = value("heat of the windings", "J", log="winding_loss", watched=True)
+    hysteresis_loss: float = value("energy lost in the springs' hysteresis", "J", log="hysteresis_loss", watched=True)
+    spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
+    motor_energy: float = value("kinetic energy of the motors", "J")
+    start_energy: float = value("energy of springs and motors at the start", "J")
+    residual: float = value(
+        "motor work - losses - change of the stored energy - link work", "J", log="energy_residual", watched=True
+    )
+    net_link_work: float = value("work of actuator and external torques on the link, minus the damping loss of the link", "J")
+    turnover: float = value("sum of the magnitudes of all work at the joint", "J")
+    excess: float = value("largest value so far of |residual| - SHARE * turnover", "J")
+    stiffness: float = value("stiffness of the spring", "N m/rad", log="stiffness", watched=True)
+    law_energy: float = value("result of the spring's energy law in its last call, without hysteresis", "J")
+    stiffest: float = value("largest stiffness so far", "N m/rad")
+    effort_count: float = value("number of substeps in which the effort limit clipped the torque", "")
+    velocity_count: float = value("number of substeps beyond the link's velocity limit", "")
+    saturation_count: float = value("number of substeps with a motor at its torque limit", "")
+    motor_stop_count: float = value("number of substeps with a motor at its position stop", "")
+    motor_speed_count: float = value("number of substeps with a motor at its speed limit", "")
+    deflection_count: float = value("number of substeps with a spring beyond its largest deflection", "")
+    stop_count: float = value("number of substeps with the link at its position stop", "")
+    motors: list[MotorState] = several("its motors")
+    memory: list[float] = several("memory of its sensors")
+
+
+@dataclass(slots=True)
+class JointConstants:
+    """Constants of a joint."""
+
+    effort: float = constant("effort limit", "N m")
+    fastest: float = constant("velocity limit", "rad/s")
+    cutoff: float = constant("flag: 1 if torque beyond the velocity limit is zeroed, as Gazebo does, else 0", "")
+    lowest: float = constant("largest position at which the link counts as being at its lower stop", "rad")
+    highest: float = constant("smallest position at which the link counts as being at its upper stop", "rad")
+    damping: float = constant("constant damping of the link", "N m s/rad")
+    damping_ratio: float = constant("damping ratio of a damping that varies with the stiffness (paper section 4.2.2)", "")
+    damping_inertia: float = constant("inertia to which the damping ratio refers", "kg m^2")
+    brake: float = constant("derivative gain of the link's controller (mode 1)", "N m s/rad")
+    spring: float = constant("stiffness of the passive spring", "N m/rad")
+    rest: float = constant("rest position of the passive spring", "rad")
+    coulomb: float = constant("Coulomb friction of the joint", "N m")
+    stribeck: float = constant("Stribeck excess: static friction of the joint minus Coulomb friction", "N m")
+    fade: float = constant("reciprocal of the Stribeck velocity", "s/rad")
+    share: float = constant("fraction of the actuator's torque that adds to the friction", "")
+    proportional: float = constant("proportional gain of the link's controller", "N m/rad")
+    integral: float = constant("integral gain of the link's controller", "N m/(rad s)")
+    derivative: float = constant("derivative gain of the link's controller, for sensors", "N m s/rad")
+    substeps: float = constant("number of motor substeps per substep of the engine, an odd number", "")
+    max_deflection: float = constant("largest deflection of the springs", "rad")
+    level: float = constant("level of the springs' hysteresis torque", "N m")
+    length: float = constant("deflection over which the hysteresis torque reverses", "rad")
+    sampled: float = constant(
+        "flag: 1 if the sensors measure at ticks and hold the measurements, 0 if they measure at all times", ""
+    )
+    delay: float = constant("delay of the sensors in substeps", "")
+    quantum: float = constant("resolution of the sensors", "rad")
+    drives: list[MotorConstants] = several("constants of its motors")
+    law: list[float] = several("parameters of the laws of its spring")
+
+
+@dataclass(slots=True)
+class JointKind:
+    """Kind of a joint, and places of the parts of its rows whose length depends on the robot."""
+
+    kind: int = constant("`PASSIVE`, `DIRECT`, `CONTROLLED` or `SPRUNG`", "", integer=True)
+    positions: int = constant("number of positions that the laws of the spring take", "", integer=True)
+    dynamic: int = constant("number of positions with motor dynamics; the others equal their references", "", integer=True)
+    springs: int = constant("number of springs, one for each motor", "", integer=True)
+    placed: int = constant("number of positions that change the springs' energy", "", integer=True)
+    controllers: int = constant("number of controllers with sensors", "", integer=True)
+    on_link: int = constant("flag: 1 if the sensors measure the link", "", integer=True)
+    ring: int = constant("number of values in the memory of one sensor", "", integer=True)
+    memory: int = constant("column of S at which the memory of the sensors begins", "", integer=True)
+    law: int = constant("column of P at which the parameters of the laws begin", "", integer=True)
+    spring_law: Any = constant("address of the laws of the spring; 0: none", "", integer=True)
+    joint_step: Any = constant(
+        "address of the function that advances the joint instead of the kernel; 0: none", "", integer=True
+    )
+
+
+@dataclass(slots=True)
+class Scheme:
+    """Constants of a stepping."""
+
+    step: float = constant("length of a substep", "s")
+    weight_now: float = constant("weight of the engine's velocity in the velocity at the time of the substep", "")
+    weight_last: float = constant("weight of the engine's previous velocity", "")
+    first_drift: float = constant("fraction of a motor's step before its kick", "")
+    implicitness: float = constant("implicitness of the motors' damping", "")
+    link_implicitness: float = constant("implicitness of the link's damping", "")
+    staggered: float = constant("flag: 1 if velocities belong to half steps", "")
+
+
+def joint_of_row(row: Sequence[float], motors: int) -> JointState:
+    """A joint with the numbers of a row of S. motors: number of motors in the row."""
+    rest = iter(row)
+    joint = filled(JointState, rest)
+    joint.motors = [filled(MotorState, rest) for _ in range(motors)]
+    joint.memory = list(rest)
+    return joint
+
+
+def row_of_joint(joint: JointState) -> list[float]:
+    """Row of S of a joint."""
+    return [*numbers(joint), *(number for motor in joint.motors for number in numbers(motor)), *joint.memory]
+
+
+def link_of_row(row: Sequence[float], motors: int) -> JointConstants:
+    """Constants of a joint with the numbers of a row of P. motors: number of motors in the row."""
+    rest = iter(row)
+    link = filled(JointConstants, rest)
+    link.drives = [filled(MotorConstants, rest) for _ in range(motors)]
+    link.law = list(rest)
+    return link
+
+
+def row_of_link(link: JointConstants) -> list[float]:
+    """Row of P of a joint's constants."""
+    return [*numbers(link), *(number for drive in link.drives for number in numbers(drive)), *link.law]
+
+
+JOINT = columns(JointState)
+"""Column of S for each number of a joint's state."""
+
+
+def motor_column(name: str, i: int) -> int:
+    """Column of S for a number of the state of motor i = 0, 1, ..."""
+    return len(JOINT) + i * len(columns(MotorState)) + columns(MotorState)[name]
+
+
+def reader_of(column: int) -> Callable[[JointState], float]:
+    """Function that returns the number of a joint in a column of S."""
+    motor, place = divmod(column - len(JOINT), len(columns(MotorState)))
+    if motor < 0:
+        return attrgetter(list(JOINT)[column])
+    read = attrgetter(list(columns(MotorState))[place])
+    return lambda joint: read(joint.motors[motor])
