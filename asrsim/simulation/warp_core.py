@@ -259,7 +259,11 @@ class WarpCore(Core):
             for timing, table in enumerate(cuts):
                 for row, begin, end, on_time in table[table[:, 0] >= 0].tolist():
                     pieces[timing, row] = begin, end, on_time
-            self._inputs, self._lengths, self._pieces = self._new(given.inputs), self._new(given.lengths), self._new(pieces, int)
+            self._inputs, self._lengths, self._pieces = (
+                self._new(given.inputs),
+                self._new(given.lengths),
+                self._new(pieces, int),
+            )
             self._given, self._graph = given, None
         _, rows, joints, columns = given.inputs.shape
         sizes = joints, rows, columns, first, self.S.shape[2], self.P.shape[2], self._kinds.shape[1], every

@@ -1,7 +1,7 @@
 """A substep of one joint on Warp: the order in which `asrsim.simulation.kernel.run` calls the functions of the kernel.
 
-The functions here are source for `asrsim.warping`, as those of the kernel are. Unlike there, MuJoCo Warp moves the links once in
-a substep: if an input jumps, it receives the means of the torques over the pieces of the kick.
+The functions here are source for `asrsim.warping`, as those of the kernel are. Unlike there, MuJoCo Warp moves the links once
+in a substep: if an input jumps, it receives the means of the torques over the pieces of the kick.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from asrsim.simulation import kernel, laws
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
 from asrsim.simulation.layout import EXTERNAL
-from asrsim.warping import BOOL, FLOAT, INT, NotTranslatable, Program, Row, Value
+from asrsim.warping import BOOL, FLOAT, INT, TranslationError, Program, Row, Value
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
 
@@ -37,7 +37,7 @@ def load(
     """Advance motors and springs of a joint by a substep, with the link at its present position, and store its loads.
 
     inputs: input rows of the joint, `stride` numbers apart; pieces: first row and last row + 1 of the pieces of the kick, and
-    row of the piece that begins at the time of the substep, or -1 for a kick of one piece; lengths: lengths of the rows' pieces;
+    row of the piece that begins at the time of the substep, or -1 for a kick of one piece; lengths: lengths of the pieces;
     step: row of the substep; first: whether the run begins; recorded: whether the values are recorded.
     """
     v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
@@ -114,7 +114,7 @@ STATE, CONSTANTS, KIND, SCHEME = (
 
 def program(drives: Iterable[SteppedJoint]) -> tuple[Program, tuple[Any, ...]]:
     """The program that advances joints with these drives, and their actuators: `spring_law` of a joint is the number of its
-    actuator, from 1. Raises NotTranslatable that names the actuator and the line."""
+    actuator, from 1. Raises TranslationError that names the actuator and the line."""
     positions = {drive.actuator: drive.positions for drive in drives if drive.actuator is not None}
     made = Program({
         laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
@@ -176,8 +176,8 @@ def _law_text(made: Program, actuators: Mapping[Any, int]) -> str:
         try:
             torques, found = made.function(actuator.elastic_torques, kinds)
             stiffness, one = made.function(actuator.stiffness, kinds)
-        except NotTranslatable as error:
-            raise NotTranslatable(f"the laws of '{actuator.name}' have no translation to Warp: {error}") from error
+        except TranslationError as error:
+            raise TranslationError(f"the laws of '{actuator.name}' have no translation to Warp: {error}") from error
         names = [f"r_{number}_{i}" for i in range(len(found.kinds))]
         lines += [f"    if which == {number}:", f"        {', '.join(names)} = {torques}({values})"]
         lines += [
@@ -189,7 +189,7 @@ def _law_text(made: Program, actuators: Mapping[Any, int]) -> str:
     return "\n".join([*lines, "    return"])
 
 
-KERNELS = '''
+KERNELS = """
 @wp.kernel
 def load_joints(
     s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
@@ -244,6 +244,6 @@ def settle_joints(
 def count_steps(ran: wp.array(dtype=int)):
     w = wp.tid()
     ran[w] = ran[w] + 1
-'''
+"""
 """Kernels over worlds and joints. sizes: joints, rows and columns of an input table, its first row, columns of S, P and K,
 substeps between recorded rows."""

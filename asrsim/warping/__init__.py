@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.warping.kinds import BOOL, FLOAT, INT, Kind, NotTranslatable, Row, Value
+from asrsim.warping.kinds import BOOL, FLOAT, INT, Kind, TranslationError, Row, Value
 from asrsim.warping.program import Program, available
 
-__all__ = ["BOOL", "FLOAT", "INT", "Kind", "NotTranslatable", "Program", "Row", "Value", "available"]
+__all__ = ["BOOL", "FLOAT", "INT", "Kind", "TranslationError", "Program", "Row", "Value", "available"]

@@ -11,7 +11,7 @@ from asrsim.errors import SimulationError
 from asrsim.records import columns, own_fields
 
 
-class NotTranslatable(SimulationError):
+class TranslationError(SimulationError):
     """Code that has no translation to Warp."""
 
 
@@ -34,8 +34,8 @@ ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
 
 @dataclass(frozen=True)
 class Row:
-    """Kind of a row of numbers in a table: an array and the place in it at which the row begins. size: number of its numbers, if
-    it is known; record: class of the record whose numbers these are (`asrsim.records`)."""
+    """Kind of a row of numbers in a table: an array and the place in it at which the row begins. size: number of its numbers,
+    if it is known; record: class of the record whose numbers these are (`asrsim.records`)."""
 
     number: Kind
     size: int | None = None
@@ -74,7 +74,7 @@ class Value:
         return Value(Row(self.kind.number, record=record), self.text, summed(self.at, index))
 
     def field(self, name: str) -> Value:
-        """Number, or record, of this name in a record. Raises NotTranslatable."""
+        """Number, or record, of this name in a record. Raises TranslationError."""
         for one in own_fields(self.kind.record):
             if one.name == name:
                 inner = one.metadata.get("record")
@@ -82,7 +82,7 @@ class Value:
                     return self.part(str(columns(self.kind.record)[name]))
                 first = next(iter(columns(inner)))
                 return self.from_place(str(columns(self.kind.record)[f"{name}.{first}"]), inner)
-        raise NotTranslatable(f"a record has no number '{name}'")
+        raise TranslationError(f"a record has no number '{name}'")
 
     @property
     def arguments(self) -> list[str]:
@@ -109,7 +109,7 @@ def constant(value: Any) -> Value:
         return Value(INT, f"({value})" if value < 0 else str(value), known=value)
     if isinstance(value, float):
         return Value(FLOAT, _float(value), known=value)
-    raise NotTranslatable(f"the constant {value!r} is not a number")
+    raise TranslationError(f"the constant {value!r} is not a number")
 
 
 LARGEST = 3.4e38
@@ -130,7 +130,7 @@ def group(items: Sequence[Value]) -> Value:
 
 
 def joined(first: Any, second: Any) -> Any:
-    """Kind of a name that takes values of two kinds. Raises NotTranslatable."""
+    """Kind of a name that takes values of two kinds. Raises TranslationError."""
     if first is None or first == second:
         return second
     if isinstance(first, Group) and isinstance(second, Group) and len(first.kinds) == len(second.kinds):
@@ -139,17 +139,17 @@ def joined(first: Any, second: Any) -> Any:
         return max(first, second, key=ORDER.__getitem__)
     if isinstance(first, Row) and isinstance(second, Row) and first.number == second.number:
         return Row(first.number)
-    raise NotTranslatable("a name has values of different kinds")
+    raise TranslationError("a name has values of different kinds")
 
 
 def number_as(value: Value, kind: Any) -> Value:
-    """The value as a number, or a tuple of numbers, of this kind. Raises NotTranslatable."""
+    """The value as a number, or a tuple of numbers, of this kind. Raises TranslationError."""
     if isinstance(kind, Group) and isinstance(value.kind, Group) and len(kind.kinds) == len(value.items):
         return group([number_as(item, own) for item, own in zip(value.items, kind.kinds, strict=True)])
     if value.kind == kind:
         return value
     if value.kind not in ORDER or kind not in ORDER:
-        raise NotTranslatable("a number is expected")
+        raise TranslationError("a number is expected")
     if kind == BOOL:
         return Value(BOOL, f"({value.text} != {'0.0' if value.kind == FLOAT else '0'})")
     if isinstance(value.known, int | float):

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from asrsim.errors import SimulationError
-from asrsim.warping.kinds import FLOAT, Group, NotTranslatable, Row, Value, number_as
+from asrsim.warping.kinds import FLOAT, Group, TranslationError, Row, Value, number_as
 from asrsim.warping.translate import Call, Translation
 
 
@@ -45,24 +45,24 @@ class Program:
         self._running: list[Any] = []
 
     def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
-        """Translation of the call of a function. Raises NotTranslatable."""
+        """Translation of the call of a function. Raises TranslationError."""
         own = self._calls.get(function) if function.__hash__ else None
         if own is not None:
             if caller is None:
-                raise NotTranslatable("this function has a translation only within another one")
+                raise TranslationError("this function has a translation only within another one")
             return own(caller, given)
         if not isinstance(function, types.FunctionType):
-            raise NotTranslatable(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
+            raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
         # The number of a row's values is passed on only where the callee needs it: as part of the kind.
         name, returned = self.function(function, [one.kind for one in given])
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
     def function(self, function: Any, kinds: Sequence[Any]) -> tuple[str, Any]:
-        """Name in Warp, and kind of the result, of a function for arguments of these kinds. Raises NotTranslatable."""
+        """Name in Warp, and kind of the result, of a function for arguments of these kinds. Raises TranslationError."""
         key = function, tuple(kinds)
         if key not in self._done:
             if key in self._running:
-                raise NotTranslatable(f"`{function.__name__}` calls itself")
+                raise TranslationError(f"`{function.__name__}` calls itself")
             self._running.append(key)
             name = f"{function.__name__.strip('_')}_{len(self._done) + len(self._running)}"
             made = Translation(function, name, kinds, self.call)
@@ -95,12 +95,12 @@ def _loaded(text: str) -> types.ModuleType:
     module.__file__ = file
     # Derivatives of kernels would double the time of their compilation.
     wp.get_module(name).options["enable_backward"] = False
-    exec(compile(text, file, "exec"), module.__dict__)  # noqa: S102 - our own translation
+    exec(compile(text, file, "exec"), module.__dict__)
     return module
 
 
 def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
-    """Source of a module with the kernel `evaluate(positions, parameters, results)`, arrays (n, ...), of one law of an actuator."""
+    """Source of a module with the kernel `evaluate(positions, parameters, results)` of a law, for arrays (n, ...)."""
     program = Program()
     name, returned = program.function(law, [*[FLOAT] * positions, Row(FLOAT, parameters)])
     values = [f"x[i, {k}]" for k in range(positions)]
@@ -108,7 +108,10 @@ def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
     if isinstance(returned, Group):
         names = [f"r_{k}" for k in range(results)]
         lines = [f"{', '.join(names)} = {lines[0][4:]}"]
-        lines += [f"y[i, {k}] = {number_as(Value(kind, n), FLOAT).text}" for k, (n, kind) in enumerate(zip(names, returned.kinds, strict=True))]
+        lines += [
+            f"y[i, {k}] = {number_as(Value(kind, n), FLOAT).text}"
+            for k, (n, kind) in enumerate(zip(names, returned.kinds, strict=True))
+        ]
     else:
         lines.append(f"y[i, 0] = {number_as(Value(returned, 'r'), FLOAT).text}")
     head = "def evaluate(x: wp.array2d(dtype=float), p: wp.array(dtype=float), y: wp.array2d(dtype=float)):"

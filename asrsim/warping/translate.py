@@ -22,7 +22,7 @@ from asrsim.warping.kinds import (
     INT,
     ORDER,
     Group,
-    NotTranslatable,
+    TranslationError,
     Row,
     Value,
     constant,
@@ -44,20 +44,22 @@ Call = Callable[["Translation", list[Value]], Value]
 
 
 def source_of(function: Any) -> ast.FunctionDef:
-    """Syntax tree of a function. Raises NotTranslatable."""
+    """Syntax tree of a function. Raises TranslationError."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError) as error:
-        raise NotTranslatable("its source is not at hand") from error
+        raise TranslationError("its source is not at hand") from error
     if len(tree.body) != 1 or not isinstance(tree.body[0], ast.FunctionDef):
-        raise NotTranslatable("it is not a function that is defined by `def`")
+        raise TranslationError("it is not a function that is defined by `def`")
     return tree.body[0]
 
 
 class Translation:
     """The translation of a function for arguments of certain kinds."""
 
-    def __init__(self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]) -> None:
+    def __init__(
+        self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]
+    ) -> None:
         """name: name in Warp; kinds: kinds of the arguments; call: translates the call of another function."""
         self._function, self._call = function, call
         self._tree = source_of(function)
@@ -68,7 +70,9 @@ class Translation:
         arguments = self._tree.args
         given = [*arguments.posonlyargs, *arguments.args]
         if arguments.vararg or arguments.kwarg or arguments.kwonlyargs or len(given) != len(kinds):
-            raise NotTranslatable(f"it must take {len(kinds)} arguments by position", )
+            raise TranslationError(
+                f"it must take {len(kinds)} arguments by position",
+            )
         self._arguments = dict(zip((one.arg for one in given), kinds, strict=True))
         for _ in range(MOST_PASSES):
             before = dict(self._names), self.returned
@@ -76,8 +80,10 @@ class Translation:
             if before == (self._names, self.returned):
                 break
         else:
-            raise NotTranslatable("the kinds of its names do not settle")
-        self.text = "\n".join([f"def {name}({', '.join(self._signature)}):", *(f"    {line}" for line in self._lines or ["pass"])])
+            raise TranslationError("the kinds of its names do not settle")
+        self.text = "\n".join(
+            [f"def {name}({', '.join(self._signature)}):", *(f"    {line}" for line in self._lines or ["pass"])]
+        )
 
     def _pass(self) -> None:
         self._lines: list[str] = []
@@ -114,24 +120,24 @@ class Translation:
     def _block(self, body: Sequence[ast.stmt]) -> None:
         for statement in body:
             kind = type(statement).__name__
-            method = getattr(self, f"_do_{kind}", None)
+            method = getattr(self, f"_do_{kind.lower()}", None)
             if method is None:
                 raise self.refused(statement, f"has no translation ({kind})")
             try:
                 method(statement)
-            except NotTranslatable as error:
+            except TranslationError as error:
                 if "line " in str(error):
                     raise
                 raise self.refused(statement, str(error)) from error
 
-    def refused(self, node: ast.AST, why: str) -> NotTranslatable:
+    def refused(self, node: ast.AST, why: str) -> TranslationError:
         """Error that names the line of the source."""
         try:
             first = inspect.getsourcelines(self._function)[1]
         except OSError:
             first = 1
         where = f"{inspect.getsourcefile(self._function)}, line {first + getattr(node, 'lineno', 1) - 1}"
-        return NotTranslatable(f"{where}: `{ast.unparse(node).splitlines()[0]}`: {why}")
+        return TranslationError(f"{where}: `{ast.unparse(node).splitlines()[0]}`: {why}")
 
     def _indented(self, body: Sequence[ast.stmt]) -> None:
         self._depth += 1
@@ -141,33 +147,33 @@ class Translation:
             self.line("pass")
         self._depth -= 1
 
-    def _do_Expr(self, node: ast.Expr) -> None:
+    def _do_expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
         found = self.value(node.value)
         if found.text and isinstance(node.value, ast.Call) and found.kind is None:
             self.line(found.text)
 
-    def _do_Pass(self, node: ast.Pass) -> None:
+    def _do_pass(self, node: ast.Pass) -> None:
         self.line("pass")
 
-    def _do_Break(self, node: ast.Break) -> None:
+    def _do_break(self, node: ast.Break) -> None:
         self.line("break")
 
-    def _do_Continue(self, node: ast.Continue) -> None:
+    def _do_continue(self, node: ast.Continue) -> None:
         self.line("continue")
 
-    def _do_Return(self, node: ast.Return) -> None:
+    def _do_return(self, node: ast.Return) -> None:
         if node.value is None:
             self.line("return")
             return
         found = self.value(node.value)
         if isinstance(found.kind, Row):
-            raise NotTranslatable("a function cannot return a row")
+            raise TranslationError("a function cannot return a row")
         self.returned = joined(self.returned, found.kind)
         self.line(f"return {', '.join(number_as(found, self.returned).arguments)}")
 
-    def _do_Assign(self, node: ast.Assign) -> None:
+    def _do_assign(self, node: ast.Assign) -> None:
         found = self.value(node.value)
         if len(node.targets) > 1 or isinstance(node.targets[0], ast.Tuple):
             # The whole right side is computed before anything is stored.
@@ -175,14 +181,14 @@ class Translation:
         for target in node.targets:
             self._store(target, found)
 
-    def _do_AnnAssign(self, node: ast.AnnAssign) -> None:
+    def _do_annassign(self, node: ast.AnnAssign) -> None:
         if node.value is not None:
             found = self.value(node.value)
             if ast.unparse(node.annotation) == "float":
                 found = number_as(found, FLOAT)
             self._store(node.target, found)
 
-    def _do_AugAssign(self, node: ast.AugAssign) -> None:
+    def _do_augassign(self, node: ast.AugAssign) -> None:
         there = self.value(ast.parse(ast.unparse(node.target), mode="eval").body)
         self._store(node.target, self._combined(node.op, there, self.value(node.value)))
 
@@ -196,25 +202,25 @@ class Translation:
         elif isinstance(target, ast.Subscript | ast.Attribute):
             place = self.value(target)
             if place.kind not in ORDER or not isinstance(self.value(target.value).kind, Row):
-                raise NotTranslatable("only numbers of a row can be set")
+                raise TranslationError("only numbers of a row can be set")
             self.line(f"{place.text} = {number_as(found, place.kind).text}")
         else:
-            raise NotTranslatable("this target has no translation")
+            raise TranslationError("this target has no translation")
 
     def _items(self, found: Value, count: int) -> list[Value]:
         """Values of a tuple or row that is unpacked."""
         if isinstance(found.kind, Row):
             if found.kind.size not in (None, count):
-                raise NotTranslatable(f"{found.kind.size} numbers cannot be unpacked to {count} names")
+                raise TranslationError(f"{found.kind.size} numbers cannot be unpacked to {count} names")
             return [found.part(str(i)) for i in range(count)]
         if len(found.items) != count:
-            raise NotTranslatable(f"{len(found.items)} values cannot be unpacked to {count} names")
+            raise TranslationError(f"{len(found.items)} values cannot be unpacked to {count} names")
         return list(found.items)
 
     def _stored(self, found: Value, name: str = "", *, fresh: bool = False) -> Value:
         """The value under a name. fresh: under new names."""
         if found.kind is None:
-            raise NotTranslatable("a function without a result has no value")
+            raise TranslationError("a function without a result has no value")
         if isinstance(found.kind, Group):
             return group([self._stored(item, f"{name}_{i}", fresh=fresh) for i, item in enumerate(found.items)])
         if isinstance(found.kind, Row):
@@ -236,31 +242,31 @@ class Translation:
         self.line(f"{name} = {text if kind == BOOL else f'{kind.name}({text})'}")
         return Value(kind, name)
 
-    def _do_If(self, node: ast.If) -> None:
+    def _do_if(self, node: ast.If) -> None:
         self.line(f"if {self._condition(node.test)}:")
         self._indented(node.body)
         if node.orelse:
             self.line("else:")
             self._indented(node.orelse)
 
-    def _do_While(self, node: ast.While) -> None:
+    def _do_while(self, node: ast.While) -> None:
         if node.orelse:
-            raise NotTranslatable("`else` of a loop has no translation")
+            raise TranslationError("`else` of a loop has no translation")
         before = len(self._lines)
         condition = self._condition(node.test)
         if len(self._lines) != before:
-            raise NotTranslatable("the condition of `while` calls a function with several results")
+            raise TranslationError("the condition of `while` calls a function with several results")
         self.line(f"while {condition}:")
         self._indented(node.body)
 
-    def _do_For(self, node: ast.For) -> None:
+    def _do_for(self, node: ast.For) -> None:
         if node.orelse:
-            raise NotTranslatable("`else` of a loop has no translation")
+            raise TranslationError("`else` of a loop has no translation")
         steps = node.iter
         if isinstance(steps, ast.Call) and isinstance(steps.func, ast.Name) and steps.func.id == "range":
             limits = ", ".join(number_as(self._stored(self.value(one), fresh=True), INT).text for one in steps.args)
             if not isinstance(node.target, ast.Name):
-                raise NotTranslatable("the index of a loop must be a name")
+                raise TranslationError("the index of a loop must be a name")
             self._names[node.target.id] = INT
             self._bound[node.target.id] = Value(INT, node.target.id)
             self.line(f"for {node.target.id} in range({limits}):")
@@ -268,7 +274,7 @@ class Translation:
             return
         found = self.value(steps)
         if not isinstance(found.kind, Group):
-            raise NotTranslatable("loops run over `range` or over a tuple")
+            raise TranslationError("loops run over `range` or over a tuple")
         # A loop over a tuple is written out.
         for item in found.items:
             self._store(node.target, item)
@@ -281,15 +287,15 @@ class Translation:
 
     def value(self, node: ast.expr) -> Value:
         """Translation of an expression. Calls of functions with several results are moved to lines before it."""
-        method = getattr(self, f"_of_{type(node).__name__}", None)
+        method = getattr(self, f"_of_{type(node).__name__.lower()}", None)
         if method is None:
-            raise NotTranslatable(f"an expression of the kind {type(node).__name__} has no translation")
+            raise TranslationError(f"an expression of the kind {type(node).__name__} has no translation")
         return method(node)  # type: ignore[no-any-return]
 
-    def _of_Constant(self, node: ast.Constant) -> Value:
+    def _of_constant(self, node: ast.Constant) -> Value:
         return constant(node.value)
 
-    def _of_Name(self, node: ast.Name) -> Value:
+    def _of_name(self, node: ast.Name) -> Value:
         if node.id in self._bound:
             return self._bound[node.id]
         return self._outer(node.id)
@@ -303,7 +309,7 @@ class Translation:
             return self._known(function.__globals__[name])
         if hasattr(builtins, name):
             return self._known(getattr(builtins, name))
-        raise NotTranslatable(f"the name '{name}' is not known")
+        raise TranslationError(f"the name '{name}' is not known")
 
     @staticmethod
     def _known(found: Any) -> Value:
@@ -311,18 +317,18 @@ class Translation:
             return Value(None, known=found)
         return constant(found)
 
-    def _of_Attribute(self, node: ast.Attribute) -> Value:
+    def _of_attribute(self, node: ast.Attribute) -> Value:
         owner = self.value(node.value)
         if isinstance(owner.kind, Row) and owner.kind.record is not None:
             return owner.field(node.attr)
         if owner.kind is not None or owner.known is None or not hasattr(owner.known, node.attr):
-            raise NotTranslatable(f"'.{node.attr}' has no translation")
+            raise TranslationError(f"'.{node.attr}' has no translation")
         return self._known(getattr(owner.known, node.attr))
 
-    def _of_Tuple(self, node: ast.Tuple) -> Value:
+    def _of_tuple(self, node: ast.Tuple) -> Value:
         return group(self._values(node.elts))
 
-    _of_List = _of_Tuple
+    _of_list = _of_tuple
 
     def _values(self, nodes: Sequence[ast.expr]) -> list[Value]:
         """Values of expressions; starred ones are unpacked."""
@@ -334,38 +340,38 @@ class Translation:
             whole = self.value(node.value)
             size = whole.kind.size if isinstance(whole.kind, Row) else len(whole.items)
             if size is None:
-                raise NotTranslatable("the number of values is not known")
+                raise TranslationError("the number of values is not known")
             found += self._items(whole, size)
         return found
 
-    def _of_Subscript(self, node: ast.Subscript) -> Value:
+    def _of_subscript(self, node: ast.Subscript) -> Value:
         owner = self.value(node.value)
         if isinstance(node.slice, ast.Slice):
-            raise NotTranslatable("slices have no translation")
+            raise TranslationError("slices have no translation")
         index = self.value(node.slice)
         if isinstance(owner.kind, Group):
             if not isinstance(index.known, int):
-                raise NotTranslatable("the index of a tuple must be a constant")
+                raise TranslationError("the index of a tuple must be a constant")
             return owner.items[index.known]
         if not isinstance(owner.kind, Row):
-            raise NotTranslatable("only rows and tuples have items")
+            raise TranslationError("only rows and tuples have items")
         if isinstance(index.known, int) and index.known < 0:
             if owner.kind.size is None:
-                raise NotTranslatable("indices must not be negative")
+                raise TranslationError("indices must not be negative")
             index = constant(owner.kind.size + index.known)
         return owner.part(number_as(index, INT).text)
 
-    def _of_BinOp(self, node: ast.BinOp) -> Value:
+    def _of_binop(self, node: ast.BinOp) -> Value:
         return self._combined(node.op, self.value(node.left), self.value(node.right))
 
     def _combined(self, operator: ast.operator, left: Value, right: Value) -> Value:
         if isinstance(operator, ast.Pow):
             return self._power(left, right)
         if type(operator) not in OPERATORS:
-            raise NotTranslatable(f"the operator {type(operator).__name__} has no translation")
+            raise TranslationError(f"the operator {type(operator).__name__} has no translation")
         kind = max(joined(left.kind, right.kind), INT, key=lambda one: ORDER.get(one, 9))
         if kind not in ORDER:
-            raise NotTranslatable("only numbers can be combined")
+            raise TranslationError("only numbers can be combined")
         kind = FLOAT if isinstance(operator, ast.Div) else kind
         if kind == FLOAT and isinstance(operator, ast.FloorDiv | ast.Mod):
             whole = f"wp.floor({number_as(left, FLOAT).text} / {number_as(right, FLOAT).text})"
@@ -380,45 +386,47 @@ class Translation:
             return Value(base.kind, f"({' * '.join([base.text] * power.known)})")
         return Value(FLOAT, f"wp.pow({number_as(base, FLOAT).text}, {number_as(power, FLOAT).text})")
 
-    def _of_UnaryOp(self, node: ast.UnaryOp) -> Value:
+    def _of_unaryop(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
             return Value(BOOL, f"(not {self._condition(node.operand)})")
         found = self.value(node.operand)
         if found.kind not in (INT, FLOAT) or isinstance(node.op, ast.Invert):
-            raise NotTranslatable("only numbers have a sign")
+            raise TranslationError("only numbers have a sign")
         if isinstance(node.op, ast.UAdd):
             return found
         if isinstance(found.known, int | float):
             return constant(-found.known)
         return Value(found.kind, f"(-{found.text})")
 
-    def _of_Compare(self, node: ast.Compare) -> Value:
+    def _of_compare(self, node: ast.Compare) -> Value:
         values = self._values([node.left, *node.comparators])
         parts = []
         for operator, left, right in zip(node.ops, values[:-1], values[1:], strict=True):
             if type(operator) not in OPERATORS:
-                raise NotTranslatable(f"the comparison {type(operator).__name__} has no translation")
+                raise TranslationError(f"the comparison {type(operator).__name__} has no translation")
             kind = max(joined(left.kind, right.kind), INT, key=lambda one: ORDER.get(one, 9))
             parts.append(f"{number_as(left, kind).text} {OPERATORS[type(operator)]} {number_as(right, kind).text}")
-        return Value(BOOL, f"({' and '.join(parts)})" if len(parts) == 1 else "(" + " and ".join(f"({one})" for one in parts) + ")")
+        return Value(
+            BOOL, f"({' and '.join(parts)})" if len(parts) == 1 else "(" + " and ".join(f"({one})" for one in parts) + ")"
+        )
 
-    def _of_BoolOp(self, node: ast.BoolOp) -> Value:
+    def _of_boolop(self, node: ast.BoolOp) -> Value:
         parts = [self._condition(one) for one in node.values]
         return Value(BOOL, f"({f' {OPERATORS[type(node.op)]} '.join(parts)})")
 
-    def _of_IfExp(self, node: ast.IfExp) -> Value:
+    def _of_ifexp(self, node: ast.IfExp) -> Value:
         condition, first, second = self._condition(node.test), self.value(node.body), self.value(node.orelse)
         kind = joined(first.kind, second.kind)
         if isinstance(kind, Group):
             pairs = zip(number_as(first, kind).items, number_as(second, kind).items, strict=True)
             return group([Value(a.kind, f"wp.where({condition}, {a.text}, {b.text})") for a, b in pairs])
         if kind not in ORDER:
-            raise NotTranslatable("only numbers can be chosen")
+            raise TranslationError("only numbers can be chosen")
         return Value(kind, f"wp.where({condition}, {number_as(first, kind).text}, {number_as(second, kind).text})")
 
-    def _of_Call(self, node: ast.Call) -> Value:
+    def _of_call(self, node: ast.Call) -> Value:
         if node.keywords:
-            raise NotTranslatable("arguments by keyword have no translation")
+            raise TranslationError("arguments by keyword have no translation")
         function = self.value(node.func).known
         given = self._values(node.args)
         own = BUILT_IN.get(function) if isinstance(function, types.BuiltinFunctionType | type) else None
@@ -438,7 +446,7 @@ def _real(text: str, count: int, kind: Any = FLOAT) -> Call:
 
     def call(caller: Translation, given: list[Value]) -> Value:
         if len(given) != count:
-            raise NotTranslatable(f"a call with {len(given)} arguments has no translation")
+            raise TranslationError(f"a call with {len(given)} arguments has no translation")
         return Value(kind, text.format(*(number_as(one, FLOAT).text for one in given)))
 
     return call
@@ -470,7 +478,7 @@ def _as(kind: Any) -> Call:
 
 
 def _range(caller: Translation, given: list[Value]) -> Value:
-    raise NotTranslatable("`range` belongs into `for`")
+    raise TranslationError("`range` belongs into `for`")
 
 
 BUILT_IN: dict[Any, Call] = {
