@@ -46,7 +46,7 @@ def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | No
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a plugin file and register every actuator class that it defines; a file may be loaded again.
 
-    The file may also add to any other registry of asrsim: signals, measures, recording readers, engines, steppings. The file
+    The file may also add to any other registry of asrsim: signals, measures, recording readers, engines. The file
     runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
     Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
     malformed actuator.
@@ -67,7 +67,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     if not found and Registry.added == before:
         raise ActuatorError(
             "adds nothing to asrsim", file=path, code="empty-plugin",
-            hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS, ENGINES or STEPPINGS",
+            hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS or ENGINES",
         )  # fmt: skip
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
     if not problems:

@@ -24,6 +24,11 @@ MOST_MOTORS = 8
 """Largest number of motors of an actuator."""
 
 
+def each_motor(name: str) -> tuple[str, ...]:
+    """Names of a quantity of each possible motor, with {} for the number of the motor."""
+    return tuple(name.format(i) for i in range(1, MOST_MOTORS + 1))
+
+
 def _each(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> Iterator[Quantity]:
     """A quantity of each motor, with {} for its number. The toolbox's messages have two motors; other motors are apart."""
     for i in range(1, MOST_MOTORS + 1):

@@ -31,6 +31,11 @@ def record(kind: Any, doc: str, *, log: bool = False) -> Any:
     return field(default_factory=kind, metadata={"doc": doc, "record": kind, "log": log})
 
 
+def constants(kind: type[Any], doc: str) -> Any:
+    """A record of constants within a record of constants."""
+    return field(metadata={"doc": doc, "record": kind, "log": False})
+
+
 def several(doc: str) -> Any:
     """Records or numbers whose count depends on the robot; they follow the record in its row."""
     return field(default_factory=list, metadata={"doc": doc, "several": True})
@@ -52,7 +57,7 @@ def declared(kind: Any) -> Mapping[str, Mapping[str, Any]]:
             found[one.name] = one.metadata
             continue
         for path, metadata in declared(inner).items():
-            found[f"{one.name}.{path}"] = metadata if one.metadata["log"] else {**metadata, "log": ""}
+            found[f"{one.name}.{path}"] = metadata if one.metadata["log"] else {**metadata, "log": "", "watched": False}
     return found
 
 

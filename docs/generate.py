@@ -6,6 +6,7 @@ Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -44,7 +45,8 @@ def parts() -> dict[str, str]:
         "commands": commands(),
         "options": options(),
         "extras": extras(),
-        "api": api(),
+        **api(),
+        "notebook": notebook(),
         "packages": packages(),
         "actuators": actuators(),
         "models": models(),
@@ -93,10 +95,40 @@ def extras() -> str:
     return markdown_table(("extra", "what it is for"), rows)
 
 
-def api() -> str:
-    """A line for mkdocstrings for every public name of the package, by the place where it is defined."""
-    things = [(name, getattr(asrsim, name)) for name in asrsim.__all__ if name != "__version__"]
-    return "\n\n".join(f"::: {thing.__module__}.{name}" for name, thing in things)
+def notebook() -> str:
+    """The notebook as a page: its texts, its code, and the picture that its code draws."""
+    cells = json.loads((ROOT / "examples" / "first_steps.ipynb").read_text(encoding="utf-8"))["cells"]
+    parts = []
+    for cell in cells:
+        text = "".join(cell["source"])
+        parts.append(
+            text.removeprefix("# From a robot file to a learned motion\n\n")
+            if cell["cell_type"] == "markdown"
+            else f"```python\n{text}\n```"
+        )
+    return "\n\n".join(parts)
+
+
+API = {
+    "runs": ("asrsim.api", "asrsim.summary", "asrsim.runs", "asrsim.viewer"),
+    "stepping": ("asrsim.simulation", "asrsim.environment"),
+    "inputs": ("asrsim.robot", "asrsim.scenario"),
+    "logs": ("asrsim.log",),
+    "studies": ("asrsim.identification", "asrsim.sweeps", "asrsim.twin"),
+    "errors": ("asrsim.errors",),
+}
+"""Pages about the public names, `docs/api-*.md`, and the modules whose names each page has."""
+
+
+def api() -> dict[str, str]:
+    """Part for each page of the public names: a line for mkdocstrings for each, by the place where it is defined."""
+    found: dict[str, list[str]] = {page: [] for page in API}
+    for name in asrsim.__all__:
+        if name != "__version__":
+            module = getattr(asrsim, name).__module__
+            (page,) = (page for page, starts in API.items() if module.startswith(starts))
+            found[page].append(f"::: {module}.{name}")
+    return {f"api-{page}": "\n\n".join(lines) for page, lines in found.items()}
 
 
 def all_commands() -> dict[str, Any]:
@@ -187,8 +219,8 @@ def steppings() -> str:
     """Every stepping with its order of convergence."""
     from asrsim.simulation.steppings import STEPPINGS
 
-    known = [STEPPINGS.get(name) for name in STEPPINGS]
-    return markdown_table(("stepping", "order", "what"), [(f"`{one.name}`", str(one.order), one.doc) for one in known])
+    rows = [(f"`{one.name}`", str(one.order), one.doc) for one in STEPPINGS.values()]
+    return markdown_table(("stepping", "order", "what"), rows)
 
 
 def renewed(text: str) -> str:
@@ -239,6 +271,41 @@ def save_small(made: Path, shown: Path) -> None:
     small.quantize(64).save(shown, optimize=True)
 
 
+HOME = {
+    "home_sweep.png": (
+        "sweep examples/scenarios/step_2dof.yaml --variant soft --out {folder}/sweep"
+        " --over references.joint_1.stiffness_preset=0.2:0.6:6 --over parameters.joint_1.motor_1_max_torque=[4,8,12]"
+        + "".join(f" --result joint_1.{name}" for name in ("overshoot", "settling", "frequency", "peak_deflection")),
+        "sweep/results.png",
+    ),
+    "home_bode.png": (
+        "plot {folder}/chirp/soft {folder}/chirp/stiff --bode --out {folder}/bode",
+        "bode/bode.png",
+    ),
+    "push.gif": ("render {folder}/push --gif --size 380 --fps 20 --speed 0.25", "push/motion.gif"),
+}
+"""Pictures of the first page: the command that draws each, and the file that it writes."""
+
+
+def home_pictures(folder: Path) -> None:
+    """Draw the pictures of the first page. Raises CalledProcessError."""
+
+    def asrsim_command(line: str) -> None:
+        words = [word.format(folder=folder) for word in shlex.split(line)]
+        subprocess.run([sys.executable, "-m", "asrsim", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+
+    asrsim_command("run docs/images/push.yaml --no-plot --out {folder}/push")
+    asrsim_command(
+        "run examples/scenarios/chirp_1dof_qbmove.yaml --variant soft --variant stiff --no-plot --out {folder}/chirp"
+    )
+    for name, (line, made) in HOME.items():
+        asrsim_command(line)
+        if name.endswith(".png"):
+            save_small(folder / made, PICTURE.parent / name)
+        else:
+            shutil.copy(folder / made, PICTURE.parent / name)
+
+
 def main() -> None:
     """Writes all pages and the schema."""
     from asrsim.scenario.schema import schema_text
@@ -249,6 +316,7 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         for shown, made in run_tutorial(Path(folder)).items():
             save_small(made, shown)
+        home_pictures(Path(folder))
     for page in PAGES:
         page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
     (Path(__file__).parent / "scenario.schema.json").write_text(schema_text(), encoding="utf-8")

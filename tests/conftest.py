@@ -55,9 +55,8 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
     from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
     from asrsim.signals import SIGNALS
-    from asrsim.simulation.steppings import STEPPINGS
 
-    for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS):
+    for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
 
 

@@ -25,7 +25,8 @@ from collections.abc import Mapping
 from math import copysign, exp
 from typing import ClassVar
 
-from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, numbered
+from asrsim.actuators.hysteresis import HYSTERESIS_PARAMETERS
+from asrsim.actuators.parameters import Parameter, numbered
 
 
 class Actuator:

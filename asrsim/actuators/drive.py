@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from asrsim.actuators.electric import Electric, electric_of
+from asrsim.actuators.hysteresis import HysteresisConstants, hysteresis_of
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import MOTOR_PARAMETERS
 from asrsim.actuators.vectorised import Array, over_arrays
@@ -44,10 +45,9 @@ class Drive:
         return self.values.get("max_deflection", math.inf)
 
     @cached_property
-    def hysteresis(self) -> tuple[float, float] | None:
-        """Level (N m) and length (rad) of the springs' hysteresis; None without hysteresis."""
-        level = self.values["hysteresis_torque"]
-        return (level, self.values["hysteresis_deflection"]) if self.mode.spring and level > 0.0 else None
+    def hysteresis(self) -> HysteresisConstants | None:
+        """Constants of the springs' hysteresis; None without hysteresis."""
+        return hysteresis_of(self.values) if self.mode.spring else None
 
     @property
     def dynamic_motors(self) -> int:

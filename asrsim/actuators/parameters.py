@@ -114,20 +114,6 @@ MOTOR_PARAMETERS = (
 """Parameters of a motor without the prefix `motor_1_`: the DC motor of section 3.1.1 of the paper."""
 
 
-HYSTERESIS_PARAMETERS = (
-    Parameter(
-        name="hysteresis_torque", default=0.0, unit="N m", minimum=0.0, source=DAHL, optional=True,
-        doc="hysteresis torque of each spring: half the width of its hysteresis loop",
-    ),
-    Parameter(
-        name="hysteresis_deflection", default=0.01, unit="rad", minimum=0.0, exclusive_minimum=True, source=DAHL, optional=True,
-        needs="hysteresis_torque",
-        doc="deflection over which the hysteresis torque changes its sign after a reversal",
-    ),
-)  # fmt: skip
-"""Parameters of the Dahl element parallel to each spring (`asrsim.actuators.hysteresis`)."""
-
-
 CONTROLLER_PARAMETERS = (
     Parameter(name="proportional", default=125.0, unit="N m/rad", doc="gain k_p on the position error"),
     Parameter(name="integral", default=0.0, unit="N m/(rad s)", doc="gain k_i on the integral of the position error"),

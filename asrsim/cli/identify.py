@@ -66,7 +66,7 @@ def identify(
     accept: Annotated[
         bool,
         option(
-            "Write the robot although the model does not fit, if it explains 90 % of the variance.",
+            "Write the robot although the model does not fit, if it explains 90 % of the variance; without this option, 95 %.",
             "--accept",
         ),
     ] = False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
 from asrsim.cli.interrupt import Interruption
-from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, into_folder, option
+from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, View, into_folder, option
 
 
 @command("Print errors and warnings only.")
@@ -34,6 +35,7 @@ def live(
         option("Web pages that may use the WebSocket; may be repeated.", "--allow-origin", metavar="URL"),
     ] = None,
     twin: Annotated[bool, option("Follow a robot: read its topics, publish external torques and alarms.", "--twin")] = False,
+    view: View = False,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
@@ -68,20 +70,23 @@ def live(
     one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin)
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
-        return _follow(one, names, access, namespace, duration, quiet=quiet)
+        return _follow(one, names, access, namespace, duration, view=view, quiet=quiet)
     settings = Settings(speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, access=access)
     with StatusLine(show=not quiet) as line:
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
         folder = out or Path("out") / one.name / f"{one.variant}_live"
-        session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
         with Interruption("") as interruption:
+            if view:
+                session, summary = _shown(one, folder, settings, interruption.stop, overwrite=overwrite, line=line, quiet=quiet)
+            else:
+                session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
 
-            def stop() -> bool:
-                line.show(session)
-                return interruption.stop()
+                def stop() -> bool:
+                    line.show(session)
+                    return interruption.stop()
 
-            summary = session.run(stop=stop)
+                summary = session.run(stop=stop)
     return Done(
         data={"ok": summary.ok, "runs": [summary.as_dict()]},
         always=lambda: print_live(session, summary, plugin, quiet=quiet),
@@ -89,7 +94,23 @@ def live(
     )
 
 
-def _follow(scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, quiet: bool) -> Done:
+def _shown(
+    scenario: Any, folder: Path, settings: Any, stop: Callable[[], bool], *, overwrite: bool, line: Any, quiet: bool
+) -> tuple[Any, Any]:  # fmt: skip
+    """Run in real time on a page; returns the last run and its summary."""
+    from asrsim.cli.view import show_page
+    from asrsim.viewer.live import LiveView
+
+    show, summary = show_page(
+        lambda page: LiveView(page, [scenario], out=folder, overwrite=overwrite, settings=settings, tell=line.tell), stop,
+        quiet=quiet,
+    )  # fmt: skip
+    return show.session, summary
+
+
+def _follow(
+    scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
+) -> Done:  # fmt: skip
     """Run a twin beside a robot."""
     from asrsim.twin.live import LiveTwin
 
@@ -98,7 +119,13 @@ def _follow(scenario: Any, transports: list[str], access: Any, namespace: str, d
         tell=(lambda text: None) if quiet else say,
     )  # fmt: skip
     with Interruption("") as interruption:
-        twin.run(stop=interruption.stop)
+        if view:
+            from asrsim.cli.view import show_page
+            from asrsim.viewer.twin import TwinView
+
+            show_page(lambda page: TwinView(page, twin), interruption.stop, quiet=quiet)
+        else:
+            twin.run(stop=interruption.stop)
     return Done(
         data={"ok": True, "followed": twin.time, "alarms": twin.alarms},
         text=lambda: say(f"{twin.time:.1f} s followed, {twin.alarms} alarms"),

@@ -8,7 +8,7 @@ from typing import Annotated
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder, option
+from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, View, into_folder, option
 
 
 @command()
@@ -25,6 +25,7 @@ def twin(
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
     plot: Plot = True,
+    view: View = False,
     *,
     quiet: bool,
 ) -> Done:
@@ -67,6 +68,17 @@ def twin(
         say_written(files)
 
     data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": files}
+    if view and not found.interrupted:
+        from asrsim.cli.view import show_page
+        from asrsim.simulation.prepare import prepare
+        from asrsim.viewer.twin import followed_player
+
+        ready = prepare(scenario, variant=variant, overrides=overrides or ())
+        if not quiet:
+            text()
+        with Interruption("") as interruption:
+            show_page(lambda page: followed_player(page, ready, found), interruption.stop, quiet=quiet)
+        return Done(data=data)
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -64,8 +65,7 @@ def view(
     Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
     """
     from asrsim.plugins import command_line
-    from asrsim.viewer.open import View, maker
-    from asrsim.viewer.server import PageServer, announcement, open_browser
+    from asrsim.viewer.open import maker
 
     make = maker(
         target, beside or (), variant=variant, overrides=overrides or (), plugins=plugin, experiments=experiment or (),
@@ -73,13 +73,10 @@ def view(
         arguments=pairs(arguments, "--arg"), packages=folders(packages, "--package"), tell=complain,
     )  # fmt: skip
     with Interruption("") as interruption:
-        page = View(PageServer(port, tell=complain), make)
-        for line in () if quiet else announcement(page.server):
-            complain(line)
-        if browser and not quiet:
-            open_browser(page.server)
         end = math.inf if duration is None else clock.monotonic() + duration
-        summary: Any = page.run(lambda: interruption.stop() or clock.monotonic() > end)
+        _, summary = show_page(
+            make, lambda: interruption.stop() or clock.monotonic() > end, port=port, browser=browser, quiet=quiet
+        )
     if summary is None:
         return Done(data={"ok": True})
 
@@ -88,3 +85,21 @@ def view(
         say(f"repeat it: {command_line('rerun', str(summary.files['log']), plugin)}")
 
     return Done(data={"ok": summary.ok, "runs": [summary.as_dict()]}, text=text, code=int(not summary.ok))
+
+
+def show_page(
+    make: Callable[[Any], Any], stop: Callable[[], bool], *, port: int = 0, browser: bool = True, quiet: bool
+) -> tuple[Any, Any]:
+    """Open a page, say where it is, and work until `stop` returns True. Returns what was shown, and its result.
+
+    make: function that returns what the page shows.
+    """
+    from asrsim.viewer.open import View
+    from asrsim.viewer.server import PageServer, announcement, open_browser
+
+    page = View(PageServer(port, tell=complain), make)
+    for line in () if quiet else announcement(page.server):
+        complain(line)
+    if browser and not quiet:
+        open_browser(page.server)
+    return page.show, page.run(stop)

@@ -14,6 +14,7 @@ from asrsim.design.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
 from asrsim.identification.parameters import Layout, numbers_of, parameters_of
+from asrsim.quantities import each_motor
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -130,7 +131,7 @@ class DesignPlant:
         self._problems.append(Problem(message, key=key, code="limits", **details))
 
     def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
-        references = {name: [name] for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())}
+        references = {name: [name] for drive in self.door.drives for name in drive.references}
         for joint, ranges in limits.limits.items():
             if joint not in self.door.joints:
                 self._fault(f"limits.{joint}", "the robot has no such joint", meant=joint, choices=self.door.joints)
@@ -151,7 +152,7 @@ class DesignPlant:
             self._fault(f"limits.{drive.name}", message, hint="Choose a mode with a controller: 1, 5 or 6")
             return
         alone = drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2
-        for slot, name in enumerate(mode.references[:1] if alone else mode.references):
+        for slot, name in enumerate(drive.references[:1] if alone else drive.references):
             preset = mode.mapped and slot == 1
             bound = own.get(name) or (None if preset else own.get("link_position"))
             signal = self.scenario.references_of(drive.name).get(name)
@@ -167,10 +168,10 @@ class DesignPlant:
             elif not bound.low <= home <= bound.high:
                 self._fault(f"limits.{drive.name}.{bound.quantity}", f"the scenario begins outside this limit, at {home:g}")
             else:
-                yield Reference(drive.name, name, slot, mode.units[slot], home, bound.low, bound.high)
+                yield Reference(drive.name, name, slot, mode.units[min(slot, len(mode.units) - 1)], home, bound.low, bound.high)
 
     def _channels(self, limits: Limits) -> Iterator[DesignChannel]:
-        noise = limits.noise or dict.fromkeys(("link_position", "motor_1_position", "motor_2_position"), POSITION_NOISE)
+        noise = limits.noise or dict.fromkeys(("link_position", *each_motor("motor_{}_position")), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
             quantities = _quantities(quantity)
@@ -179,7 +180,8 @@ class DesignPlant:
             sensor = name if name in limits.sensors else ""
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
-                    yield from (DesignChannel(drive.name, one, size, sensor) for one in quantities)
+                    absent = {name for i, name in enumerate(each_motor("motor_{}_position")) if i >= max(drive.placed, 2)}
+                    yield from (DesignChannel(drive.name, one, size, sensor) for one in quantities if one not in absent)
 
     def _numbers(self, x: Array) -> Mapping[str, Mapping[str, float]]:
         return numbers_of({**self.layout.table(x, 0), **self.gains})
@@ -252,7 +254,7 @@ class DesignPlant:
 
 def _quantities(name: str) -> list[str]:
     """Quantities of a joint for a name in a limits file; empty if the name is unknown. `motor_torque` stands for the torques of
-    both motors, `elastic_torque` for those of both springs.
+    all motors, `elastic_torque` for those of all springs.
     """
-    both = ([name.replace("motor_", f"motor_{i}_") for i in (1, 2)], [f"{name}_{i}" for i in (1, 2)])
-    return next((several for several in ([name], *both) if several[0] in COMPARABLE), [])
+    each = ([*each_motor(name.replace("motor_", "motor_{}_"))], [*each_motor(name + "_{}")])
+    return next((several for several in ([name], *each) if several[0] in COMPARABLE), [])

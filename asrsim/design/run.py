@@ -20,6 +20,7 @@ from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free
 from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
+from asrsim.quantities import each_motor
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -150,8 +151,8 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
     known = parameters_of(
-        robot, [f"{joint}.reference_{i}" for joint in joints for i in (1, 2)],
-        {f"{joint}.{name}": "" for joint in joints for name in ("link_position", "motor_1_position", "motor_2_position")},
+        robot, [f"{joint}.{name}" for joint in joints for name in each_motor("reference_{}")],
+        {f"{joint}.{name}": "" for joint in joints for name in ("link_position", *each_motor("motor_{}_position"))},
     )  # fmt: skip
     free, ties = free_parameters(task, known)
     own = [one.key for one in free if one.own or one.key == CLOCK or one.key.rpartition(".")[2] in NOT_THE_ROBOTS]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.quantities import each_motor
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.simulation.quantities import recorded_quantities
@@ -17,8 +18,9 @@ _LINKS = ("link_position", "link_velocity")
 _MOTORS = ("motor_1_position", "motor_1_velocity", "motor_2_position", "motor_2_velocity")
 """Quantities of the state at the present time. The positions of ideal motors are those of the last step."""
 _STEP = (
-    "link_torque", "damping_torque", "elastic_torque_1", "elastic_torque_2", "motor_1_torque", "motor_2_torque",
-    "friction_torque_1", "friction_torque_2", "reference_1", "reference_2", "external_torque", "stiffness",
+    "link_torque", "damping_torque", *each_motor("elastic_torque_{}"), *each_motor("motor_{}_torque"),
+    *each_motor("friction_torque_{}"), *each_motor("reference_{}"), "external_torque", "stiffness",
+    *each_motor("motor_{}_position")[2:], *each_motor("motor_{}_velocity")[2:],
 )  # fmt: skip
 """Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
 step."""

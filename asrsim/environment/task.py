@@ -21,6 +21,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import ranges_of
 from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 
 LARGEST = float(np.finfo(np.float32).max)
@@ -76,7 +77,8 @@ class ControlTask:
     @property
     def read_names(self) -> list[str]:
         """Names of the quantities that the worlds must record for the observations."""
-        return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
+        recorded = {name for drive in self.prepared.drives for name in recorded_quantities(drive)} & {*QUANTITIES}
+        return [name for name in KNOWN if name in recorded and (name in self._observe or name.startswith("motor"))]
 
     def readings(self, worlds: Worlds) -> Readings:
         """Reader of the observed quantities of worlds. Raises InputError for unknown quantities."""

@@ -234,7 +234,7 @@ def _motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float) ->
             spring = _tendon(spec, f"{drive.joint}.spring_{i + 1}.{number}", name, drive.joint)
             spring.stiffness, spring.springlength = stiffness, [low, high]
         if drive.hysteresis is not None:
-            _hysteresis(spec, drive, i + 1, *drive.hysteresis)
+            _hysteresis(spec, drive, i + 1, drive.hysteresis.level, drive.hysteresis.length)
         if servo:
             gains: tuple[float, ...] = ()
             if drive.mode.controller:

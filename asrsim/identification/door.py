@@ -11,8 +11,8 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError
 from asrsim.plugins import load_plugin_file
-from asrsim.quantities import QUANTITIES
-from asrsim.robot import Robot, check_two_motors
+from asrsim.quantities import MOST_MOTORS, QUANTITIES, each_motor
+from asrsim.robot import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
@@ -26,11 +26,11 @@ __all__ = [
     "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "load_plugin_file",
 ]  # fmt: skip
 
-SOURCES = ("link_position", "motor_1_position", "motor_2_position")
+SOURCES = ("link_position", *each_motor("motor_{}_position"))
 """Quantities from which derived quantities are computed."""
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities computed from motor and link positions."""
-COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
+COMPARABLE = (*(name for name in columns_of(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
 """Quantities that a sensor can measure and a simulation computes."""
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
@@ -50,7 +50,6 @@ class Door:
     """A scenario that is simulated with many sets of parameters."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        check_two_motors(robot, "identification")
         faster = ENGINES.get(scenario.engine).faster
         if faster and scenario.world.empty and ENGINES.get(faster).available:
             scenario = replace(scenario, engine=faster)
@@ -71,8 +70,9 @@ class Door:
                 # The substeps suit the estimates. With the start values, springs may be too stiff for them.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
+            motors = max(drive.positions for drive in self.drives)
             found = Worlds(
-                prepared, AT_ONCE, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False,
+                prepared, AT_ONCE, names=[n for n in columns_of(motors) if n in COMPARABLE], watched=False,
                 expected_substeps=OFTEN, threads=AT_ONCE,
             )  # fmt: skip
         while len(self._made) >= ENGINES_KEPT:
@@ -125,8 +125,8 @@ class Door:
         own = {source: found[source][world, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:
             return own[name]
-        actuator, (position, first, second) = self.drives[joint].actuator, (own[source] for source in SOURCES)
-        rest = first if actuator is None else over_arrays(actuator.equilibrium_position)(first, second)
+        actuator, (position, *motors) = self.drives[joint].actuator, (own[source] for source in SOURCES)
+        rest = motors[0] if actuator is None else over_arrays(actuator.equilibrium_position)(*motors[: actuator.positions()])
         return np.asarray(rest - position if name == "deflection" else rest)
 
     def substeps_of(self, parameters: Numbers) -> Substeps:

@@ -11,7 +11,7 @@ from functools import reduce
 import numpy as np
 
 from asrsim.identification.noise import independent_samples
-from asrsim.identification.parameters import Parameter, parameters_of
+from asrsim.identification.parameters import JUMP, Parameter, parameters_of
 from asrsim.identification.problem import Problem, huber, jacobian, mean_square, residuals, solve, with_own_substeps
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
@@ -199,6 +199,23 @@ def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
     for key in smooth:
         if key not in problem.playing.staircases:
             yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
+
+
+def jumps(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Extensions that free the instants of a recording's jumps of commands, each within a sampling interval before the sample
+    that shows it.
+    """
+    names = [track.data.name for track in problem.tracks]
+    for i in problem.fitted:
+        track = problem.tracks[i]
+        if any(entry.key.startswith(JUMP) and entry.track == i for entry in problem.layout.entries):
+            continue
+        early = [
+            Parameter(key=f"{JUMP}{n}", unit="s", start=0.0, low=0.0, high=track.sampling)
+            for n in range(1, 1 + len(track.jumps))
+        ]
+        if early and track.sampling > 0.0:
+            yield Extension(parameters=tuple(one.of_recording(i, names) for one in early), share=1.0)
 
 
 def presliding(problem: Problem, _: Array) -> Iterator[Extension]:

@@ -23,7 +23,8 @@ from asrsim.quantities import linear_unit
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
-CLOCK = "clock"
+CLOCK, JUMP = "clock", "jump_"
+"""Key of the delay of all channels; beginning of the keys of jumps of commands, which are numbered from 1."""
 LATEST = 0.25
 """Largest delay and largest clock offset that a fit allows, s."""
 TYPICAL = {
@@ -226,7 +227,7 @@ def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterat
     for key in dict.fromkeys((*commands, *channels)):
         yield _parameter(f"{key}.offset", channels.get(key) or "rad", 0.0)
         yield _parameter(f"{key}.gain", "1", 1.0, 0.0)
-        yield _parameter(f"{key}.delay", "s", 0.0, 0.0 if key in commands else -LATEST, LATEST)
+        yield _parameter(f"{key}.delay", "s", 0.0, -LATEST, LATEST)
 
 
 def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:

@@ -149,8 +149,10 @@ def _reason(entry: Parameter, norm: float, track: Track) -> str:
 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
 """Status of a fit: judged; its time was over; the user stopped it; only the sensitivities were computed."""
-ACCEPTABLE = 0.9
-"""Explained fraction of every channel's variance above which a model that does not fit may be accepted."""
+ACCEPTABLE, ENOUGH = 0.9, 0.95
+"""Explained fractions of every channel's variance above which a model that does not fit may be accepted, and is accepted by
+default.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,9 +18,20 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
+from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
-from asrsim.identification.result import ACCEPTABLE, CHECKED, COMPLETE, INTERRUPTED, UNFINISHED, Result, doubted, estimates
+from asrsim.identification.result import (
+    ACCEPTABLE,
+    CHECKED,
+    COMPLETE,
+    ENOUGH,
+    INTERRUPTED,
+    UNFINISHED,
+    Result,
+    doubted,
+    estimates,
+)
 from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -127,7 +138,8 @@ def identify(
         progress: Called about five times a second.
         stop: Called between evaluations; True ends the search, and the best fit so far is judged.
         check: Compute only the sensitivities at the start.
-        accept: Accept a model that does not fit but explains 90 % of the variance of every channel: its robot is written.
+        accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
+            is written.
         seconds: Time limit of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
@@ -188,7 +200,7 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(followed if best.free else (final, x))) if complete else ()
-    accepted = accept and bool(misfit) and all(one.explained >= ACCEPTABLE for one in fits)
+    accepted = bool(misfit) and all(one.explained >= (ACCEPTABLE if accept else ENOUGH) for one in fits)
     found = found.of_a_block if misfit else found
     known, combined = estimates(final, x, found)
     if status != CHECKED:
@@ -244,7 +256,10 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
 
 def _remarks(setup: Setup, problem: Problem) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
-    for entry in problem.layout.entries[len(setup.problem.layout) :]:
+    added = problem.layout.entries[len(setup.problem.layout) :]
+    if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
+        yield f"{', '.join(late)}: commands jumped that long before the sample that shows the jump"
+    for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:
         yield (

@@ -15,14 +15,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.identification.extensions import extended, presliding, stairs
+from asrsim.identification.extensions import extended, jumps, presliding, stairs
 from asrsim.identification.judge import HELD_OUT, fits, is_explained, rms
 from asrsim.identification.noise import size_of
+from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     ROUNDS,
     Problem,
     differences,
     huber,
+    jacobian,
     residuals,
     solve,
     weighed,
@@ -38,6 +40,8 @@ EVALUATIONS, TWICE = 10, 2
 """Largest number of evaluations of a search with an observer, and number of searches with new weights at each level."""
 AGREES = 1.1
 """Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error."""
+TIMED = 3
+"""Number of linear solutions for instants of jumps."""
 RISE, LIMITED = 2.0, 1.5
 """Factor between rising bandwidths; ratio of errors to noise below which noise limits the predictions."""
 FOLLOWED = 0.5
@@ -84,7 +88,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
             problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
         found.append((problem, x))
         best.take(problem, x)
-    free = extended(problem, x, (stairs, presliding), enough=fits)
+    free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
     if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):
         return
@@ -159,13 +163,31 @@ def refined(problem: Problem, x: Array, rounds: int) -> Array:
 
 
 def settle(best: Best) -> None:
-    """Adapt substeps and weights to the estimates, and add pre-sliding friction if it is significant."""
+    """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
     _resolve(best)
-    # With many samples, pre-sliding is significant even if the residuals look like noise.
-    found = extended(best.problem, best.x, (presliding,), enough=is_explained)
+    # With many samples, both are significant even if the residuals look like noise.
+    found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     if found.chosen:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
+    best.x = _timed(best.problem, best.x)
+
+
+def _timed(problem: Problem, x: Array) -> Array:
+    """Vector with the instants of jumps in held-out parts, in which the error is nearly linear."""
+    from scipy.optimize import lsq_linear
+
+    whole, (low, high), x = problem.everything, problem.layout.bounds, x.copy()
+    late = [
+        i for i, entry in enumerate(problem.layout.entries) if entry.track is not None and entry.key.startswith(JUMP)
+        and problem.tracks[entry.track].jumps[int(entry.key.removeprefix(JUMP)) - 1] > problem.ends[entry.track]
+    ]  # fmt: skip
+    for _ in range(TIMED if late else 0):
+        left = residuals(whole, x)
+        slopes = jacobian(whole, x, base=left, columns=late)
+        x[late] += lsq_linear(slopes, -left, bounds=(low[late] - x[late] - 1e-12, high[late] - x[late] + 1e-12)).x
+        x[late] = np.clip(x[late], low[late], high[late])
+    return x
 
 
 def _resolve(best: Best) -> None:

@@ -70,7 +70,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     share = min(100.0 * result.explained, 99.99)
     yield f"  it explains at least {share:.4g} % of the variance of each channel", "red"
     if result.accepted:
-        yield "  accepted", "yellow"
+        yield "  accepted: the robot is written with all estimates, since only together they explain the recording", "yellow"
     if not result.causes:
         yield "  no missing effect was found; look at the residuals in the picture", "red"
 

@@ -13,7 +13,7 @@ from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
 from asrsim.identification.noise import motion_band
 from asrsim.identification.observed import Measured
-from asrsim.identification.parameters import CLOCK, numbers_of
+from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -37,6 +37,8 @@ class Played(Signal):
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0
+    early: tuple[tuple[float, float], ...] = ()
+    """Pairs of the time of a jump's first sample, s, and how much earlier the command jumped, s."""
     _known: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 
     def values(self, time: Array) -> Array:
@@ -50,7 +52,12 @@ class Played(Signal):
         curve = self.command.curve
         ends = curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
         means = (ends[1] - ends[0]) / self.step
-        for jump, size in zip(curve.jumps, curve.sizes, strict=True):
+        times = self._jumps
+        for late, jump, size in zip(curve.jumps, times, curve.sizes, strict=True):
+            # The part of each window between the two times.
+            low, high = (np.clip(at + side * self.step, jump, late) for side in (-0.5, 0.5))
+            means += size / self.step * (high - low)
+        for jump, size in zip(times, curve.sizes, strict=True):
             # Near a jump, average only the samples on the same side of the jump.
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
@@ -59,7 +66,12 @@ class Played(Signal):
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""
-        return between(self.command.curve.jumps + self.delay, start, end)
+        return between(np.sort(self._jumps) + self.delay, start, end)
+
+    @property
+    def _jumps(self) -> Array:
+        early, jumps = dict(self.early), self.command.curve.jumps
+        return np.array([jump - early.get(jump, 0.0) for jump in jumps.tolist()]) if early else jumps
 
 
 DIGITS = 3
@@ -116,6 +128,10 @@ class Track:
         self._begin(freed)
         self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
+        self.jumps = sorted({time for command in data.commands for time in command.curve.jumps.tolist() if time > 0.0})
+        """Times of the first samples after jumps of commands, s. Commands that jump together have one time."""
+        self.sampling = max((float(np.median(np.diff(one.time))) for one in data.commands if len(one.time) > 1), default=0.0)
+        """Largest usual sampling interval of a command, s."""
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
@@ -212,7 +228,7 @@ class Track:
             # A noisy recording may begin slightly beyond a joint's stop.
             positions[drive.name] = float(np.clip(positions[drive.name], *drive.joint.stops))
         commands = {command.key for command in self.data.commands}
-        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in commands)
+        own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))
         return Start(
             parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
             velocities=velocities, motors=self.motors,
@@ -221,6 +237,7 @@ class Track:
     def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""
         table: dict[str, dict[str, Played]] = {}
+        early = tuple((self.jumps[int(key.removeprefix(JUMP)) - 1], value) for key, value in values if key.startswith(JUMP))
         generator = None if playing.draw is None else np.random.default_rng(playing.draw)
         for command in self.data.commands:
             one = replace(command, hold=True) if command.key in playing.staircases else command
@@ -229,7 +246,7 @@ class Track:
                 one = replace(one, values=command.values + noise)
             own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
             step = self.scenario.step / playing.substeps[0]
-            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)
+            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=early, **own)
         return table
 
 

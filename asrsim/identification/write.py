@@ -122,6 +122,9 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
             said.append(f"delays of {block.joint} are not written, since the delays of its references differ")
         elif any(late):
             delays[block.joint] = late.pop()
+            if delays[block.joint] < 0.0:
+                said.append(f"the delay of {block.joint} is not written, since it is negative: its command was recorded late")
+                del delays[block.joint]
     write_text(scenario, _scenario_text(result, changes, delays, path), "fitted scenario")
     return [path, scenario], said
 

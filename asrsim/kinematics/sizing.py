@@ -45,6 +45,8 @@ INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 POSTURES = 64
 """Number of random postures in which the largest torque of gravity on each joint is sought."""
+MOBILE_POSTURES = 16
+"""Number of random postures in which the smallest inertia of each joint is sought."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
@@ -324,9 +326,11 @@ def _carried(robot: Robot) -> dict[str, float]:
 
 
 def _lightest(robot: Robot) -> dict[str, float]:
-    """Inertia that the spring of each joint moves if all other joints are free, kg m^2, by joint."""
+    """Smallest inertia that the spring of each joint moves if all other joints are free, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
-    mobility = np.diagonal(np.linalg.pinv(RobotModel(robot).mass_matrix(np.zeros(len(names))), hermitian=True))
+    postures = np.random.default_rng(0).uniform(-np.pi, np.pi, (MOBILE_POSTURES, len(names)))
+    masses = RobotModel(robot).mass_matrix(np.vstack([np.zeros(len(names)), postures]))
+    mobility = np.diagonal(np.linalg.pinv(masses, hermitian=True), axis1=1, axis2=2).max(axis=0)
     return dict(zip(names, (1.0 / np.maximum(mobility, 1e-30)).tolist(), strict=True))
 
 

@@ -48,7 +48,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
                 ax.set_visible(False)
                 continue
             draw_chart(ax, chart)
-            ax.yaxis.set_label_coords((0.2 - left) / width, 0.5)
+            ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)
             if (r, c) in below:
                 ax.set_xlabel("")
                 ax.tick_params(labelbottom=False)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE
+from asrsim.quantities import each_motor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,15 +70,14 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
     figure.legend(handles=by_columns, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
 
 
+_DIGITS = "₁₂₃₄₅₆₇₈"
 # Plain letters instead of mathtext: its parser would take a sixth of the drawing time.
 _WORDS = {
     REFERENCE: "reference",
-    "reference_1": "reference 1",
-    "reference_2": "reference 2",
+    **{name: name.replace("_", " ") for name in each_motor("reference_{}")},
     "link_position": "link q",
     "equilibrium_position": "equilibrium",
-    "motor_1_position": "motor θ₁",
-    "motor_2_position": "motor θ₂",
+    **{name: f"motor θ{digit}" for name, digit in zip(each_motor("motor_{}_position"), _DIGITS, strict=True)},
     "deflection": "deflection ϕ",
     "stiffness": "stiffness k",
     "energy_residual": "residual ΔE",
@@ -85,10 +85,8 @@ _WORDS = {
     "link_torque": "actuator τ",
     "external_torque": "external τ",
     "damping_torque": "damping τ",
-    "motor_1_torque": "motor τ₁",
-    "motor_2_torque": "motor τ₂",
-    "elastic_torque_1": "spring τ₁",
-    "elastic_torque_2": "spring τ₂",
+    **{name: f"motor τ{digit}" for name, digit in zip(each_motor("motor_{}_torque"), _DIGITS, strict=True)},
+    **{name: f"spring τ{digit}" for name, digit in zip(each_motor("elastic_torque_{}"), _DIGITS, strict=True)},
     "motor_work": "motor work",
     "spring_energy": "springs",
     "friction_loss": "friction",

@@ -13,6 +13,7 @@ from asrsim.errors import RobotError
 from asrsim.plots import style
 from asrsim.plots.curves import RunCurves
 from asrsim.plots.decimate import Curve
+from asrsim.quantities import each_motor
 
 
 def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
@@ -26,9 +27,9 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
         pairs = [(stops.get("lower", math.nan), stops.get("upper", math.nan))]
     elif kind in ("torque", "link_torque"):
         pairs = [_both(stops.get("effort", math.nan))]
-    elif kind in ("motor_torque", "motor_1_torque", "motor_2_torque"):
-        motors = (1, 2) if kind == "motor_torque" else (int(kind[6]),)
-        pairs = [_both(values.get(f"motor_{number}_max_torque", math.nan)) for number in motors]
+    elif kind == "motor_torque" or kind in each_motor("motor_{}_torque"):
+        limits = each_motor("motor_{}_max_torque") if kind == "motor_torque" else (kind.replace("torque", "max_torque"),)
+        pairs = [_both(values.get(limit, math.nan)) for limit in limits]
     elif kind == "deflection":
         return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
     # Ignore a limit of 0: in URDF, 0 stands for a joint without limits.
@@ -44,7 +45,7 @@ def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
     """Limits of the joint deflection. With two antagonistic springs the preset uses up part of the range."""
     info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
-    if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:
+    if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None or info.motors > 2:
         return []
     if two is None or one is None or style.has_adjuster(info):
         time = np.asarray(run.curves[joint, "deflection"].time[[0, -1]])

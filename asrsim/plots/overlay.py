@@ -15,7 +15,7 @@ from asrsim.plots.layout import PanelGrid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.view import draw_curve, show_time, show_values
-from asrsim.quantities import shown
+from asrsim.quantities import each_motor, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SHOWN = 3
 """Largest number of runs whose difference is also written as a number."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
-_FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
+_FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", *each_motor("motor_{}_position"))
 
 
 def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[Page]:

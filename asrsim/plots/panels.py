@@ -15,6 +15,7 @@ from asrsim.plots.decimate import Curve
 from asrsim.plots.legends import LIMIT, LIMIT_LINE
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.quantities import each_motor
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -52,7 +53,8 @@ class Panel:
         if word is None or not name.startswith("reference_"):
             return True
         mode, index = MODES.get(joint.mode) if joint.mode is not None else None, int(name[-1]) - 1
-        given = mode.references[index] if mode is not None and index < len(mode.references) else ""
+        names = () if mode is None else mode.references_of(joint.motors)
+        given = names[index] if index < len(names) else ""
         return given.startswith(word) and given.endswith("torque")
 
 
@@ -65,10 +67,10 @@ PANELS: dict[str, Panel] = {
         Panel(
             key="position",
             words="position",
-            quantities=(REFERENCE, "motor_1_position", "motor_2_position", "equilibrium_position", "link_position"),
+            quantities=(REFERENCE, *each_motor("motor_{}_position"), "equilibrium_position", "link_position"),
             compared=(REFERENCE, "link_position"),
         ),
-        Panel(key="motors", words="motor position", quantities=(), compared=("motor_1_position", "motor_2_position")),
+        Panel(key="motors", words="motor position", quantities=(), compared=each_motor("motor_{}_position")),
         Panel(key="adjuster", words="adjuster", quantities=("reference_2", "motor_2_position"), shown=style.has_adjuster),
         Panel(key="deflection", words="deflection", quantities=("deflection",)),
         Panel(key="stiffness", words="stiffness", quantities=("stiffness",)),
@@ -82,15 +84,8 @@ PANELS: dict[str, Panel] = {
         Panel(
             key="motor_torque",
             words="torque at motors",
-            quantities=(
-                "reference_1",
-                "reference_2",
-                "elastic_torque_1",
-                "elastic_torque_2",
-                "motor_1_torque",
-                "motor_2_torque",
-            ),
-            compared=("reference_1", "reference_2", "motor_1_torque", "motor_2_torque"),
+            quantities=(*each_motor("reference_{}"), *each_motor("elastic_torque_{}"), *each_motor("motor_{}_torque")),
+            compared=(*each_motor("reference_{}"), *each_motor("motor_{}_torque")),
         ),
         Panel(
             key="energy",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots.curves import KNOWN
-from asrsim.quantities import linear_unit
+from asrsim.quantities import MOST_MOTORS, each_motor, linear_unit
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -21,6 +21,12 @@ ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#a39700"
 BLUE, VERMILION, PURPLE = "#0072b2", "#d55e00", "#b3599a"
 EXPERIMENT = BLACK
 
+_OF_MOTORS = (
+    (GREEN, "#b5dfd2", "#7fceb9", "#00573f"), (PURPLE, "#e3c6dc", "#dcb0d2", "#6b2f5b"),
+    (ORANGE, "#f5d9a6", "#f0c266", "#8a5f00"), (SKY, "#cfe8f7", "#a3d5f2", "#1f6a9a"),
+)  # fmt: skip
+MOTORS = {i: _OF_MOTORS[(i - 1) % len(_OF_MOTORS)] for i in range(1, MOST_MOTORS + 1)}
+"""Colours of each motor: of its motion, its reference, its spring's torque, and its friction."""
 COLOURS: dict[str, str] = {
     "link_position": VERMILION,
     "link_velocity": VERMILION,
@@ -31,18 +37,10 @@ COLOURS: dict[str, str] = {
     "position_error": PURPLE,
     "reference_position": LIGHT,
     **dict.fromkeys(("reference_x", "reference_y", "reference_z"), LIGHT),
-    "reference_1": "#b5dfd2",
-    "reference_2": "#e3c6dc",
-    "motor_1_position": GREEN,
-    "motor_1_velocity": GREEN,
-    "motor_1_torque": GREEN,
-    "motor_2_position": PURPLE,
-    "motor_2_velocity": PURPLE,
-    "motor_2_torque": PURPLE,
-    "elastic_torque_1": "#7fceb9",
-    "elastic_torque_2": "#dcb0d2",
-    "friction_torque_1": "#00573f",
-    "friction_torque_2": "#6b2f5b",
+    **{f"motor_{i}_{what}": own for i, (own, *_) in MOTORS.items() for what in ("position", "velocity", "torque")},
+    **{f"reference_{i}": pale for i, (_, pale, *_) in MOTORS.items()},
+    **{f"elastic_torque_{i}": light for i, (*_, light, _) in MOTORS.items()},
+    **{f"friction_torque_{i}": dark for i, (*_, dark) in MOTORS.items()},
     "external_torque": SKY,
     "damping_torque": YELLOW,
     "motor_work": GREEN,
@@ -167,9 +165,8 @@ def unit(quantity: str, joint: JointInfo | None = None) -> str:
     text = known.unit if known else ""
     if joint is not None:
         mode = MODES.get(joint.mode) if joint.mode is not None else None
-        if quantity in ("reference_1", "reference_2") and mode is not None:
-            index = int(quantity[-1]) - 1
-            text = mode.units[index] if index < len(mode.units) else ""
+        if quantity in each_motor("reference_{}") and mode is not None:
+            text = mode.units[min(int(quantity[-1]), len(mode.units)) - 1]
         if has_adjuster(joint) and quantity in ("reference_2", "motor_2_position", "motor_2_velocity"):
             return ACTUATORS.get(joint.actuator).reference_2_unit + ("/s" if quantity == "motor_2_velocity" else "")
         if joint.prismatic:

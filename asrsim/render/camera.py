@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,23 @@ def viewpoint(axis: Array | None) -> Array:
     turned = right[0] < -1e-9 or (abs(right[0]) <= 1e-9 and right[1] < 0)
     x, y = (-axis if turned else axis)[:2]
     return _direction(float(np.degrees(np.arctan2(y, x))) + 18.0, 14.0)
+
+
+TURNS, RISES = (0.0, 35.0, -35.0, 70.0, -70.0, 110.0, -110.0, 180.0), (0.0, 25.0)
+"""Azimuths and elevations, in degrees relative to the preferred view, from which the camera may look."""
+STEEPEST = 70.0
+"""Largest elevation of the camera, degrees."""
+
+
+def viewpoints(preferred: Array) -> Iterator[Array]:
+    """Directions (3,) from the scene to the camera: the preferred one first, then others around the scene, at last from
+    higher up.
+    """
+    azimuth = float(np.degrees(np.arctan2(preferred[1], preferred[0])))
+    elevation = float(np.degrees(np.arcsin(preferred[2] / np.linalg.norm(preferred))))
+    for rise in RISES:
+        for turn in TURNS:
+            yield _direction(azimuth + turn, min(elevation + rise, max(STEEPEST, elevation)))
 
 
 def fitting_aspect(points: Array, towards: Array) -> float:

@@ -18,6 +18,8 @@ Image = NDArray[np.uint8]
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
 """Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
+NEARER = 1.002
+"""Ratio of inverse distances above which a body lies in front of a point and does not merely touch it."""
 INK = np.array([0.13, 0.15, 0.18])
 """Colour of outlines."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
@@ -52,13 +54,20 @@ class Painter:
         turn, shift = self._stacked(frames)
         return np.asarray(np.einsum("kij,kj->ki", turn[self._point_body], self._points) + shift[self._point_body])
 
-    def image(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2) -> Image:
-        """Picture (height, width, 3) from the camera. sharpness: factor of oversampling."""
+    def image(
+        self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
+        place: Array | None = None,
+    ) -> Image:  # fmt: skip
+        """Picture (height, width, 3) from the camera.
+
+        sharpness: factor of oversampling; place: points (k, 3) that size the tiles of the ground, equal in all pictures of a
+        film; None: those of this picture.
+        """
         fine = (width * sharpness, height * sharpness)
         points = self.points(frames)
         seen = _projected(points, camera, *fine)[self._triangles]
         raster = rasterise(seen, *fine)
-        picture = self._background(points, camera, *fine, raster.depth)
+        picture = self._background(points, points if place is None else place, camera, *fine, raster.depth)
         turn, _ = self._stacked(frames)
         normals = np.einsum("mij,mkj->mki", turn[self._body], self._normals)
         shades = plane(seen, _light(normals, points[self._triangles], camera))[raster.triangles]
@@ -70,12 +79,27 @@ class Painter:
         _outline(picture, owner.reshape(fine[::-1]), raster.depth)
         return _averaged(picture, width, height, sharpness)
 
+    def hidden(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int) -> dict[str, float]:
+        """Fraction of the points of each body that other bodies hide from the camera; a small picture is enough."""
+        seen = _projected(self.points(frames), camera, width, height)
+        raster = rasterise(seen[self._triangles], width, height)
+        owner = np.full(width * height, -1, dtype=np.intp)
+        owner[raster.pixels] = self._body[raster.triangles]
+        inside = (seen[:, 2] > 0.0) & (seen[:, :2] >= 0.0).all(axis=1) & (seen[:, :2] < (width, height)).all(axis=1)
+        pixel = np.where(inside, seen[:, 1].clip(0).astype(np.intp) * width + seen[:, 0].clip(0).astype(np.intp), 0)
+        before = inside & (owner[pixel] != self._point_body) & (raster.depth[pixel] > NEARER * seen[:, 2])
+        counts = np.bincount(self._point_body, minlength=len(self.bodies))
+        shares = np.bincount(self._point_body, weights=before, minlength=len(self.bodies)) / np.maximum(counts, 1)
+        return dict(zip(self.bodies, shares.tolist(), strict=True))
+
     def _stacked(self, frames: Mapping[str, Array]) -> tuple[Array, Array]:
         stacked = np.array([frames[body] for body in self.bodies]).reshape(-1, 4, 4)
         return stacked[:, :3, :3], stacked[:, :3, 3]
 
-    def _background(self, points: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
-        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground."""
+    def _background(self, points: Array, around: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
+        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground. around: points
+        (k, 3) in whose middle the ground lies.
+        """
         share = np.linspace(0.0, 1.0, height)[:, None]
         sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
         picture = np.repeat(sky[:, None], width, axis=1).reshape(-1, 3)
@@ -88,8 +112,8 @@ class Painter:
         # Each ray has length 1 along the view, so the length factor to the ground is the distance along the view.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
-        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[:2]
-        size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        middle = 0.5 * (around.min(axis=0) + around.max(axis=0))[:2]
+        size = float(np.linalg.norm(np.ptp(around, axis=0)))
         tile = 10.0 ** np.floor(np.log10(size / 2))
         dark = (np.floor(place / tile).sum(axis=1) % 2)[:, None]
         colour = (1 - dark) * TILE_LIGHT + dark * TILE_DARK

@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
-from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
+from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint, viewpoints
 from asrsim.render.draw import Image, Painter
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
@@ -26,6 +26,10 @@ KEPT = 6000
 """Number of samples kept of a long log: more than a film has frames."""
 LOOKS = 40
 """Number of instants at which the bodies' positions are computed to place the camera."""
+GLANCES, GLANCE = 4, 90
+"""Number of instants at which hidden bodies are looked for, and square root of the area of these pictures, pixels."""
+HIDDEN, GAIN = 0.4, 0.05
+"""Hidden fraction of a moving body with which a view is accepted; gain for which another view is worth it."""
 _KEYS = ("robot", "base", "world")
 """Parts of a scenario that a picture needs."""
 GHOST = 0.28
@@ -87,6 +91,8 @@ class Film:
         self.camera: Camera
         self.width: int
         self.height: int
+        self.place: Array
+        """Outermost points (k, 3) of the motion, m."""
         share_view([self])
 
     @property
@@ -109,7 +115,7 @@ class Film:
         return Frame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
 
     def _image(self, frames: dict[str, Array]) -> Image:
-        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness)
+        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, place=self.place)
 
     def frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
         """Frame (4, 4) of each body in the world at a sample. values: joint positions instead of the logged ones, rad or m."""
@@ -137,6 +143,15 @@ class Film:
         cloud = np.concatenate([self._painter.outer_points(frames) for frames in all_frames])
         return cloud, self.scene.axes(all_frames[-1]), travel
 
+    def _hidden(self, camera: Camera, aspect: float) -> float:
+        """Largest fraction of a moving body that others hide from the camera, on average over the motion."""
+        rows = np.unique(np.linspace(0, len(self.samples.time) - 1, GLANCES).astype(int))
+        frames = [self.frames(int(row)) for row in rows]
+        width, height = round(GLANCE * aspect**0.5), round(GLANCE / aspect**0.5)
+        shares = [self._painter.hidden(one, camera, width, height) for one in frames]
+        moving = [name for name in shares[0] if np.ptp([one[name] for one in frames], axis=0).max() > 1e-3]
+        return max((float(np.mean([share[name] for share in shares])) for name in moving), default=0.0)
+
     def happening(self) -> Array:
         """Fraction (n,) of the motion completed at each sample, 0 to 1; proportional to time if nothing moves."""
         ways = [np.nan_to_num(self.samples.values["link_position"])]
@@ -153,14 +168,21 @@ def share_view(films: Sequence[Film]) -> None:
     cloud = np.concatenate([points for points, _, _ in seen])
     axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
     travel = {f"{number}/{name}": way for number, (_, _, mine) in enumerate(seen) for name, way in mine.items()}
-    towards = viewpoint(main_axis(axes, travel))
-    aspect = fitting_aspect(cloud, towards)
-    size = films[0]._size
-    # Video encoders need even numbers.
-    width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
-    camera = fit_camera(cloud, towards, aspect=width / height)
     for film in films:
-        film.camera, film.width, film.height = camera, width, height
+        film.place = cloud
+    least, size = math.inf, films[0]._size
+    for towards in viewpoints(viewpoint(main_axis(axes, travel))):
+        aspect = fitting_aspect(cloud, towards)
+        # Video encoders need even numbers.
+        width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
+        camera = fit_camera(cloud, towards, aspect=width / height)
+        hidden = max(film._hidden(camera, aspect) for film in films)
+        if hidden < least - GAIN:
+            least = hidden
+            for film in films:
+                film.camera, film.width, film.height = camera, width, height
+        if least <= HIDDEN:
+            break
 
 
 def even_times(film: Film, count: int) -> list[float]:

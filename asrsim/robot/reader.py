@@ -33,7 +33,6 @@ OTHER_FORMATS = {
     ),
 }
 """Root element of other formats of robots -> remark and hint."""
-XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 def load_robot(
@@ -74,10 +73,18 @@ def read_robot(
     if path.suffix == ".xacro" or _uses_xacro(root):
         from asrsim.robot.expansion import expand_xacro
 
-        data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
-        findings.warnings += warnings
-        findings.expanded = True
-        root = parse_xml(data, path, notes=findings.warnings)
+        try:
+            data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
+        except RobotError as error:
+            if path.suffix == ".xacro" or xacro_arguments:
+                raise
+            reason = error.problems[0]
+            message = f"{reason.message}; elements of xacro have no effect, as in ROS, which does not expand a URDF"
+            findings.warn(message, reason.line, "robot", code="xacro-left")
+        else:
+            findings.warnings += warnings
+            findings.expanded = True
+            root = parse_xml(data, path, notes=findings.warnings)
     return _read(root, data, findings, locked)
 
 
@@ -128,4 +135,4 @@ def _text(data: bytes, root: Any, *, mended: bool) -> str:
 
 
 def _uses_xacro(root: Any) -> bool:
-    return any(isinstance(element.tag, str) and element.tag.startswith(XACRO) for element in root.iter())
+    return any(isinstance(element.tag, str) and element.prefix == "xacro" for element in root.iter())

@@ -60,11 +60,11 @@ def value_of(element: Any, name: str) -> str:
 
 def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[tuple[str, str, Word, Any, str]]:
     """Known words below an element: parent, name, word, element, place. Unknown and repeated words get warnings."""
-    known = WORDS[kind]
     for attribute in element.attrib:
         name = f"@{_local(element, str(attribute))}"
-        if name in known:
-            yield kind, name, known[name], element, place
+        word = _word(kind, name)
+        if word is not None:
+            yield kind, name, word, element, place
         else:
             shown = name.removeprefix("@")
             _unknown(findings, element, "attribute", shown, kind, f"{place}.{shown}" if place else shown)
@@ -75,11 +75,11 @@ def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[t
         if name in seen:
             message = f"a second <{name}> of one <{kind}>; only the first has an effect"
             findings.warn(message, child, place, code="repeated-element")
-        if name not in known:
+        word = _word(kind, name)
+        if word is None:
             if kind != "geometry":
                 _unknown(findings, child, "element", name, kind, f"{place}.{name}" if place else name)
             continue
-        word = known[name]
         seen |= set() if kind in OPEN else {name} - SEVERAL
         if word.inside == "plugin":
             plugin = _plugin(child)
@@ -89,6 +89,11 @@ def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[t
             yield from _walk(findings, child, word.inside, inner)
         else:
             yield kind, name, word, child, inner
+
+
+def _word(kind: str, name: str) -> Word | None:
+    """Word with this name below its parent, or that of all names with its prefix; None if there is none."""
+    return WORDS[kind].get(name) or WORDS[kind].get(f"{name.partition(':')[0]}:*")
 
 
 def _place(element: Any, name: str, kind: str, place: str) -> str:

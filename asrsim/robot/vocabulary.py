@@ -121,6 +121,10 @@ def _spring(tag: Any, text: str) -> Effect | None:
     return Effect(f"a spring of {text} N m/rad (N/m) is left out", abs(stiffness)) if stiffness else None
 
 
+def _traits(tag: Any, _text: str) -> Effect | None:
+    return _spring(tag, tag.get("spring_k", ""))
+
+
 def _loop(tag: Any, _text: str) -> Effect:
     ends = [f"'{name_of(one, 'link')}'" for one in elements(tag) if one.tag in ("link1", "link2")]
     return Effect(f"the loop between the links {' and '.join(ends)} stays open: both move freely")
@@ -145,8 +149,12 @@ _SDF = left("<gazebo> changes it by SDF's words; this has no effect here", neutr
 WORDS: Mapping[str, Mapping[str, Word]] = {
     "robot": {
         **_words(READ, "@name"), **_words(SILENT, "@version @type @verbose verbose sensor group gripper @gripper_name"),
+        **_words(SILENT, "frame parameter bullet @xsi:* schedule_topic_creator_file xacro:*"),
         **_within("link", "joint", "material", "gazebo", "transmission", "ros2_control", "mujoco"),
-        "self_collision_checking": CONTACT, "drake:collision_filter_group": CONTACT,
+        **_words(CONTACT, "self_collision_checking collision_filter_group drake:collision_filter_group"),
+        "force_element": left("the spring or damper between two links is left out", neutral=None),
+        "cable": left("the cable is left out: its links move freely", neutral=None),
+        **_words(left("the body is left out: asrsim has rigid bodies only", neutral=None), "deformable reduced_deformable"),
         "loop_joint": special(_loop, "the loop stays open: its links move freely"),
         "drake:ball_constraint": left("the constraint is left out: its links move freely", neutral=None),
         "drake:tendon_constraint": left("the constraint is left out: its joints move freely", neutral=None),
@@ -155,30 +163,36 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "drake:joint": left("the joint is left out", neutral=None),
     },
     "link": {
-        **_words(READ, "@name"), **_words(SILENT, "@type @verbose verbose sensor"),
+        **_words(READ, "@name"), **_words(SILENT, "@type @verbose @concave verbose sensor bullet audio_source"
+                                                 " self_filter xacro:*"),
         **_within("inertial", "visual", "collision"),
-        **_words(CONTACT, "contact inertia_scaling self_collision_checking collision_checking"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); here it moves under them"),
+        **_words(CONTACT, "contact surface inertia_scaling self_collision_checking collision_checking"),
         "gravity": READ,
     },
     "inertial": _within("origin", "mass", "inertia"),
     "mass": _words(READ, "@value"),
     "inertia": _words(READ, " ".join(f"@{name}" for name in INERTIAS)),
-    "visual": {**_words(SILENT, "@name"), **_within("origin", "geometry", "material"),
+    "visual": {**_words(SILENT, "@name @group bullet xacro:*"), **_within("origin", "geometry", "material"),
                **_words(SILENT, "drake:perception_properties")},
     "collision": {
-        **_words(SILENT, "@name @group verbose"), **_within("origin", "geometry"),
+        **_words(SILENT, "@name verbose"), **_within("origin", "geometry"), **_words(CONTACT, "@group @mask @concave"),
         **_words(CONTACT, "contact_coefficients material max_contacts drake:proximity_properties"),
     },
-    "geometry": {**_within("box", "sphere", "cylinder", "capsule", "mesh"), "drake:capsule": READ, "drake:ellipsoid": READ},
+    "geometry": {
+        "@name": SILENT, **_words(READ, "drake:capsule drake:ellipsoid"),
+        **_within("box", "sphere", "cylinder", "capsule", "mesh"),
+    },
     "box": _words(READ, "@size"),
     "sphere": _words(READ, "@radius"),
     "cylinder": _words(READ, "@radius @length"),
     "capsule": _words(READ, "@radius @length"),
     "mesh": {**_words(READ, "@filename @scale"), "drake:declare_convex": SILENT},
-    "material": {**_words(READ, "@name"), **_within("color"), "texture": SILENT, **_words(SILENT, "drake:diffuse_map")},
+    "material": {**_words(READ, "@name"), **_within("color"), **_words(SILENT, "texture specular drake:diffuse_map")},
     "color": _words(READ, "@rgba"),
     "joint": {
-        **_words(READ, "@name @type"), **_words(SILENT, "calibration hardwareInterface"),
+        **_words(READ, "@name @type"), **_words(SILENT, "@dont_collapse calibration hardwareInterface controller_gains anchor"),
+        "traits": special(_traits, "a spring of ... N m/rad is left out"),
         **_within("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
         "safety_controller": special(_soft_limits, "soft limits are not enforced: the joint moves up to its <limit>"),
         "limits_soft": left("soft limits are not enforced: the joint moves up to its <limit>", neutral=None),
@@ -188,16 +202,20 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     "origin": _words(READ, "@xyz @rpy"),
     "parent": _words(READ, "@link"),
     "child": _words(READ, "@link"),
-    "axis": _words(READ, "@xyz"),
+    "axis": {"@xyz": READ, "@rpy": SILENT},
     "limit": {
         **_words(READ, "@lower @upper @effort @velocity"),
         **_words(SILENT, "@acceleration @drake:acceleration @jerk @deceleration @has_velocity_limits @has_position_limits"
-                         " @has_acceleration_limits @has_effort_limits"),
+                         " @has_acceleration_limits @has_effort_limits @command_effort @current @gear_velocity"),
     },
     "dynamics": {
         **_words(READ, "@damping @friction"),
         "@armature": READ,
         "@spring_stiffness": _SPRING, "@spring_reference": SILENT,
+        "@K": left("a series spring of {} N m/rad is left out",
+                   hint="`asrsim init FILE --actuator sea` puts springs in joints"),
+        **_words(left("damping of {} is left out", hint="Write it as damping='...'"), "@D @mu_viscous @viscous"),
+        **_words(left("friction of {} is left out", hint="Write it as friction='...'"), "@mu_coulomb @frictionloss @coulomb"),
     },
     "joint_properties": {
         "@damping": left("damping of {} is left out", hint="Write it as <dynamics damping='...'/>"),
@@ -206,7 +224,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     "mimic": _words(READ, "@joint @multiplier @offset"),
     "transmission": {
         **_words(SILENT, "@name @type type leftActuator rightActuator joint"
-                         " flexJoint rollJoint gap_joint use_simulated_gripper_joint"
+                         " flexJoint rollJoint gap_joint use_simulated_gripper_joint simulated_actuated_joint"
                          " passive_joint compensator robotNamespace simulated_reduction mechanicalReduction"
                          " motorInertia motorTorqueConstant screw_reduction init_joint_size final_joint_size"
                          " drake:rotor_inertia drake:gear_ratio"),
@@ -220,6 +238,8 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "gazebo": {
         "@reference": READ, "plugin": Word(use="read", inside="plugin"),
+        **_words(SILENT, "sensor:* controller:* interface:* xacro:* gripper"),
+        **_words(left("the joint of an older Gazebo, which closes a loop, is left out", neutral=None), "joint:*"),
         **_words(SILENT, "@name @xmlns @version sensor controller material laserRetro provideFeedback disableFixedJointLumping"
                          " preserveFixedJoint implicitSpringDamper visual pose light include frame ignition:model"
                          " stopCfm stopErp cfmDamping fudgeFactor physics canonicalBody @parent audio_sink"
@@ -237,7 +257,8 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(_SDF, "inertial axis limit joint link model"),
     },
 }  # fmt: skip
-"""Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`)."""
+"""Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`);
+`sensor:*` means all of them."""
 
 PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
     (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),

@@ -117,10 +117,10 @@ def engines() -> tuple[str, ...]:
 
 
 def steppings() -> tuple[str, ...]:
-    """Names of the registered steppings, including steppings of other packages."""
+    """Names of the steppings."""
     from asrsim.simulation.steppings import STEPPINGS
 
-    return STEPPINGS.names()
+    return tuple(STEPPINGS)
 
 
 def default_engine() -> str:
@@ -139,9 +139,9 @@ def prescribes_motion(engine: str) -> bool:
 
 def released_order(stepping: str) -> bool:
     """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
-    from asrsim.simulation.steppings import STEPPINGS
+    from asrsim.simulation.steppings import stepping_called
 
-    return STEPPINGS.get(stepping).released
+    return stepping_called(stepping).released
 
 
 # -- joints ------------------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.run import Run, blame_laws
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.steppings import stepping_called
 
 COMPARED = ("link_position", "link_torque")
 MEASURES = ("position_max", "position_rms", "torque_max", "torque_rms")
@@ -104,7 +104,7 @@ def certify(
     N) and the measured order of convergence of the position (None where the error is at rounding level). Raises SimulationError
     if a finer run fails.
     """
-    stepping = STEPPINGS.get(scenario.stepping)
+    stepping = stepping_called(scenario.stepping)
     comparison = Comparison([prepare(_finer(scenario, run, finer), robot) for finer in (1, 2, 4)])
     for time in comparison:
         if progress is not None:
@@ -134,7 +134,7 @@ def certify(
 
 def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
     """The scenario with the run's substeps, divided by `finer`, and with unchanged logging times."""
-    if STEPPINGS.get(scenario.stepping).released:
+    if stepping_called(scenario.stepping).released:
         return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
     resolution = run.resolution
     return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
+from asrsim.actuators.hysteresis import HysteresisConstants
 from asrsim.quantities import MOST_MOTORS
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
@@ -92,9 +93,8 @@ class SteppedJoint:
         return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
 
     @property
-    def hysteresis(self) -> tuple[float, float] | None:
-        """Torque level (N m) and deflection length (rad) of the springs' hysteresis; None without hysteresis and in the
-        released order."""
+    def hysteresis(self) -> HysteresisConstants | None:
+        """Constants of the springs' hysteresis; None without hysteresis, and in the released order."""
         return self.drive.hysteresis if self.drive and not self.stepping.released else None
 
     @property

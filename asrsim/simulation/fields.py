@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import nan
 from operator import attrgetter
 from typing import Any
 
+from asrsim.actuators.hysteresis import Hysteresis, HysteresisConstants
 from asrsim.actuators.motor import MotorConstants
-from asrsim.records import columns, constant, filled, numbers, record, several, value
+from asrsim.records import columns, constant, constants, filled, numbers, record, several, value
 
 
 @dataclass(slots=True)
@@ -60,10 +60,7 @@ class MotorState:
     current: float = value("current of the winding", "A", log="motor_{}_current")
     voltage: float = value("voltage of the winding", "V", log="motor_{}_voltage")
     last_power: float = value("heat loss of the winding at the previous kick", "W")
-    hysteresis: float = value("hysteresis torque of the motor's spring", "N m")
-    deflection: float = value("deflection of the motor's spring at the last kick; NaN before the first kick", "rad", start=nan)
-    last_hysteresis: float = value("hysteresis torque of the motor's spring at the previous kick", "N m")
-    last_deflection: float = value("deflection of the motor's spring at the previous kick", "rad", start=nan)
+    hysteresis: Hysteresis = record(Hysteresis, "hysteresis of the motor's spring")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
     read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")
 
@@ -146,8 +143,7 @@ class JointConstants:
     derivative: float = constant("derivative gain of the link's controller, for sensors", "N m s/rad")
     substeps: float = constant("number of motor substeps per substep of the engine, an odd number", "")
     max_deflection: float = constant("largest deflection of the springs", "rad")
-    level: float = constant("level of the springs' hysteresis torque", "N m")
-    length: float = constant("deflection over which the hysteresis torque reverses", "rad")
+    hysteresis: HysteresisConstants = constants(HysteresisConstants, "hysteresis of the springs")
     sampled: float = constant(
         "flag: 1 if the sensors measure at ticks and hold the measurements, 0 if they measure at all times", ""
     )

@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import ceil, exp, floor, isfinite, nan, sqrt
 from typing import Any
 
-from asrsim.actuators.hysteresis import dahl
+from asrsim.actuators.hysteresis import hysteresis_energy, hysteresis_loss, hysteresis_torque, remember_deflection
 from asrsim.actuators.motor import MotorConstants, motor_kick, velocity_bounds
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Pushes, Scheme, Works
 from asrsim.simulation.laws import (
@@ -158,7 +158,7 @@ def run(
                 elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
                     now = exchange[on_time - begin - 1, j, E_VELOCITY]
                 read_engine(joint, link, scheme, velocity, now, jumped)
-                if link.level > 0.0:
+                if link.hysteresis.level > 0.0:
                     remember_springs(joint, link, kind)
                 if watched:
                     update_ledger(joint, link, kind, scheme, substep == 0, jumped, asked)
@@ -408,10 +408,10 @@ def _advance_springs(
                 motor.theta = u[GOALS + i]
         now = noted and turn == turns // 2
         spring_law(kind.spring_law, joint, link, kind.law, q, int(whole and turn == turns // 2))
-        if link.level > 0.0:
+        if link.hysteresis.level > 0.0:
             for i in range(kind.springs):
                 motor = motor_of(joint, i)
-                motor.pull += hysteresis(motor, link, motor.theta - q)
+                motor.pull += hysteresis_torque(motor.hysteresis, link.hysteresis, motor.theta - q)
         for i in range(motors):
             total += motor_of(joint, i).pull
         for i in range(dynamic):
@@ -465,24 +465,12 @@ def _add_works(work: Works, way: float, torque: float, resistance: float, load: 
     work.spring += load * way
 
 
-def hysteresis(motor: MotorState, link: JointConstants, deflection: float) -> float:
-    """Hysteresis torque of the motor's spring in N m after the deflection has changed from its value at the last kick to
-    `deflection` rad."""
-    last = motor.deflection
-    # Before the first kick there is no last deflection (NaN), and no change.
-    change = deflection - last if last == last else 0.0
-    return dahl(motor.hysteresis, change, link.level, link.length)
-
-
 def remember_springs(joint: JointState, link: JointConstants, kind: JointKind) -> None:
     """Advance the hysteresis to the recorded kick, once per substep. Advancing the hysteresis in motor substeps, during which
     the link stands still, would wrongly erase part of the hysteresis memory."""
     for i in range(kind.springs):
         motor = motor_of(joint, i)
-        deflection = motor.kick_position - joint.position
-        torque = hysteresis(motor, link, deflection)
-        motor.last_hysteresis, motor.last_deflection = motor.hysteresis, motor.deflection
-        motor.hysteresis, motor.deflection = torque, deflection
+        remember_deflection(motor.hysteresis, link.hysteresis, motor.kick_position - joint.position)
 
 
 def limit(joint: JointState, link: JointConstants, v: float) -> float:
@@ -595,7 +583,7 @@ def _update_springs(
     if recorded or first or kinematic:
         joint.spring_energy = joint.law_energy + _hysteresis_energy(joint, link, kind)
         joint.stiffest = max(joint.stiffest, abs(joint.stiffness))
-    if link.level > 0.0 and not first:
+    if link.hysteresis.level > 0.0 and not first:
         hysteretic = _hysteresis_loss(joint, link, kind)
         joint.hysteresis_loss += hysteretic
     work = _update_motors(joint, link, kind, step, first)
@@ -664,7 +652,7 @@ def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before:
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
         way = motor.kick_position - motor.last_kick_position
-        work += 0.5 * (motor.hysteresis + motor.last_hysteresis) * way
+        work += 0.5 * (motor.hysteresis.torque + motor.hysteresis.last_torque) * way
     return work
 
 
@@ -686,24 +674,16 @@ def _energy_at(joint: JointState, link: JointConstants, kind: JointKind, q: floa
 def _hysteresis_energy(joint: JointState, link: JointConstants, kind: JointKind) -> float:
     """Energy in J that is stored in the springs' hysteresis."""
     total = 0.0
-    if link.level > 0.0:
-        for i in range(kind.springs):
-            torque = motor_of(joint, i).hysteresis
-            total += 0.5 * link.length * torque * torque / link.level
+    for i in range(kind.springs if link.hysteresis.level > 0.0 else 0):
+        total += hysteresis_energy(motor_of(joint, i).hysteresis, link.hysteresis)
     return total
 
 
 def _hysteresis_loss(joint: JointState, link: JointConstants, kind: JointKind) -> float:
-    """Energy in J lost in the springs' hysteresis since the last substep, for springs with hysteresis. The result is exact for
-    motion in one direction, so it is never negative."""
+    """Energy in J lost in the springs' hysteresis since the last substep."""
     total = 0.0
     for i in range(kind.springs):
-        motor = motor_of(joint, i)
-        moved = motor.deflection - motor.last_deflection
-        now, last = motor.hysteresis, motor.last_hysteresis
-        stored = 0.5 * link.length * (now * now - last * last) / link.level
-        signed = now - last if moved > 0.0 else last - now
-        total += link.level * abs(moved) - link.length * signed - stored
+        total += hysteresis_loss(motor_of(joint, i).hysteresis, link.hysteresis)
     return total
 
 

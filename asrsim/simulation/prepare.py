@@ -33,7 +33,7 @@ from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.resonance import resonance_doubts
-from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.steppings import Stepping, stepping_called
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
 
@@ -284,7 +284,7 @@ def prepare(
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
-    stepping = STEPPINGS.get(scenario.stepping)
+    stepping = stepping_called(scenario.stepping)
     drives = make_drives(robot, stepping, scenario)
     if settable:
         # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.

@@ -16,7 +16,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.steppings import stepping_called
 from asrsim.simulation.substeps import Resolution, link_damping
 
 TOLERATED = 0.1
@@ -29,7 +29,7 @@ def resonance_doubts(
     scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, resolution: Resolution
 ) -> Iterator[Problem]:
     """Warning about the resonance with the largest error, if this error is above `TOLERATED`. Friction is neglected."""
-    if model is None or STEPPINGS.get(scenario.stepping).order < 2 or not any(resolution.stiffness):
+    if model is None or stepping_called(scenario.stepping).order < 2 or not any(resolution.stiffness):
         return
     h = scenario.step / resolution.substeps
     matrix, names = _system(drives, model, resolution.stiffness)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from asrsim.actuators.hysteresis import HysteresisConstants
 from asrsim.actuators.motor import MotorConstants
 from asrsim.records import columns
 from asrsim.samples import Array
@@ -20,6 +21,7 @@ from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 
 NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
 """Constants in the place of a motor that a joint does not have."""
+NO_HYSTERESIS = HysteresisConstants(level=0.0, length=1.0)
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,6 @@ def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, c
     joint, law, values, sensor = drive.joint, drive.link_damping, drive.values, drive.sensor
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
-    level, length = drive.hysteresis or (0.0, 1.0)
     return JointConstants(
         effort=joint.most_effort, fastest=joint.velocity or np.inf, cutoff=float(cutoff), lowest=low + AT_STOP,
         highest=high - AT_STOP, damping=drive.constant_damping, damping_ratio=law.ratio if law and follows else 0.0,
@@ -90,7 +91,7 @@ def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, c
         proportional=values.get("controller_1_proportional", 0.0), integral=values.get("controller_1_integral", 0.0),
         derivative=values.get("controller_1_derivative", 0.0),
         substeps=float(motor_substeps if drive.dynamic_motors else 1), max_deflection=values.get("max_deflection", np.inf),
-        level=level, length=length, sampled=float(bool(sensor and sensor.effects.rate)),
+        hysteresis=drive.hysteresis or NO_HYSTERESIS, sampled=float(bool(sensor and sensor.effects.rate)),
         delay=sensor.delay if sensor else 0.0, quantum=sensor.effects.quantum if sensor else 0.0,
         drives=[_motor(drive, index) for index in range(1, shape.motors + 1)],
         law=[*map(float, drive.elastic), *[0.0] * (shape.parameters - len(drive.elastic))],

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from asrsim.registry import Registry
+from asrsim.errors import InputError
 from asrsim.simulation.released import released_step
 
 
@@ -26,36 +26,44 @@ class Stepping:
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
     velocities are converted to whole steps."""
     joint_step: Callable[..., None] | None = None
-    """Function that advances a joint instead of `asrsim.simulation.kernel.advance`, for steppings that are not staggered. Numba
-    must be able to compile this function."""
+    """Function that advances a joint instead of `asrsim.simulation.kernel.advance`, in a stepping that is not staggered."""
     released: bool = False
     """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""
 
 
-STEPPINGS: Registry[Stepping] = Registry("stepping", entry_point_group="asrsim.steppings", instance=Stepping)
-for _stepping in (
-    Stepping(
-        name="leapfrog",
-        order=2,
-        doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
-    ),
-    Stepping(
-        name="euler",
-        order=1,
-        implicitness=0.0,
-        first_drift=0.0,
-        staggered=False,
-        doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
-    ),
-    Stepping(
-        name="toolbox",
-        order=1,
-        implicitness=0.0,
-        first_drift=0.0,
-        staggered=False,
-        joint_step=released_step,
-        released=True,
-        doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
-    ),
-):
-    STEPPINGS.add(_stepping.name, _stepping)
+STEPPINGS: Mapping[str, Stepping] = {
+    stepping.name: stepping
+    for stepping in (
+        Stepping(
+            name="leapfrog",
+            order=2,
+            doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
+        ),
+        Stepping(
+            name="euler",
+            order=1,
+            implicitness=0.0,
+            first_drift=0.0,
+            staggered=False,
+            doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
+        ),
+        Stepping(
+            name="toolbox",
+            order=1,
+            implicitness=0.0,
+            first_drift=0.0,
+            staggered=False,
+            joint_step=released_step,
+            released=True,
+            doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
+        ),
+    )
+}
+"""Steppings by name. There is no registry: see `docs/architecture.md`."""
+
+
+def stepping_called(name: str) -> Stepping:
+    """The stepping with this name. Raises InputError with the choices."""
+    if name not in STEPPINGS:
+        raise InputError("is no stepping", key="stepping", value=name, choices=tuple(STEPPINGS), code="unknown-stepping")
+    return STEPPINGS[name]

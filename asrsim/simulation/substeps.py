@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.hysteresis import stiffness_bound
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
 from asrsim.robot.couplings import Couplings, uncoupled
@@ -25,7 +26,7 @@ from asrsim.scenario.load import MAX_STEPS
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.steppings import stepping_called
 
 SAMPLES = 2000
 """Number of intervals in which the references are sampled."""
@@ -168,8 +169,7 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     grid = np.linspace(-reach, reach, 9).tolist()
     best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
     if drive.hysteresis is not None:
-        # Where a motion reverses, hysteresis adds a stiffness: the hysteresis torque divided by the hysteresis deflection.
-        best += count * drive.hysteresis[0] / drive.hysteresis[1]
+        best += count * stiffness_bound(drive.hysteresis)
     return best
 
 
@@ -193,7 +193,7 @@ def _resolve(
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """
-    stepping, step = STEPPINGS.get(scenario.stepping), scenario.step
+    stepping, step = stepping_called(scenario.stepping), scenario.step
     limited = [min(k, 1e12) if stepping.released else k for k in stiffness]
     for drive, k in zip(drives, limited, strict=True):
         if not math.isfinite(k):

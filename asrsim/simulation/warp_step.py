@@ -15,7 +15,7 @@ from asrsim.simulation import kernel, laws
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
 from asrsim.simulation.layout import EXTERNAL
-from asrsim.warping import BOOL, FLOAT, INT, TranslationError, Program, Row, Value
+from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
 
@@ -86,7 +86,7 @@ def settle(
     if first or scheme.staggered == 0.0:
         now = joint.engine_velocity
     kernel.read_engine(joint, link, scheme, velocity, now, False)
-    if link.level > 0.0:
+    if link.hysteresis.level > 0.0:
         kernel.remember_springs(joint, link, kind)
 
 

@@ -49,6 +49,8 @@ class Followed:
     """Units of each joint's values, by field of `UNITS`."""
     time: Array
     """Times (n,) on the clock of the commands, s."""
+    positions: Array
+    """Measured positions of the links, rad (m); NaN where they are not recorded."""
     external_torque: Array
     stiffness: Array
     residual: Array
@@ -147,6 +149,7 @@ def follow(
     units = {field: tuple(linear_unit(unit) if sliding else unit for sliding in slides) for field, unit in UNITS.items()}
     return Followed(
         name=ready.scenario.name, joints=tuple(names), units=units, time=time[: len(rows)],
+        positions=measured[: len(rows)],
         notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
         **{**table, "alarm": table["alarm"] == 1.0},
     )  # fmt: skip

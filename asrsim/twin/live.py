@@ -63,6 +63,9 @@ class LiveTwin:
         """Time of publication of each waiting message, s, and the message."""
         self._last: tuple[float, Array] | None = None
         """Time stamp of the last positions, and the positions followed by the applied commands."""
+        self.prepared = prepared
+        self.watch: Callable[[Array, TwinStep], None] = lambda positions, found: None
+        """Called with the measured positions (n,) and the estimates after each step."""
         self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
@@ -139,6 +142,7 @@ class LiveTwin:
             commands.setdefault(joint, {})[reference] = value
         found = self._twin.step(positions, commands)
         self.steps += 1
+        self.watch(positions, found)
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
         for number in np.flatnonzero(found.alarm).tolist():

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any
 
 import numpy as np
 
+from asrsim.errors import AsrsimError
 from asrsim.live.commands import Target
 from asrsim.live.session import Session
 from asrsim.plots.style import unit
@@ -26,6 +29,7 @@ from asrsim.viewer.tuning import tunable, unit_of_number
 
 FOLLOWED = 0.25
 """Time between two updates of the sliders that follow the scenario's signals, s."""
+NOBODY = "no variant"
 WIDE = 10.0
 """Range of a reference without limits, in its unit."""
 
@@ -35,9 +39,13 @@ class Desk:
 
     def __init__(
         self, page: Page, session: Session, subject: Subject, *, variants: Sequence[str] = (),
-        companions: Sequence[Companion] = (),
+        companions: Sequence[Companion] = (), simulate: Callable[[str], Companion] | None = None,
     ) -> None:  # fmt: skip
-        """variants: names of the scenario's variants; companions: ghosts."""
+        """variants: names of the scenario's variants; companions: ghosts; simulate: function that returns the ghost of a
+        variant, which is called in a thread of its own."""
+        self._simulate = simulate
+        self._arrived = SimpleQueue[Companion | str]()
+        """Ghosts that are ready, or the reasons why there is none."""
         self._page = page
         self._sliders: dict[Target, Any] = {}
         self._show_number: Callable[[], None] = lambda: None
@@ -91,6 +99,9 @@ class Desk:
                 name = self.session.simulation.scenario.variant
                 variant = gui.add_dropdown("Variant", tuple(variants), initial_value=name)
                 by_hand(variant, lambda chosen: self._ask_for(variant=chosen))
+                if self._simulate is not None:
+                    ghost = gui.add_dropdown("Ghost of", (NOBODY, *variants), hint="A variant as its scenario states it")
+                    by_hand(ghost, self._add_ghost)
             with gui.add_folder("Pull", expand_by_default=True):
                 self._spring = gui.add_number("Stiffness, N/m", SPRING, min=0.0, step=1.0)
                 self._limit = gui.add_number("Largest force, N", LIMIT, min=0.0, step=1.0)
@@ -176,6 +187,29 @@ class Desk:
             self._toggle()
         self.session.single_step()
 
+    def _add_ghost(self, variant: Any) -> None:
+        """Simulate a variant in a thread of its own."""
+
+        def work() -> None:
+            try:
+                assert self._simulate is not None
+                self._arrived.put(self._simulate(str(variant)))
+            except AsrsimError as error:
+                self._arrived.put(f"{variant}: {error}")
+
+        if variant != NOBODY:
+            Thread(target=work, daemon=True).start()
+
+    def _welcome(self) -> None:
+        """Show the ghosts that are ready."""
+        while not self._arrived.empty():
+            found = self._arrived.get()
+            if isinstance(found, str):
+                self._news = found
+            else:
+                self._page.add(found)
+                self._page.list_ghosts()
+
     def _release(self) -> None:
         self._by_hand = dict.fromkeys(self._by_hand)
 
@@ -231,11 +265,11 @@ class Desk:
         self.subject.history.write(samples)
 
     def ended(self, summary: RunSummary) -> None:
-        """Say why the run has ended; a reset starts the next one."""
-        why = summary.message if summary.status == "diverged" else f"The run has ended: {summary.status}."
-        self._page.say(f"**{summary.simulated_time:.2f} s**\n\n{plain(why)}\n\nReset starts again.")
+        """Say why the run has diverged; a reset starts the next one."""
+        self._page.say(f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again.")
 
     def _show(self, session: Session) -> None:
+        self._welcome()
         latest = self.subject.history.latest
         if latest is None:
             return

@@ -32,7 +32,7 @@ class History:
         if not len(samples.time):
             return
         step = float(np.diff(samples.time[-2:])[0]) if len(samples.time) > 1 else np.inf
-        every = max(1, int(1.0 / (RATE * step)))
+        every = max(1, round(1.0 / (RATE * step)))
         self._latest = _rows(samples, slice(-1, None))
         # Counting from the end keeps the newest sample.
         self._blocks.append(_rows(samples, slice((len(samples.time) - 1) % every, None, every)))
@@ -68,11 +68,14 @@ class History:
         times, values = [np.empty(0)], [np.empty(0)]
         for block in self._blocks:
             inside = slice(*np.searchsorted(block.time, (start, end), side="left").tolist())
-            part = _rows(block, inside, joint)
-            column = values_of(part, quantity, self.joints)
-            if column is not None:
-                times.append(part.time)
-                values.append(column[:, 0])
+            if quantity in block.values:
+                column = block.values[quantity][inside, block.joints.index(joint)]
+            elif (found := values_of(_rows(block, inside, joint), quantity, self.joints)) is not None:
+                column = found[:, 0]
+            else:
+                continue
+            times.append(block.time[inside])
+            values.append(column)
         return np.concatenate(times), np.concatenate(values)
 
     def path(self, body: str, start: float, end: float) -> Array:

@@ -19,6 +19,7 @@ from asrsim.render.shapes import drawable
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import Numbers, Prepared
+from asrsim.simulation.run import simulate
 from asrsim.summary import RunSummary
 from asrsim.viewer.desk import Desk
 from asrsim.viewer.history import History
@@ -81,6 +82,8 @@ class LiveView:
             desk = self._desk(session, desk, same=desk is not None and last.variant == self._wish.variant)
             session.operator, self.session, last = desk, session, self._wish
             summary = session.run(stop=partial(_ends, desk, stop))
+            if desk.wish is None and summary.status != "diverged":
+                break
             if desk.wish is None and not stop():
                 self._wait(desk, summary, stop)
             self._wish = self._next(session, desk)
@@ -101,8 +104,9 @@ class LiveView:
         self._numbers = tunable(prepared)
         if desk is None or before is None or not same:
             return Desk(
-                self._page, session, live_subject(prepared), variants=tuple(self._scenarios), companions=self._companions
-            )
+                self._page, session, live_subject(prepared), variants=tuple(self._scenarios), companions=self._companions,
+                simulate=self._ghost_of,
+            )  # fmt: skip
         subject = replace(before, history=History(prepared.info.joints))
         if before.history.latest is not None:
             self._page.add(as_companion(before, BEFORE, shown=bool(changes)))
@@ -111,8 +115,19 @@ class LiveView:
         desk.begin(session, subject, tuned=self._wish.tuned, news=news)
         return desk
 
+    def _ghost_of(self, variant: str) -> Companion:
+        """Motion of a variant as its scenario states it, without what is done by hand."""
+        run = simulate(self._scenarios[variant])
+        assert run.samples is not None
+        robot, _ = drawable(run.robot, run.scenario.package_paths)
+        subject = Subject(
+            title=variant, joints=run.info.joints, scene=RenderScene(robot, run.scenario),
+            history=History(run.info.joints, run.samples),
+        )  # fmt: skip
+        return as_companion(subject, variant)
+
     def _wait(self, desk: Desk, summary: RunSummary, stop: Callable[[], bool]) -> None:
-        """After the end of a run, wait for a reset."""
+        """After a divergence, wait for a reset."""
         desk.ended(summary)
         while desk.wish is None and not stop():
             clock.sleep(WAIT)

@@ -148,7 +148,7 @@ def maker(
     from asrsim.plugins import load_plugin_file
 
     recordings: dict[str, Any] = {"lag": lag, "mapping": mapping, "rate": rate}
-    others = [as_companion(logged(path), str(path)) for file in beside for path in find_logs(Path(file))[0]]
+    others = [as_companion(logged(path), _name_of(path)) for file in beside for path in find_logs(Path(file))[0]]
     if not isinstance(target, Scenario):
         path = Path(target)
         if path.suffix in ROBOTS:
@@ -184,7 +184,7 @@ def _playback(
     """Playback of a log, or of the first of a folder's logs, with the others as ghosts."""
     logs = find_logs(path)[0]
     subject = logged(logs[0])
-    others = [*(as_companion(logged(log), log.parent.name) for log in logs[1:]), *others]
+    others = [*(as_companion(logged(log), _name_of(log)) for log in logs[1:]), *others]
     reader = open_log(logs[0])
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
@@ -216,6 +216,11 @@ def _recorded_beside(scenario: Scenario, experiments: Sequence[str | Path], reco
     reader: Reader = read
     described: RunInfo = info
     return [recorded(Path(file), described, reader, **recordings) for file in experiments]
+
+
+def _name_of(log: Path) -> str:
+    """Label of a run: the last folders of its log, which are the scenario and the variant."""
+    return "/".join(log.absolute().parts[-3:-1])
 
 
 def _open(span: tuple[float, float]) -> tuple[float, float]:

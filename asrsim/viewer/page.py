@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import time as clock
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,8 @@ FRAME = 1.0 / 30.0
 """Time between two pictures of the 3-D scene, s."""
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
+MANY = 3
+"""Number of ghosts from which they are hidden at first, and from which plots begin with one joint."""
 OWN = "their own"
 """Choice of the links' own colours."""
 BRAND = (0, 90, 140)
@@ -48,12 +51,12 @@ class Page:
             tabs = gui.add_tab_group()
             panel = gui.add_panel()
             panel.dock_left()
-            self.plots = Plots(gui, subject, panel.add_tab("Plots"))
+            self.plots = Plots(gui, subject, panel.add_tab("Plots"), together=len(companions) < MANY)
         self._companions: dict[str, Any] = {}
         self._notes = subject.notes
         self._tabs = tabs
         for companion in companions:
-            self.add(companion)
+            self.add(companion if len(companions) < MANY else replace(companion, shown=False))
         return tabs
 
     def finish(self) -> None:

@@ -26,17 +26,18 @@ ALL = "all joints"
 DASHES = [6, 4]
 """Dashes of the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
-"""Place of a plot's choices: below the plot, which is made anew when they change."""
+"""Place of a plot's choices: below the plot, which is made later."""
 HEIGHT = 190
 """Height of a plot, pixels."""
-FIRST = ("link_position", "elastic_torque_1", "link_torque")
+FIRST = ("link_position", "elastic_torque_1", "external_torque", "link_torque")
 """Quantities of the first two plots, those that are recorded."""
 
 
 class Plots:
     """Plots of a page, in a panel of their own."""
 
-    def __init__(self, gui: viser.GuiApi, subject: Subject, container: Any) -> None:
+    def __init__(self, gui: viser.GuiApi, subject: Subject, container: Any, *, together: bool) -> None:
+        """together: whether the first plots show all joints."""
         self._gui, self.subject, self._container = gui, subject, container
         self.companions: dict[str, Companion] = {}
         self.plots: list[Plot] = []
@@ -44,6 +45,7 @@ class Plots:
             self._window = gui.add_slider("Window, s", min=1.0, max=60.0, step=0.5, initial_value=WINDOW)
             more = gui.add_button("Add a plot")
         more.on_click(lambda _: self.add())
+        self._first = ALL if together or not subject.joints else subject.joints[0].name
         names = [name for name in FIRST if name in subject.quantities()][:2]
         for name in names or subject.quantities()[:1]:
             self.add(name)
@@ -52,7 +54,7 @@ class Plots:
         """Add a plot of a quantity of all joints."""
         with self._container:
             folder = self._gui.add_folder(f"Plot {len(self.plots) + 1}")
-        self.plots.append(Plot(self._gui, folder, self, quantity or self.subject.quantities()[0]))
+        self.plots.append(Plot(self._gui, folder, self, quantity or self.subject.quantities()[0], self._first))
 
     def draw(self, now: float) -> None:
         """Show the last seconds before a time in s."""
@@ -68,11 +70,11 @@ class Plots:
 class Plot:
     """A plot with the choices of quantity and joint."""
 
-    def __init__(self, gui: viser.GuiApi, folder: Any, plots: Plots, quantity: str) -> None:
+    def __init__(self, gui: viser.GuiApi, folder: Any, plots: Plots, quantity: str, joint: str) -> None:
         self._gui, self._folder, self._plots = gui, folder, plots
         with folder, gui.add_folder("Choose", order=CHOICE, expand_by_default=False):
             self.quantity = gui.add_dropdown("Quantity", plots.subject.quantities(), initial_value=quantity)
-            self.joint = gui.add_dropdown("Joint", (ALL, *(joint.name for joint in plots.subject.joints)))
+            self.joint = gui.add_dropdown("Joint", (ALL, *(one.name for one in plots.subject.joints)), initial_value=joint)
             gone = gui.add_button("Remove")
         gone.on_click(lambda _: self.remove())
         self._shown: tuple[Any, ...] = ()
@@ -113,19 +115,23 @@ class Plot:
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
         shown = (quantity, *(one["label"] for one in series))
-        if shown != self._shown or self._plot is None:
-            if self._plot is not None:
-                self._plot.remove()
-            self._shown = shown
-            units = [unit(quantity, joint) for joint in joints]
-            axis: Any = {"size": 52, "label": label_of(quantity, units), "labelSize": 18, "font": "11px sans-serif"}
+        if shown == self._shown and self._plot is not None:
+            if any(not np.array_equal(new, old) for new, old in zip(data, self._plot.data, strict=True)):
+                self._plot.data = data
+            return
+        self._shown = shown
+        units = [unit(quantity, joint) for joint in joints]
+        axis: Any = {"size": 52, "label": label_of(quantity, units), "labelSize": 18, "font": "11px sans-serif"}
+        axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
+        lines: Any = tuple(series)
+        if self._plot is None:
             with self._folder:
                 self._plot = self._gui.add_uplot(
-                    data, tuple(series), scales={"x": {"time": False}}, height=HEIGHT,  # type: ignore[arg-type]
-                    axes=({"size": 30, "font": "11px sans-serif"}, axis), legend={"show": True}, padding=(8, 12, 0, 0),
+                    data, lines, scales={"x": {"time": False}}, height=HEIGHT, axes=axes, legend={"show": True},
+                    padding=(8, 12, 0, 0),
                 )  # fmt: skip
-        else:
-            self._plot.data = data
+            return
+        self._plot.axes, self._plot.series, self._plot.data = axes, lines, data
 
 
 def _hex(colour: tuple[int, int, int]) -> str:

@@ -23,7 +23,9 @@ EQUILIBRIUM: Colour = (0, 114, 178)
 """Colour of the ghost at the equilibrium, as in the plots."""
 GHOSTS: tuple[Colour, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
 """Colours of the other ghosts and their curves."""
-FAINT = 0.3
+ROOM = 1.9
+"""Size of what the camera sees at first, as a factor on the robot's size: the robot moves, and panels cover the edges."""
+FAINT = 0.25
 """Opacity of a ghost."""
 SEEN = 0.45
 """Opacity of the robot while its collision shapes are shown."""
@@ -96,7 +98,7 @@ class Stage:
         ]
         cloud = np.concatenate(clouds) if clouds else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
         middle, size = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0)), float(np.linalg.norm(np.ptp(cloud, axis=0)))
-        camera = fit_camera(middle + 1.5 * (cloud - middle), viewpoint(main_axis(scene.axes(frames), {})), aspect=1.0)
+        camera = fit_camera(middle + ROOM * (cloud - middle), viewpoint(main_axis(scene.axes(frames), {})), aspect=1.0)
         start = server.initial_camera
         start.position, start.look_at, start.up = camera.eye, camera.target, np.array([0.0, 0.0, 1.0])
         start.fov = math.radians(1.3 * camera.field)

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from asrsim.errors import SimulationError
-from asrsim.warping.kinds import FLOAT, Group, TranslationError, Row, Value, number_as
+from asrsim.warping.kinds import FLOAT, Group, Row, TranslationError, Value, number_as
 from asrsim.warping.translate import Call, Translation
 
 

@@ -114,10 +114,13 @@ def test_commands_are_quantised(run):
 
 @pytest.mark.parametrize("effects", [{"quantum": 1e-9}, {"noise": 1e-10}])
 def test_tiny_noise_does_not_shift_a_jump(run, effects):
-    """A jump between two steps acts at its time, not at the next step."""
-    jump = {"step": {"at": 0.1004, "to": 0.5}}
-    clean, found = (commanded(run, given, signal=jump)["j"].link_position for given in ({}, effects))
-    np.testing.assert_allclose(found, clean, atol=1e-7)
+    """A jump between two steps acts at its time, not at the next step. Noise changes at every step, where kicks are then split:
+    their error differs by the square of the step."""
+    clean, late, found = (
+        commanded(run, given, signal={"step": {"at": at, "to": 0.5}})["j"].link_position
+        for at, given in ((0.1004, {}), (0.101, {}), (0.1004, effects))
+    )
+    assert np.abs(found - clean).max() < 0.02 * np.abs(late - clean).max()
 
 
 def test_a_delayed_jump_is_in_the_row_of_its_time(run):

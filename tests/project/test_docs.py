@@ -18,7 +18,6 @@ from asrsim.scenario import load_scenario
 from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
-from asrsim.simulation.steppings import STEPPINGS
 from support.paths import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -120,7 +119,7 @@ def test_commands_in_the_documentation_exist(page):
 def test_names_of_the_library_in_the_pages_exist(tiny):
     """Every name such as `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` in the pages exists."""
     # Groups of entry points have similar names.
-    registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
+    registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, TRANSPORTS)
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
     with asrsim.Simulation(tiny.scenario, record=True) as simulation:

@@ -30,7 +30,8 @@ def open_page():
         def make(address, *, width=1280, height=600):
             for old in pages:
                 old.close()
-            pages[:] = [browser.new_page(viewport={"width": width, "height": height})]
+            # Few pixels: without a graphics card each of them takes time.
+            pages[:] = [browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=0.4)]
             return PageOfView(pages[0], address)
 
         yield make

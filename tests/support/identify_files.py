@@ -100,7 +100,7 @@ class Model:
         channel = Channel(
             joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, quantum=quantum
         )
-        self.channels, self.onset, self.observes, self.motion = (channel,), 0.0, False, 0.0
+        self.channels, self.onset, self.observes, self.motion, self.jumps, self.sampling = (channel,), 0.0, False, 0.0, [], 0.0
         self.data = SimpleNamespace(predicted_only=False, name="a", duration=1.0, commands=())
         self._left, self._layout = left, layout
 

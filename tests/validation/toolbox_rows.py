@@ -27,7 +27,7 @@ OUTPUTS = (
 
 def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) -> dict[str, Array]:
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
-    (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), Scenario(name="toolbox", robot=robot.path))
+    (drive,) = make_drives(robot, STEPPINGS["toolbox"], Scenario(name="toolbox", robot=robot.path))
     shape = shape_of([drive])
     k = kind_of(drive, shape)
     p = constants_of(drive, shape, motor_substeps=1, cutoff=False)

@@ -1,4 +1,4 @@
-"""Engines and steppings of other installed packages: `engine:` and `stepping:` take them."""
+"""Engines of other installed packages: `engine:` takes them."""
 
 import json
 import os
@@ -16,7 +16,6 @@ from support.paths import ROOT
 MODULE = """
 from dataclasses import replace
 from asrsim.engines.base import EngineEntry
-from asrsim.simulation.steppings import STEPPINGS
 
 def make(scenario, robot):
     from asrsim.engines.mujoco import make
@@ -24,15 +23,12 @@ def make(scenario, robot):
 
 weightless = EngineEntry(make=make, doc="MuJoCo without gravity", module="mujoco")
 missing = EngineEntry(make=make, doc="needs what is not there", module="no_such_library")
-halfway = replace(STEPPINGS.get("leapfrog"), name="halfway", implicitness=1.0, order=1, doc="damping at the end of a step")
 nothing = 3
 """
 POINTS = """[asrsim.engines]
 weightless = elsewhere:weightless
 missing = elsewhere:missing
 nothing = elsewhere:nothing
-[asrsim.steppings]
-halfway = elsewhere:halfway
 """
 URDF = """<robot name="r"><link name="w"/><joint name="j" type="continuous"><parent link="w"/><child link="l"/><axis
 xyz="0 1 0"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
@@ -41,7 +37,7 @@ xyz="0 1 0"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value
 
 @pytest.fixture
 def installed(tmp_path):
-    """A folder on the path with an installed package that registers two engines, one that is none, and a stepping."""
+    """A folder on the path with an installed package that registers two engines, and one that is none."""
     (tmp_path / "elsewhere.py").write_text(MODULE)
     info = tmp_path / "elsewhere-1.0.dist-info"
     info.mkdir()
@@ -65,18 +61,15 @@ def outcome(**keys):
     return [float(result["j"].link_position[-1]), repeat("out/log.mcap").identical]
 
 engines = {name: outcome(engine=name) for name in ("weightless", "missing", "nothing")}
-print(json.dumps({**engines, "halfway": outcome(stepping="halfway")}))
+print(json.dumps(engines))
 """
 
 
-def test_engines_and_steppings_of_other_packages_run_or_are_named(installed):
+def test_engines_of_other_packages_run_or_are_named(installed):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(installed)])}
     done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=installed, env=environment, capture_output=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["weightless"] == [0.0, True]
-    falls, identical = found["halfway"]
-    assert falls > 0.1
-    assert identical
     assert "needs 'no_such_library', which is not installed" in found["missing"]
     assert "nothing" in found["nothing"]
     assert "weightless" in found["nothing"], "the choices name the other engines"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import asrsim
 from asrsim import identify
@@ -361,6 +362,32 @@ def test_a_weakly_damped_swing_is_fitted_from_a_distant_stiffness(tmp_path, fact
     assert found.fits
     for key, truth in (("joint_1.spring_stiffness", 20.0), ("joint_1.damping", 0.002)):
         assert found.find(key).low < truth < found.find(key).high
+
+
+def test_commands_that_jump_between_samples_are_timed(tmp_path):
+    """An exact swing on a linear spring at 100 Hz. Each step of the command comes up to 10 ms before its first sample."""
+    rate, stiffness, damping, inertia = 100.0, 4.0, 0.02, 0.009
+    random, time = np.random.default_rng(1), np.arange(401) / 100.0
+    first, levels = np.array([30, 90, 160, 220, 290, 350]), [0.0, 0.3, -0.1, 0.2, -0.3, 0.1, 0.4]
+    early = random.uniform(0.0, 1.0 / rate, len(first))
+    matrix = np.array([[0.0, 1.0], [-stiffness / inertia, -damping / inertia]])
+    place = levels[0] + 0.0 * time
+    for at, change in zip(time[first] - early, np.diff(levels), strict=True):
+        after = np.maximum(time - at, 0.0)
+        # The response of the position to a step of the spring's rest.
+        place += [change * (1.0 - (expm(matrix * one) @ [1.0, 0.0])[0]) for one in after]
+    shown = np.array(levels)[np.searchsorted(first, np.arange(401), side="right")]
+    noisy = place + 5e-4 * random.normal(size=len(time))
+    recording = save(tmp_path / "a.csv", "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]", time, shown, noisy)
+    lab = write(tmp_path, "lab", {**SEA, "mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k>"}, duration=4.0)
+    lab.write_text(f"{lab.read_text()}substeps: 2\n")
+    found = identify(lab, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert found.fits, found.misfit
+    for key, truth in (("joint_1.spring_stiffness", stiffness), ("joint_1.damping", damping)):
+        one = found.find(key)
+        assert one.verdict == "identified"
+        assert abs(one.value - truth) < one.high - one.low
+    assert [found.find(f"jump_{n}").value for n in range(1, 7)] == pytest.approx(early, abs=1e-4)
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-2])

@@ -184,3 +184,31 @@ def test_a_folder_and_a_part_of_runs_are_drawn(log, tmp_path):
     assert (film.start, film.end) == pytest.approx((0.2, 0.3))
     for wrong in (["--start", "0.3", "--end", "0.2"], ["--start", "5"]):
         assert CliRunner().invoke(app, ["render", str(log), *wrong]).exit_code != 0
+
+
+def test_a_body_behind_another_is_hidden_and_from_the_side_it_is_seen(log):
+    film = Film(log, size=100)
+    points = film._painter.points(film.frames(0))
+    along = points[np.argmax(points[:, 0])] - points[np.argmin(points[:, 0])]
+    behind, beside = (fit_camera(points, towards, aspect=1.0) for towards in (along, np.cross([0.0, 0.0, 1.0], along)))
+    shares = [sorted(film._painter.hidden(film.frames(0), camera, 90, 90).values()) for camera in (behind, beside)]
+    assert shares[0][0] < 0.1  # the last link is in front of all
+    assert shares[0][-1] > 0.9
+    assert shares[1][-1] < 0.5
+
+
+def test_the_camera_goes_where_nothing_hides_a_moving_body(tmp_path):
+    film = Film(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.5), size=100)
+    preferred = fit_camera(film._painter.points(film.frames(0)), viewpoint(None), aspect=1.0)
+    assert max(film._painter.hidden(film.frames(0), preferred, 90, 90).values()) > 0.5
+    shares = film._painter.hidden(film.frames(0), film.camera, 90, 90)
+    moving = [name for name in shares if name not in ("world", "base_link")]
+    assert max(shares[name] for name in moving if name != "box") < 0.6
+
+
+def test_the_ground_stands_still_in_a_film(tmp_path):
+    """The box moves away, so that the picture's content grows; the pixels beside it stay as they are."""
+    film = Film(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.5), size=100)
+    film.samples.bodies["box"][-1, 1] += 3.0
+    images = [film.frame(time).image for time in (film.start, film.end)]
+    assert np.mean(np.any(images[0] != images[1], axis=2)) < 0.5

@@ -154,3 +154,21 @@ def test_other_formats_are_told_how_to_convert(text, tool, tmp_path, asrsim_comm
     path = tmp_path / "robot.xml"
     path.write_text(text)
     assert tool in asrsim_command("check", path).out
+
+
+@pytest.mark.parametrize("space", ["http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro"])
+def test_elements_of_xacro_that_a_urdf_keeps_have_no_effect(space, tiny):
+    """As in ROS, which expands files called .xacro only; a macro that is defined is expanded all the same."""
+    kept = PENDULUM.replace("<robot ", f'<robot xmlns:xacro="{space}" ').replace("</robot>", "<xacro:away/></robot>")
+    tiny.robot.write_text(kept)
+    robot = load_robot(tiny.robot)
+    assert [problem.code for problem in robot.findings] == ["xacro-left"]
+    assert robot.joint("elbow").damping == 0.2
+    tiny.robot.write_text(
+        kept.replace(
+            "<xacro:away/>",
+            '<xacro:property name="x" value="1"/><link name="a${x}"/>'
+            '<joint name="b" type="fixed"><parent link="arm"/><child link="a1"/></joint>',
+        )
+    )
+    assert "a1" in [link.name for link in load_robot(tiny.robot).links]

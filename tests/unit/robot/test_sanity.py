@@ -64,6 +64,8 @@ def test_what_other_programs_add_is_no_slip(tiny):
 
 
 LEFT_OUT = {
+    "series spring": ('<dynamics K="7000" damping', '<dynamics K="0" damping', "7000"),
+    "coulomb friction": ('<dynamics mu_coulomb="0.4" damping', '<dynamics mu_coulomb="0.0" damping', "0.4"),
     # word with a value that acts; the same with a value that changes nothing; number in the warning
     "spring": ('<dynamics spring_stiffness="10" damping', '<dynamics spring_stiffness="0" damping', "10"),
     "soft limits": (

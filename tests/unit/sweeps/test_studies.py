@@ -347,6 +347,17 @@ def test_rows_that_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
         Table(tmp_path)
 
 
+def test_large_rows_that_their_file_holds_are_read(tmp_path, monkeypatch):
+    """The memory that a check may use grows with the size of the files."""
+    monkeypatch.setattr("asrsim.sweeps.store.MEMORY", 2**29)
+    rows = small_study(tmp_path)
+    schema = pq.read_schema(rows)
+    texts = [np.random.default_rng(seed).bytes(50_000).hex() for seed in range(200)]
+    pq.write_table(pa.table([np.arange(200), texts, texts, np.zeros(200)], schema=schema), rows, use_dictionary=False)
+    assert rows.stat().st_size > 2 * 10**7
+    assert len(Table(tmp_path)) == 200
+
+
 def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     manifest = manifest_of(1000, "value")
     store = open_store(tmp_path, manifest, resume=False, overwrite=False)

@@ -148,3 +148,11 @@ def test_a_port_that_is_taken_is_named():
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=f"127.0.0.1:{port} cannot be opened"):
             asrsim.view(SOFT_ARM, variant="soft", port=port)
+
+
+def test_a_variant_is_a_ghost_that_moves_as_its_scenario_states(arm):
+    desk = arm.show.session.operator
+    desk._add_ghost("stiff")
+    companion, _ = until(lambda: desk._page.stage.ghosts.get("stiff"))
+    run = asrsim.run(SOFT_ARM, variant="stiff").samples
+    np.testing.assert_array_equal(companion.history.at(0.3).values["link_position"][0], run.values["link_position"][300])

@@ -1,0 +1,148 @@
+"""What a page shows comes from logs, recordings, twins and robot files alike."""
+
+import time
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.cli.app import COMMANDS
+from asrsim.errors import InputError, LogError
+from asrsim.log import open_log
+from asrsim.outfile import csv_text
+from asrsim.runs.repeat import repeat
+from asrsim.simulation.prepare import prepare
+from asrsim.twin.follow import follow
+from asrsim.viewer.events import limit_events
+from asrsim.viewer.history import History
+from asrsim.viewer.page import Page
+from asrsim.viewer.recorded import recorded
+from asrsim.viewer.server import PageServer
+from asrsim.viewer.stage import Stage
+from asrsim.viewer.subject import logged
+from asrsim.viewer.twin import followed_player
+from support.paths import EXAMPLES
+from support.plot_example import made_up_log
+
+SOFT_ARM = EXAMPLES / "scenarios" / "step_2dof.yaml"
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return asrsim.run(SOFT_ARM, variant="soft", overrides={"duration": 0.6}, out=tmp_path_factory.mktemp("run") / "soft")
+
+
+@pytest.fixture
+def server():
+    with PageServer(0) as server:
+        yield server
+
+
+def test_a_history_keeps_the_newest_samples_and_the_rate_of_the_page(result):
+    history = History(result.run.info.joints)
+    samples = result.samples
+    whole = History(history.joints, samples)
+    for first in range(0, 600, 40):
+        history.write(whole.rows(samples.time[first], samples.time[first + 40]))
+    assert history.latest.time[-1] == samples.time[599]
+    time, values = history.curve("joint_1", "link_position", 0.1, 0.5)
+    assert np.diff(time).max() == pytest.approx(0.005)
+    np.testing.assert_array_equal(values, np.interp(time, samples.time, samples.values["link_position"][:, 0]))
+    _, deflection = history.curve("joint_1", "deflection", 0.1, 0.5)
+    np.testing.assert_array_equal(deflection, np.interp(time, samples.time, result["joint_1"].deflection))
+
+
+def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflection(result, server):
+    stage = Stage(server.viser, logged(result.log))
+    sample = stage.subject.history.at(0.2)
+    stage.look.colour = "deflection"
+    stage.draw(sample)
+    frames = stage.subject.scene.model.poses(sample.values["link_position"][0])
+    for name, handle in stage.figure.bodies.items():
+        np.testing.assert_allclose(handle.position, frames[name][:3, 3], atol=1e-12)
+    ((mesh, own), *_) = stage.figure.meshes["link_1"]
+    assert tuple(mesh.color) != own
+    assert "deflection, rad" in stage.legend()
+    stage.look.colour = ""
+    stage.draw(sample)
+    assert (tuple(mesh.color), stage.legend()) == (own, "")
+
+
+def test_a_recording_stands_beside_the_run_on_the_clock_that_plot_finds(result, tmp_path):
+    """The recording is the run itself, 0.07 s later on its own clock."""
+    series = result["joint_1"]
+    columns = np.column_stack([result.time + 0.07, series.link_position, series.reference_1])
+    (tmp_path / "lab.csv").write_text(
+        csv_text(["time [s]", "joint_1.link_position [rad]", "joint_1.reference_1 [rad]"], columns)
+    )
+    reader = open_log(result.log)
+
+    def read(quantities, joints):
+        return reader.read(quantities=quantities, joints=joints).samples
+
+    found = recorded(tmp_path / "lab.csv", reader.info, read)
+    assert found.notes[0].startswith("lab.csv: lag 0.07 s")
+    row = found.history.at(0.3).values["link_position"][0]
+    assert row[0] == pytest.approx(series.link_position[300], abs=1e-4)
+    assert np.isnan(row[1])
+
+
+def test_events_are_the_beginnings_of_limits(result):
+    samples, robot = result.samples, result.run.robot
+    torque = samples.values["motor_1_torque"][:, 0]
+    most = float(np.abs(torque).max())
+    parameters = {"joint_1": {"motor_1_max_torque": most}}
+    found = [event for event in limit_events(samples, result.run.info.joints, robot, parameters) if "motor 1" in event.text]
+    assert found[0].time == samples.time[np.flatnonzero(np.abs(torque) >= 0.999 * most)[0]]
+
+
+def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
+    lab = tmp_path / "lab.yaml"
+    lab.write_text((EXAMPLES / "scenarios" / "step_2dof.yaml").read_text().replace("../urdf", str(EXAMPLES / "urdf")))
+    recording = EXAMPLES / "recordings" / "two_joints.csv"
+    found = follow(lab, recording, variant="soft")
+    player = followed_player(Page(server), prepare(lab, variant="soft"), found)
+    (start, _), *_ = found.alarms(0)
+    player.jump(start)
+    player.draw()
+    assert player.subject.history.at(start).values["external_torque"][0] == pytest.approx(
+        found.external_torque[np.abs(found.time - start).argmin()], nan_ok=True
+    )
+    assert player._page.stage._arrows["torque"].visible
+
+
+def test_a_log_without_poses_and_an_unknown_variant_are_errors_before_a_page_opens(tmp_path):
+    with pytest.raises((LogError, InputError)):
+        asrsim.view(made_up_log(tmp_path / "log.mcap", count=20))
+    with pytest.raises(InputError, match="no variant is called 'sotf'"):
+        asrsim.view(SOFT_ARM, variant="sotf")
+
+
+def test_a_robot_whose_meshes_are_missing_is_shown_with_a_note(tmp_path):
+    robot = tmp_path / "robot.urdf"
+    visual = '<visual><geometry><mesh filename="package://nobody/arm.stl"/></geometry></visual>'
+    mass = '<inertial><origin xyz="0 0 0.2"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    joint = '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint>'
+    robot.write_text(f'<robot name="r"><link name="base"/>{joint}<link name="arm">{mass}{visual}</link></robot>')
+    with asrsim.view(robot) as view:
+        assert any("nobody" in note for note in view.show.subject.notes)
+        view.show._values["j"] = 0.7
+        end = time.monotonic() + 30.0
+        while abs(view.show._page.stage.figure.bodies["arm"].wxyz[0] - np.cos(0.35)) > 1e-9:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+
+
+def test_commands_show_pages_and_end(asrsim_command, tmp_path):
+    done = asrsim_command("live", SOFT_ARM, "--variant", "soft", "--on", "none", "--duration", "0.3", "--view", "-o", "live")
+    assert done.code == 0, done.err
+    assert "view: http://localhost:" in done.err
+    assert repeat(tmp_path / "live" / "log.mcap").identical
+    done = asrsim_command("view", "live", "--duration", "0.3", "--port", "0", "--no-browser", "--json")
+    assert (done.code, done.out.strip()[:1]) == (0, "{")
+    assert "view" in COMMANDS
+
+
+def test_a_notebook_displays_the_page(result):
+    with result.view() as page:
+        assert f'src="{page.address}"' in page._repr_html_()
