@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import shape_of, start_of, tables
 from asrsim.simulation.warp_step import LOADS, program
-from asrsim.warping.program import warp
+from asrsim.warping.program import loaded_warp
 
 INERTIALS = (
     "body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0",
@@ -40,10 +41,8 @@ class WarpCore(Core):
     def __init__(self, prepared: Prepared, engine: Engine, *, worlds: int, device: str) -> None:
         """engine: engine of the prepared scenario; device: name of a device of Warp, such as `cpu` or `cuda`. Raises
         SimulationError, and InputError for scenarios that cannot run on Warp."""
-        wp = self._wp = warp()
-        import mujoco_warp
-
-        self._mjw = mujoco_warp
+        wp = self._wp = loaded_warp()
+        self._mjw: Any = import_module("mujoco_warp")
         if not isinstance(engine, MujocoEngine):
             raise InputError("only links in MuJoCo can move on Warp", key="engine", hint="engine: mujoco", code="warp")
         _check(prepared)
@@ -86,6 +85,8 @@ class WarpCore(Core):
         self._given: Given | None = None
         """Inputs that the device has."""
         self._graph: Any = None
+        self._rows: Any = None
+        self._sizes: Any = None
         self._loaded = False
         """Whether a substep has loaded all kernels, which a graph needs."""
 
@@ -203,7 +204,7 @@ class WarpCore(Core):
     def run(self, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Advance worlds by `count` substeps; see `Core.run`. The other worlds move with them and are set back."""
         worlds, every = which[:, 0], self.prepared.resolution.substeps
-        tables = {"S": self.S, **self._places}
+        tables: dict[str, NDArray[Any]] = {"S": self.S, **self._places}
         others = np.setdiff1d(np.arange(len(self.S)), worlds)
         kept = {name: table[others].copy() for name, table in tables.items()}
         self._send(which, given, first, every)
@@ -237,7 +238,7 @@ class WarpCore(Core):
     def _rows_of(self, count: int) -> Any:
         """Array on the device for `count` recorded rows."""
         shape = max(count, 1), *self.S.shape[:2], max(len(self.columns.of_state), 1)
-        if getattr(self, "_rows", None) is None or self._rows.shape != shape:
+        if self._rows is None or self._rows.shape != shape:
             self._rows, self._graph = self._wp.zeros(shape, dtype=float, device=self._device), None
         return self._rows
 
@@ -319,5 +320,9 @@ def _check(prepared: Prepared) -> None:
     if prepared.stepping.joint_step is not None:
         message = f"the stepping '{prepared.stepping.name}' has a step of its own, which has no translation to Warp"
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
+    if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):
+        raise InputError("coupled joints and rotors do not move on Warp yet", key="engine", code="warp")
+    if any(link.weightless[0] for link in prepared.robot.links):
+        raise InputError("links without gravity do not move on Warp yet", key="engine", code="warp")
     if prepared.scenario.wrenches:
         raise InputError("forces on links do not act on Warp", key="wrenches", code="warp")

@@ -22,12 +22,13 @@ def available() -> bool:
 
 
 @cache
-def warp() -> Any:
+def loaded_warp() -> Any:
     """The module `warp`, without its messages. Raises SimulationError."""
     if not available():
         raise SimulationError('Warp is not installed: pip install "asrsim[warp]"')
-    import warp as wp
+    import warp
 
+    wp: Any = warp
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
     return wp
@@ -50,7 +51,8 @@ class Program:
         if own is not None:
             if caller is None:
                 raise TranslationError("this function has a translation only within another one")
-            return own(caller, given)
+            found: Value = own(caller, given)
+            return found
         if not isinstance(function, types.FunctionType):
             raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
         # The number of a row's values is passed on only where the callee needs it: as part of the kind.
@@ -82,12 +84,13 @@ class Program:
 
     def load(self) -> types.ModuleType:
         """The module, with its functions and kernels. Raises SimulationError where Warp is not installed."""
-        return _loaded(self.text)
+        return module_of(self.text)
 
 
 @cache
-def _loaded(text: str) -> types.ModuleType:
-    wp = warp()
+def module_of(text: str) -> types.ModuleType:
+    """The module with this source. Raises SimulationError where Warp is not installed."""
+    wp = loaded_warp()
     name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     module, file = types.ModuleType(name), f"<{name}>"
     # Warp reads the source of its functions again.
