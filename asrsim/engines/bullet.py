@@ -318,7 +318,9 @@ def _refuse_in_contacts(robot: Robot) -> None:
         Problem(f"PyBullet cannot simulate {what} in a world with contacts", file=robot.path, line=joint.line, key=joint.name,
                 hint=hint, code="engine-coupling")
         for joint in robot.moving_joints
-        for what, there in (("a coupled joint", joint.mimic), ("the inertia of a rotor", joint.armature)) if there
+        for what, there in (
+            ("a closed chain", robot.loops), ("a coupled joint", joint.mimic), ("the inertia of a rotor", joint.armature),
+        ) if there
     ]  # fmt: skip
     if problems:
         raise RobotError(problems)

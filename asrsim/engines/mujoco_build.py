@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
     off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
     try:
         spec = assemble(scenario, robot, origin, shapes=contacts)
+        if contacts:
+            couple(spec, robot, HARD)
         spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -64,7 +67,6 @@ def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) 
     _bodies(spec, scenario, robot, origin, shapes)
     if not scenario.world.empty:
         _furnish(spec, scenario.world)
-        couple(spec, robot, HARD)
         _pair(spec, scenario)
     return spec
 
@@ -121,14 +123,17 @@ def _furnish(spec: Any, world: World) -> None:
             body.inertia = list(item.inertia)
 
 
-def couple(spec: Any, robot: Robot, impedance: tuple[float, ...]) -> None:
-    """Couple joints by equality constraints with the given impedance."""
+def couple(spec: Any, robot: Robot, impedance: Sequence[float], lag: float | None = None) -> None:
+    """Couple joints by equality constraints with the given impedance. lag: time constant of the constraints in s, for MuJoCo's
+    own step; None: MuJoCo's default."""
     for joint in robot.moving_joints:
         if joint.mimic:
             equality = spec.add_equality(type=load().mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimic)
             equality.objtype = load().mjtObj.mjOBJ_JOINT
             equality.data[:5] = [joint.offset, joint.multiplier, 0.0, 0.0, 0.0]
             equality.solimp = list(impedance)
+            if lag is not None:
+                equality.solref = [lag, 1.0]
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:

@@ -27,9 +27,11 @@ from asrsim import compiling
 from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
-from asrsim.errors import Problem
+from asrsim.engines.loops import Loops, close_loops, find_columns, find_gamma, find_ratios, make_loops
+from asrsim.errors import Problem, RobotError
 from asrsim.packed import pack
 from asrsim.robot.couplings import couplings_of
+from asrsim.robot.loops import paths_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array
@@ -41,8 +43,13 @@ Numbers = NDArray[Any]
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
 implicitness."""
+OPEN = 1e-9
+"""Largest gap of a closed loop at the start, m."""
+DEAD = 1e-6
+"""Smallest ratio of the singular values of a loop's Jacobian: below, the master stands at a dead centre."""
 INLINE = (
-    "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet",
+    "asrsim.engines.rigid", "asrsim.engines.loops", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step",
+    "asrsim.engines.bullet",
 )  # fmt: skip
 """Modules whose functions are compiled into their callers."""
 
@@ -118,6 +125,8 @@ class Room(NamedTuple):
     """Position of each joint where its master is at 0, (n,), rad or m."""
     armature: Numbers
     """Inertia of the rotors of each joint, as felt at the joint, (n,), kg m^2 (kg)."""
+    loops: Loops
+    """Closed chains."""
     lower: Numbers
     """Lower stops of the joints (n,), rad or m."""
     upper: Numbers
@@ -142,10 +151,13 @@ def make_room(
     tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
     couplings, armature = couplings_of(robot), np.array([joint.armature for joint in joints])
-    owner, factor = np.arange(w), np.ones(w)
-    reduced = reduce and (bool(couplings) or bool(armature.any()))
+    owner, factor, paths = np.arange(w), np.ones(w), paths_of(robot)
+    master = couplings.master.copy()
+    for path in paths:
+        master[list(path.joints)] = path.joints[path.master]
+    reduced = reduce and (bool(couplings) or bool(armature.any()) or bool(paths))
     if reduced:
-        owner[at], factor[at] = at[couplings.master], couplings.ratio
+        owner[at], factor[at] = at[master], couplings.ratio
         kept, owner = np.unique(owner, return_inverse=True)
         tree = _reduced_tree(tree, owner.ravel(), len(kept))
     size = len(tree)
@@ -159,9 +171,10 @@ def make_room(
         "regime": np.zeros(size, dtype=np.int64), "parent": tree,
         "square": np.zeros((size, size)), "slowest": np.full(size, -inf), "fastest": np.full(size, inf),
         "owner": owner.astype(np.int64), "factor": factor, "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": at,
-        "joint_z": owner[at].astype(np.int64), "master": couplings.master if reduced else np.arange(len(joints)),
+        "joint_z": owner[at].astype(np.int64), "master": master if reduced else np.arange(len(joints)),
         "ratio": couplings.ratio if reduced else np.ones(len(joints)),
-        "offset": couplings.offset if reduced else np.zeros(len(joints)), "armature": armature, "lower": lower, "upper": upper,
+        "offset": couplings.offset if reduced else np.zeros(len(joints)), "armature": armature,
+        "loops": make_loops(paths if reduced else (), np.array(joint_q, dtype=np.int64), at, w), "lower": lower, "upper": upper,
     }  # fmt: skip
     return Room(**fields)
 
@@ -213,9 +226,13 @@ def aim(room: Any, state: Any) -> None:
         # At rest on a stop, rounding may leave a velocity.
         if abs(room.regime[i]) == AT_UPPER and velocity[i] * room.regime[i] > ROUNDING * abs(before):
             room.rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
+    if room.loops.chains:
+        find_ratios(room.loops, room.ratio, room.factor, qpos)
     for k in range(room.speeds if room.reduced else 0):
         i = room.owner[k]
         qvel[k] = room.factor[k] * (scheme[NOW] * velocity[i] + scheme[BEFORE] * state[first + size + i])
+    if room.loops.chains:
+        find_gamma(room.loops, qpos, qvel)
 
 
 def reduce(room: Any) -> None:
@@ -227,11 +244,14 @@ def reduce(room: Any) -> None:
     for a in range(room.speeds):
         i = room.owner[a]
         room.bias[i] += room.factor[a] * room.full_bias[a]
+        for b in range(room.speeds if room.loops.chains else 0):
+            room.bias[i] += room.factor[a] * room.full_matrix[a, b] * room.loops.gamma[b]
         for b in range(room.speeds):
             room.matrix[i, room.owner[b]] += room.factor[a] * room.factor[b] * room.full_matrix[a, b]
     for j in range(room.joints):
         i = room.joint_z[j]
         room.matrix[i, i] += room.ratio[j] * room.ratio[j] * room.armature[j]
+        room.bias[i] += room.ratio[j] * room.armature[j] * room.loops.gamma[room.joint_v[j]]
 
 
 def reduce_force(room: Any) -> None:
@@ -398,17 +418,37 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
             exchange[last, j, POSITION] = state[place]
             exchange[last, j, VELOCITY] = speed
     if room.reduced:
-        _place_followers(room, state)
+        _place_followers(room, state, step)
         for j in range(room.joints):
-            exchange[last, j, POSITION] = state[room.joint_q[j]]
+            place = room.joint_q[j]
+            exchange[last, j, POSITION] = state[place]
             exchange[last, j, VELOCITY] = room.ratio[j] * state[first + room.joint_z[j]]
+            if room.loops.chains and room.master[j] != j:
+                # The mean velocity of the drift, since the ratio of a loop is not constant.
+                exchange[last, j, VELOCITY] = (state[place] - room.qpos[place]) / step
 
 
-def _place_followers(room: Any, state: Any) -> None:
-    """Set the positions of the joints that follow others."""
-    for j in range(room.joints):
+def _place_followers(room: Any, state: Any, step: float) -> None:
+    """Set the positions of the joints that follow others. step: length of the drift in s; 0 at the start."""
+    loops, first = room.loops, room.coordinates
+    for k in range(loops.first[loops.chains]):
+        j = loops.joint[k]
         if room.master[j] != j:
+            state[loops.place[k]] += step * room.ratio[j] * state[first + room.joint_z[j]]
+    if loops.chains:
+        close_loops(loops, state)
+    for j in range(room.joints):
+        if room.master[j] != j and (loops.chains == 0 or not _in_loop(loops, j)):
             state[room.joint_q[j]] = room.ratio[j] * state[room.joint_q[room.master[j]]] + room.offset[j]
+
+
+def _in_loop(loops: Any, j: int) -> bool:
+    """Whether joint j belongs to a loop."""
+    count = 0
+    for k in range(loops.first[loops.chains]):
+        if loops.joint[k] == j:
+            count += 1
+    return count > 0
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
@@ -581,11 +621,33 @@ class RigidEngine(Engine):
         state[first + room.joint_z[own]] = np.asarray(velocities)[own]
         state[first + size : first + 2 * size] = state[first : first + size]
         if room.reduced:
-            _place_followers(room, state)
+            _place_followers(room, state, 0.0)
+            self._check_loops()
             positions, velocities = state[room.joint_q].tolist(), (room.ratio * state[first + room.joint_z]).tolist()
         self._changed = True
         self.begin()
         return positions, velocities
+
+    def _check_loops(self) -> None:
+        """Raise RobotError if a loop is not closed at the start, or its master stands at a dead centre."""
+        room = self._room
+        for loop in range(room.loops.chains):
+            find_columns(room.loops, loop, self._state)
+            entries = [k for k in range(room.loops.first[loop], room.loops.first[loop + 1]) if k != room.loops.master[loop]]
+            gap = float(np.linalg.norm(room.loops.work[21:24]))
+            values = np.linalg.svd(room.loops.arms[entries, 6:], compute_uv=False)
+            master = self.joints[room.loops.joint[room.loops.master[loop]]]
+            reason = ""
+            if len(values) < len(entries) or values[len(entries) - 1] < DEAD * values[0]:
+                reason = (
+                    f"joint '{master}' does not determine the motion of its joints there: a dead centre, or several freedoms"
+                )
+            elif not gap < OPEN:
+                reason = f"no positions of its joints close it; a gap of {gap:.3g} m is left: give other `initial` positions"
+            if reason:
+                raise RobotError(reason, file=self.robot.path, key=f"loops.{loop}", code="loop")
+        if room.loops.chains:
+            find_ratios(room.loops, room.ratio, room.factor, self._state)
 
     def begin(self) -> None:
         """Prepare the library for a run that begins at the present state."""

@@ -8,19 +8,21 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.quantities import each_motor
+from asrsim.quantities import MOST_MOTORS, each_motor
 from asrsim.samples import Array
 from asrsim.scenario import robot_model
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
-_MOTORS = ("motor_1_position", "motor_1_velocity", "motor_2_position", "motor_2_velocity")
-"""Quantities of the state at the present time. The positions of ideal motors are those of the last step."""
+_MOTORS = {
+    f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")
+}  # fmt: skip
+"""Quantities of the motors at the present time: field of the observation, and index of the motor. The positions of ideal motors
+are those of the last step."""
 _STEP = (
     "link_torque", "damping_torque", *each_motor("elastic_torque_{}"), *each_motor("motor_{}_torque"),
     *each_motor("friction_torque_{}"), *each_motor("reference_{}"), "external_torque", "stiffness",
-    *each_motor("motor_{}_position")[2:], *each_motor("motor_{}_velocity")[2:],
 )  # fmt: skip
 """Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
 step."""
@@ -38,6 +40,7 @@ class Readings:
         drives = source.prepared.drives
         recorded = [recorded_quantities(drive) for drive in drives]
         problems = []
+        choices = tuple(name for name in KNOWN if name == TIP or any(name in own for own in recorded))
         self._joints: dict[str, list[int]] = {}
         for name in names:
             self._joints[name] = [j for j, own in enumerate(recorded) if name in own]
@@ -45,12 +48,12 @@ class Readings:
                 why = "exists for no joint in its mode" if name in KNOWN else "cannot be observed here"
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
-                problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
+                problems.append(Problem(f"'{name}' {why}", choices=choices, hint=hint, code="unknown-quantity"))
         self._model = robot_model(source.prepared.scenario, source.prepared.robot)
         if tip is not None and tip[0] not in self._model.links:
             problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=self._model.links, code="unknown-link"))
         if not names:
-            problems.append(Problem("the option observe names no quantity", choices=KNOWN, code="no-quantity"))
+            problems.append(Problem("the option observe names no quantity", choices=choices, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
@@ -78,6 +81,13 @@ class Readings:
             return self._model.pose(state.link_position, link, (x, y, z))[0]
         if name in _STEP:
             return step[name][..., joints]
-        values = np.asarray(getattr(state, name))[..., joints]
+        if name in _LINKS:
+            return np.asarray(getattr(state, name))[..., joints]
+        field, motor = _MOTORS[name]
+        motors = getattr(state, field)
+        logged = step[name][..., joints]
+        if motor >= motors.shape[-1]:
+            return logged
         # Ideal motors have no state: their values come from the last step.
-        return np.where(np.isnan(values), step[name][..., joints], values) if name in _MOTORS else values
+        values = motors[..., joints, motor]
+        return np.where(np.isnan(values), logged, values)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.engines.mujoco_build import add_shape, assemble, link_body, quaternion_wxyz
+from asrsim.engines.mujoco_build import HARD, add_shape, assemble, couple, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import ScenarioError, SimulationError, listed
 from asrsim.export.springs import Spline, spline_of
@@ -39,6 +39,8 @@ VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
 """Groups of the model's elements; viewers of MuJoCo show the groups 0 to 2."""
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
+COUPLING_STEPS = 2.0
+"""Time constant of couplings of joints, in time steps: the smallest that MuJoCo accepts."""
 BRAKE = 10.0
 """Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor
 chatters about the limit; with smaller ones it passes the limit (measured at 0.25 to 1 ms)."""
@@ -99,6 +101,7 @@ def model_of(
         # Elliptic friction cones serve contacts only, and some programs that read MJCF do not know them.
         spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0
     bodies = {link.name: spec.body(link_body(link.name)) for link in robot.links}
+    couple(spec, robot, HARD, COUPLING_STEPS * spec.option.timestep)
     for link in robot.links:
         _describe(spec, bodies[link.name], link)
     for name, place in merged.places.items():
@@ -115,6 +118,7 @@ def model_of(
         )
         joint, drive = spec.joint(stepped.name), stepped.drive
         joint.stiffness[0], joint.springref = stepped.joint.spring_stiffness, stepped.joint.spring_reference
+        joint.armature = stepped.joint.armature
         _set_limits(joint, stepped.joint.stops, stepped.constant_damping, stepped.joint.friction)
         if drive is not None and drive.mode.spring:
             if not drive.mode.motor:
@@ -141,6 +145,11 @@ def model_of(
             lacks.setdefault(text, []).append(stepped.name)
     remarks += [f"{listed(dict.fromkeys(joints), MOST_NAMES)}: {text}" for text, joints in lacks.items()]
     effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
+    shifted = [link.name for link in robot.links if link.gravity and link.weightless_mass not in (0.0, link.mass)]
+    if shifted:
+        remarks.append(
+            f"{listed(shifted, MOST_NAMES)}: gravity acts on a part of the body; here a smaller gravity acts on all of it"
+        )
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
     if any(replace(effect, delay=0.0).active for effect in effects):
@@ -175,6 +184,8 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
     moments, rpy = principal_axes(link)
     body.mass, body.inertia = max(link.mass or 0.0, TINY), np.maximum(moments, TINY)
     body.ipos, body.iquat = link.centre_of_mass, quaternion_wxyz(rpy)
+    if mass := link.weightless[0]:
+        body.gravcomp = mass / body.mass
     for geom in body.geoms:
         geom.group = COLLISION_GROUP
     for index, shape in enumerate(link.visuals):

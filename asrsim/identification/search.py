@@ -2,9 +2,10 @@
 falls level by level to 0, where the simulation is free. Substeps and weights are then adapted to the estimates.
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
-at the estimate of the level before. The free simulation is kept if it explains the recording, if it predicts held-out parts as
-well as others, or if the levels agree down to 0. Otherwise errors of the model accumulate in it. Then the bandwidth rises again
-until noise limits the predictions, and this level is kept: its estimates depend least on what the model lacks.
+at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
+simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
+to 0. Otherwise errors of the model accumulate in it. Then the bandwidth rises again until noise limits the predictions, and
+this level is kept: its estimates depend least on what the model lacks.
 """
 
 from __future__ import annotations
@@ -88,6 +89,13 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
             problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
         found.append((problem, x))
         best.take(problem, x)
+        if level == LEVELS[0]:
+            # Near the solution, the levels between are not needed.
+            near = weighed(problem.observed(0.0), x)
+            there = solve(near, x, rounds=EVALUATIONS)
+            if fits(near, there):
+                best.take(near, there)
+                return
     free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
     if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):

@@ -5,7 +5,7 @@ of recorded and predicted channels and residuals.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,13 @@ from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.charts import save_charts
 from asrsim.robot.edit import edited_urdf
+from asrsim.robot.model import ActuatorBlock
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import physical
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relocated, robot_key
+from asrsim.signals import Constant
 
 SCENARIO = "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -117,16 +119,34 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
         stream.write(edited.removesuffix(MARK) + MARK)
     delays: dict[str, float] = {}
     for block in result.robot.actuators:
-        late = {chosen.get(f"{block.joint}.reference_{i + 1}.delay", 0.0) for i in range(len(reference_names(block)))}
-        if len(late) > 1:
+        late = [*_delays(result, block, chosen)]
+        if not late:
+            continue
+        # The scenario has one delay for a joint: that of the most certain reference.
+        delay, own = min(late, key=lambda one: one[1])
+        if any(abs(delay - other) > own + margin for other, margin in late):
             said.append(f"delays of {block.joint} are not written, since the delays of its references differ")
-        elif any(late):
-            delays[block.joint] = late.pop()
-            if delays[block.joint] < 0.0:
-                said.append(f"the delay of {block.joint} is not written, since it is negative: its command was recorded late")
-                del delays[block.joint]
+        elif delay < 0.0:
+            said.append(f"the delay of {block.joint} is not written, since it is negative: its command was recorded late")
+        elif delay:
+            delays[block.joint] = delay
     write_text(scenario, _scenario_text(result, changes, delays, path), "fitted scenario")
     return [path, scenario], said
+
+
+def _delays(result: Result, block: ActuatorBlock, chosen: Mapping[str, float]) -> Iterator[tuple[float, float]]:
+    """Delay of each reference of a joint that a delay affects, and half of its interval, s. chosen: identified numbers.
+
+    A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
+    """
+    estimates, signals = {one.key: one for one in result.estimates}, result.scenario.references_of(block.joint)
+    for i, name in enumerate(reference_names(block), start=1):
+        key = f"{block.joint}.reference_{i}.delay"
+        if key in chosen:
+            one = estimates.get(key)
+            yield chosen[key], 0.5 * (one.high - one.low) if one is not None and one.has_interval else 0.0
+        elif key not in estimates and not isinstance(signals.get(name, Constant(value=0.0)), Constant):
+            yield 0.0, 0.0
 
 
 def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path) -> str:

@@ -18,7 +18,7 @@ from asrsim.document.reading import DocumentReading
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems, unrest
 from asrsim.metrics.motion import AXES
-from asrsim.quantities import DERIVED, QUANTITIES, unit_of
+from asrsim.quantities import DERIVED, QUANTITIES, shown, unit_of
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
 if TYPE_CHECKING:
@@ -65,7 +65,10 @@ class ExpectationResult:
         claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-        got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}{tail}"
+        # Only a number that would need a power of ten takes another unit than the claim.
+        tiny = 0.0 < abs(self.measured) < 1e-4
+        number = shown(self.measured, self.unit, 5) if tiny else f"{self.measured:.5g}{tail}"
+        got = "cannot be measured" if math.isnan(self.measured) else f"is {number}"
         if self.moving:
             left = f"{self.moving:.2g} {self.moving_unit}".rstrip()
             got += f", since it is not at rest at the end ({left} of motion is left)"

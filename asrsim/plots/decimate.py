@@ -83,8 +83,10 @@ class Envelope:
         order = np.lexsort((values, interval))
         order = order[np.isfinite(values[order])]
         used, first = np.unique(interval[order], return_index=True)
-        extremes = np.sort(order[np.stack([first, np.append(first[1:], len(order)) - 1], axis=1)], axis=1)
         result = np.full((self._bins, 2), np.nan)
+        if not len(used):
+            return result.ravel()
+        extremes = np.sort(order[np.stack([first, np.append(first[1:], len(order)) - 1], axis=1)], axis=1)
         result[used] = values[extremes]
         return result.ravel()
 

@@ -174,6 +174,17 @@ def align(
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
+    result = _correlated(time_simulation, simulation, time_recording, recording, name)
+    if start and result.how.startswith("not aligned"):
+        # The clocks may differ by more than the search allows.
+        together = _correlated(time_simulation, simulation, time_recording - start, recording, name)
+        if not together.how.startswith("not aligned"):
+            return replace(together, lag=together.lag + start)
+    return result
+
+
+def _correlated(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, name: str) -> Alignment:
+    """Alignment by cross-correlation. The arguments are those of `align`."""
     found = estimate_lag(time_simulation, simulation, time_recording, recording)
     # A periodic signal with reversed sign would be aligned half a period off.
     turned = estimate_lag(time_simulation, simulation, time_recording, -recording)
@@ -189,9 +200,46 @@ def align(
     else:
         message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
         periodic = Problem(message, code="lag", hint="Set the lag with --lag if another period is meant")
-        return Alignment(lag=found.seconds, how=how, found=found, findings=(periodic,) * found.ambiguous)
+        exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
+        return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
+
+
+def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
+    """Lag at which the simulation has the recorded values at their times, near an estimated lag; the estimate if there is none.
+
+    A simulation that plays a recorded command has exactly its values. Where it holds each value until the next, the correlation
+    with the interpolated recording is up to half a sample early: of the lags that fit, the largest is the true one.
+    """
+    good, known = np.isfinite(recording), np.isfinite(simulation)
+    times, values = time_recording[good], recording[good]
+    if np.count_nonzero(np.diff(values)) < _CHANGES or known.sum() < _CHANGES:
+        return lag
+    scale = float(np.var(values))
+
+    def misfit(shift: float) -> float:
+        at = times - shift
+        inside = (at >= time_simulation[0]) & (at <= time_simulation[-1])
+        if inside.sum() < 4:
+            return np.inf
+        return float(np.mean((np.interp(at[inside], time_simulation[known], simulation[known]) - values[inside]) ** 2))
+
+    best, width = lag, float(np.median(np.diff(times)))
+    for _ in range(_ROUNDS):
+        shifts = np.linspace(best - width, best + width, _SHIFTS)
+        misfits = np.array([misfit(shift) for shift in shifts])
+        best = float(shifts[np.flatnonzero(misfits <= (1.0 + 1e-6) * misfits.min() + 1e-12 * scale)[-1]])
+        width *= 2.0 / (_SHIFTS - 1)
+    return best if misfit(best) <= _SAME * scale else lag
+
+
+_ROUNDS, _SHIFTS = 4, 41
+"""Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer."""
+_CHANGES = 20
+"""Smallest number of changes of a command that show how it was played: a few steps fit a range of lags."""
+_SAME = 1e-8
+"""Largest mean square difference of two records of the same command, relative to their variance."""
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:

@@ -63,6 +63,10 @@ for _name, _reader in {
     READERS.add(_name, _reader)
 
 
+LFS = b"version https://git-lfs.github.com/spec/"
+"""Beginning of the text that Git has in the place of a file that Git LFS stores (Git LFS specification, version 1)."""
+
+
 def content_of(path: Path, reading: Reading) -> Content:
     """Content of the file, read by the reader of its format. Raises RecordingError."""
     try:
@@ -86,6 +90,9 @@ def format_of(path: Path) -> str:
         start = stream.read(512)
     if not start:
         raise RecordingError("the file is empty", code="empty", hint="Expected a header and rows of numbers")
+    if start.startswith(LFS):
+        message = "is a pointer of Git LFS, not the recording: the file itself was not fetched"
+        raise RecordingError(message, code="lfs-pointer", hint="`git lfs pull` in its repository fetches it")
     readers = {name: READERS.get(name) for name in READERS}
     # JSON may have blanks before and between its first characters.
     heads = start, b"".join(start.split())

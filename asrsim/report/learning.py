@@ -74,14 +74,12 @@ def _errors(data: Mapping[str, Any], joint: str) -> Chart:
 def _motions(folder: Path, joint: str) -> list[Chart]:
     """Desired position and learned inputs of a joint, from the files beside ilc.json that can be read."""
     series: dict[str, list[Line]] = {}
-    looks = {"link_position": ("desired position", style.BLACK)}
-    for name in (DESIRED, INPUTS):
+    for name, label, colour in ((DESIRED, "desired position", style.BLACK), (INPUTS, "learned input", style.BLUE)):
         try:
             channels = read_recording(folder / name).channels.values()
         except (InputError, OSError):
             continue
         for one in (one for one in channels if one.joint == joint and one.quantity):
-            label, colour = looks.get(one.quantity or "", (f"learned {style.name(one.quantity or '')}", style.BLUE))
             series.setdefault(one.unit, []).append(Line(label=label, x=one.time, y=one.values, colour=colour))
     return [Chart(words="motion and input", unit=unit.replace("N m", "N·m"), lines=lines) for unit, lines in series.items()]
 

@@ -11,7 +11,7 @@ from asrsim.report.html import document, script_json
 
 HINT = (
     "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. Plots over the same quantity "
-    "share their range, and one cursor marks the time in all plots and in the moving view.</p>"
+    "share their range, and one cursor marks the time in all of them.</p>"
 )
 """How to use the plots of a page."""
 NO_SCRIPT = "<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>"

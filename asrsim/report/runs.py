@@ -132,7 +132,8 @@ def _compared(compared: Compared | None) -> str:
 
 
 def _plots(data: Mapping[str, Any]) -> str:
-    parts = [HINT, "<p class='note'>Long series are thinned: every interval keeps its smallest and largest sample.</p>"]
+    note = "The cursor moves the robot, too. Long series are thinned: every interval keeps its smallest and largest sample."
+    parts = [HINT, f"<p class='note'>{note}</p>"]
     if len(data["runs"]) > 1:
         parts.append('<div id="runs" role="group" aria-label="variants"></div>')
     groups = enumerate(data["groups"])

@@ -42,7 +42,7 @@ def twin_page(folder: Path) -> str:
     places = "".join(folded(n, joint, opened=n < 4) for n, joint in enumerate(joints))
     sections = [section("Joints", table(heads, rows)), section("External torques", HINT + places + NO_SCRIPT)]
     head = f"<p>Recording from {time[0]:g} to {time[-1]:g} s, {len(time)} steps</p>"
-    return build(f"Twin {folder.resolve().name}", sections, head=head, data=page_data(groups))
+    return build(f"Twin · {folder.resolve().name}", sections, head=head, data=page_data(groups))
 
 
 def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Chart]:

@@ -14,6 +14,7 @@ from asrsim.errors import Problem
 
 if TYPE_CHECKING:
     from asrsim.robot.couplings import Couplings
+    from asrsim.robot.loops import Loop
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -217,6 +218,8 @@ class Robot:
     """Words of the file that only act where bodies touch; asrsim does not read them."""
     locked: tuple[str, ...] = ()
     """Names of the joints that the scenario fixes; `*` stands for any text."""
+    loops: tuple[Loop, ...] = ()
+    """Closed chains."""
     unread: frozenset[str] = frozenset()
     """Joints whose actuator or mode is unknown, because the file states it wrongly."""
 

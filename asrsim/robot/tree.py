@@ -91,7 +91,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     held = held if len(massless) < len(robot.moving_joints) else []
     for joint in massless:
         message = "nothing behind this joint has mass or inertia, so its motion is not defined"
-        hint = f"Give link '{joint.child}' an <inertial>"
+        hint = f"Give link '{joint.child}' an <inertial>, or fix the joint in the scenario: `locked: [{joint.name}]`"
         if joint in held:
             findings.warn(f"{message}: it is fixed", joint.line, joint.name, code="massless-joint", hint=hint)
         else:

@@ -155,7 +155,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "force_element": left("the spring or damper between two links is left out", neutral=None),
         "cable": left("the cable is left out: its links move freely", neutral=None),
         **_words(left("the body is left out: asrsim has rigid bodies only", neutral=None), "deformable reduced_deformable"),
-        "loop_joint": special(_loop, "the loop stays open: its links move freely"),
+        "loop_joint": special(_loop, "the loop stays open: its links move freely", hint="`loops` in the scenario closes it"),
         "drake:ball_constraint": left("the constraint is left out: its links move freely", neutral=None),
         "drake:tendon_constraint": left("the constraint is left out: its joints move freely", neutral=None),
         "drake:linear_spring_damper": left("the spring between two links is left out", neutral=None),

@@ -288,6 +288,20 @@ _SIZE = Either((POSITIVE, ListOf(of=POSITIVE, minimum=1)))
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopClosure:
+    """Closure of a chain: a point of one link coincides with a point of another link."""
+
+    links: tuple[str, ...] = declare(ListOf(of=LINK, names=("first", "second")), doc="the links that close the chain")
+    points: tuple[Vector, ...] = declare(
+        ListOf(of=POSITION, names=("first", "second")), unit="m", doc="the points that coincide, in the frames of the links"
+    )
+    master: str | None = declare(
+        Either((Null(), JOINT)), default=None, shown="its driven joint, or the first",
+        doc="the joint that the others of the loop follow",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
 class WorldObject:
     """Object in the robot's surroundings."""
 

@@ -19,6 +19,7 @@ from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_m
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
+from asrsim.robot.loops import Loop, paths_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
@@ -92,6 +93,8 @@ def check_against_robot(
     from asrsim.kinematics.sizing import problems_of_weight, sizing
 
     warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
+    if scenario.loops:
+        return [], warnings
     return [], [*warnings, *problems_of_weight(sizing(scenario, changed, propose=propose), changed, scenario.path)]
 
 
@@ -142,10 +145,39 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         off = scenario.weightless
         links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
         changed = replace(changed, links=links)
+    if scenario.loops:
+        changed, faults = _looped(scenario, changed)
+        problems += faults
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
     return changed, [scenario.placed(problem) for problem in problems]
+
+
+def _looped(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
+    """Robot with the scenario's closed chains, and the problems of the chains."""
+    names = {link.name for link in robot.links}
+    if any(name not in names for loop in scenario.loops for name in loop.links):
+        return robot, []  # reported as unknown links
+    loops = tuple(
+        Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
+        for loop in scenario.loops
+    )
+    closed = replace(robot, loops=loops)
+    try:
+        paths_of(closed)
+    except RobotError as error:
+        return robot, list(error.problems)
+    return closed, []
+
+
+def _unplannable_loops(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Errors: computations on the model of the robot, which knows no closed chains."""
+    used = {"initial": scenario.initial_equilibrium, "task": scenario.task is not None,
+            "inverse_dynamics": any(scenario.inverse_dynamics.values()), "ilc": scenario.learning is not None}  # fmt: skip
+    for key, there in used.items():
+        if there and scenario.loops:
+            yield Problem("cannot be computed for a robot with closed chains (`loops`)", key=key, code="loop")
 
 
 def _fields(scenario: Scenario) -> Iterator[Problem]:
@@ -312,6 +344,7 @@ CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Proble
     ((), _initial),
     (("locked",), _locked),
     ((), _motor_starts),
+    ((), _unplannable_loops),
     ((), _too_large),
     (("base", "engine"), _floating),
     (("step",), _delays),

@@ -49,6 +49,7 @@ from asrsim.scenario.blocks import (
     Keys,
     Learning,
     LinkDamping,
+    LoopClosure,
     ManagerFile,
     Range,
     Vector,
@@ -138,6 +139,9 @@ class Scenario:
     )
     weightless: tuple[str, ...] = declare(
         ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
+    )
+    loops: tuple[LoopClosure, ...] = declare(
+        ListOf(of=block_of(LoopClosure, "loop")), default=(), doc="closed chains of one freedom, such as four-bar fingers"
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,

@@ -25,11 +25,10 @@ class Observation:
     """Positions of the links in rad (m)."""
     link_velocity: Array
     """Velocities of the links in rad/s (m/s)."""
-    motor_1_position: Array
-    """Positions of the motors in rad; NaN for ideal motors, which are at their references."""
-    motor_1_velocity: Array
-    motor_2_position: Array
-    motor_2_velocity: Array
+    motor_position: Array
+    """Positions of the motors in rad, (n, motors) or (N, n, motors); NaN for ideal motors, which are at their references."""
+    motor_velocity: Array
+    """Velocities of the motors in rad/s, (n, motors) or (N, n, motors)."""
 
 
 @dataclass(frozen=True)
@@ -45,23 +44,20 @@ class Snapshot:
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
     """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of a substep in s."""
-    motors = np.full((4, *state.shape[:-1]), np.nan)
     dynamic = [drive.dynamic_motors for drive in drives]
+    position, velocity = np.full((2, *state.shape[:-1], max(dynamic)), np.nan)
     lag = drives[0].stepping.first_drift * substep
-    for i in range(min(max(dynamic), 2)):
+    for i in range(max(dynamic)):
         # A slice is several times faster than a list of all joints.
         joints: Any = slice(None) if min(dynamic) > i else [j for j, count in enumerate(dynamic) if count > i]
-        velocity = state[..., joints, motor_column("velocity", i)]
-        motors[2 * i][..., joints] = state[..., joints, motor_column("position", i)] + lag * velocity
-        motors[2 * i + 1][..., joints] = velocity
+        velocity[..., joints, i] = state[..., joints, motor_column("velocity", i)]
+        position[..., joints, i] = state[..., joints, motor_column("position", i)] + lag * velocity[..., joints, i]
     return Observation(
         time=time,
         link_position=state[..., JOINT["position"]].copy(),
         link_velocity=state[..., JOINT["engine_velocity"]].copy(),
-        motor_1_position=motors[0],
-        motor_1_velocity=motors[1],
-        motor_2_position=motors[2],
-        motor_2_velocity=motors[3],
+        motor_position=position,
+        motor_velocity=velocity,
     )
 
 

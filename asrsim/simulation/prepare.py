@@ -340,7 +340,7 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
             f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
             line=drive.joint.line,
             key=drive.name,
-            hint=f"Give link '{drive.joint.child}' an inertia",
+            hint=f"Give link '{drive.joint.child}' an inertia, or fix the joint: `locked: [{drive.name}]`",
             code="massless-joint",
         )
         for j, drive in enumerate(drives)
@@ -355,7 +355,7 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
             f"joints {names} can move against each other without moving any mass: their motion is not defined",
-            hint="Give the links between them inertias",
+            hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
             code="massless-motion",
         )
 

@@ -40,7 +40,7 @@ class Player:
             if events:
                 with gui.add_folder("Events"):
                     for event in events[:LISTED]:
-                        jump = gui.add_button(f"{event.time:.3f} s  {event.text}"[:60], hint=event.text)
+                        jump = gui.add_button(f"{event.time:.2f} s {event.text}"[:60], hint=event.text)
                         on_click(jump, partial(self.jump, event.time))
                     if len(events) > LISTED:
                         gui.add_markdown(f"and {len(events) - LISTED} more")

@@ -23,6 +23,10 @@ POINTS = 1000
 WINDOW = 10.0
 """Time shown at first, s."""
 ALL = "all joints"
+ZERO = 1e-12
+"""Largest value of a curve that is drawn as zero."""
+MOST = 8
+"""Number of joints above which the first plots show one joint."""
 DASHES = [6, 4]
 """Dashes of the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
@@ -45,7 +49,7 @@ class Plots:
             self._window = gui.add_slider("Window, s", min=1.0, max=60.0, step=0.5, initial_value=WINDOW)
             more = gui.add_button("Add a plot")
         more.on_click(lambda _: self.add())
-        self._first = ALL if together or not subject.joints else subject.joints[0].name
+        self._first = ALL if together and len(subject.joints) <= MOST else subject.joints[0].name
         names = [name for name in FIRST if name in subject.quantities()][:2]
         for name in names or subject.quantities()[:1]:
             self.add(name)
@@ -114,7 +118,9 @@ class Plot:
             self._show(quantity, joints, series, (time, *curves))
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
-        shown = (quantity, *(one["label"] for one in series))
+        # uPlot would give curves of zeros an axis from 0 to 100.
+        zero = not any(np.any(np.abs(curve[np.isfinite(curve)]) > ZERO) for curve in data[1:])
+        shown = (quantity, zero, *(one["label"] for one in series))
         if shown == self._shown and self._plot is not None:
             if any(not np.array_equal(new, old) for new, old in zip(data, self._plot.data, strict=True)):
                 self._plot.data = data
@@ -124,14 +130,15 @@ class Plot:
         axis: Any = {"size": 52, "label": label_of(quantity, units), "labelSize": 18, "font": "11px sans-serif"}
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
+        scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
         if self._plot is None:
             with self._folder:
                 self._plot = self._gui.add_uplot(
-                    data, lines, scales={"x": {"time": False}}, height=HEIGHT, axes=axes, legend={"show": True},
+                    data, lines, scales=scales, height=HEIGHT, axes=axes, legend={"show": True},
                     padding=(8, 12, 0, 0),
                 )  # fmt: skip
             return
-        self._plot.axes, self._plot.series, self._plot.data = axes, lines, data
+        self._plot.scales, self._plot.axes, self._plot.series, self._plot.data = scales, axes, lines, data
 
 
 def _hex(colour: tuple[int, int, int]) -> str:

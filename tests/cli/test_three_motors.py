@@ -45,6 +45,17 @@ def test_a_log_has_a_topic_and_a_panel_for_each_motor(three):
     assert {f"motor_{i}_position" for i in (1, 2, 3)} <= {*PANELS["position"].of(joint)}
 
 
+def test_an_observation_has_each_motor(three):
+    load_plugin_file(three / "three.py")
+    with asrsim.Simulation(three / "s.yaml", compiled=False) as simulation:
+        simulation.advance(700)
+        found = simulation.observe()
+        logged = simulation.read([f"motor_{i}_position" for i in (1, 2, 3)])
+        assert found.motor_position.shape == found.motor_velocity.shape == (1, 3)
+        assert found.motor_position[0] == pytest.approx([values[0] for values in logged.values()], abs=1e-3)
+        assert found.motor_position[0] == pytest.approx([0.6, 0.5, 0.4], abs=0.02)
+
+
 def test_plot_compares_each_motor_with_a_recording(three, asrsim_command):
     log = "out/s/default/log.mcap"
     outcome = asrsim_command("plot", log, "--experiment", "lab.csv", "--plugin", "three.py", "--out", "p", "--json")

@@ -1,24 +1,12 @@
 """Coupled joints, rotors and weightless links against a solution in reduced coordinates, and against closed forms."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import asrsim
 from asrsim.errors import RobotError
-from support.coupled_ode import Rod, solve, urdf
+from support.coupled_ode import RODS, TWO_FREE, solve, urdf
 from validation.models import INSTALLED
-
-RODS = (
-    Rod(0.3, 0.15, 0.8, 0.01, damping=0.05),
-    Rod(0.25, 0.1, 0.5, 0.004, mimic=1, ratio=-0.7, offset=0.3, damping=0.02, stiffness=1.5, rest=0.2),
-    Rod(0.2, 0.12, 0.3, 0.002, mimic=2, ratio=1.5, offset=-0.1, damping=0.01),
-    Rod(0.1, 0.08, 0.2, 0.001, mimic=3, ratio=-0.5, stiffness=0.4, armature=0.01),
-)
-"""A chain of followers with negative multipliers and offsets, springs, damping and a rotor."""
-TWO_FREE = (*RODS[:2], Rod(0.2, 0.12, 0.3, 0.002, damping=0.01), replace(RODS[3], weightless=True))
-"""The same chain with two free joints; a weightless link follows the second."""
 
 
 def run(folder, rods, engine, *, step=1e-3, compiled=None, start=0.6, **keys):

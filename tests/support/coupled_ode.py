@@ -4,7 +4,7 @@ The chain hangs in the plane x, z. All links are points on massless rods, with i
 come from the Lagrangian in the absolute angles of the rods, and share nothing with asrsim.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -30,6 +30,17 @@ class Rod:
     mimic: int | None = None
     ratio: float = 1.0
     offset: float = 0.0
+
+
+RODS = (
+    Rod(0.3, 0.15, 0.8, 0.01, damping=0.05),
+    Rod(0.25, 0.1, 0.5, 0.004, mimic=1, ratio=-0.7, offset=0.3, damping=0.02, stiffness=1.5, rest=0.2),
+    Rod(0.2, 0.12, 0.3, 0.002, mimic=2, ratio=1.5, offset=-0.1, damping=0.01),
+    Rod(0.1, 0.08, 0.2, 0.001, mimic=3, ratio=-0.5, stiffness=0.4, armature=0.01),
+)
+"""A chain of followers with negative multipliers and offsets, springs, damping and a rotor."""
+TWO_FREE = (*RODS[:2], Rod(0.2, 0.12, 0.3, 0.002, damping=0.01), replace(RODS[3], weightless=True))
+"""The same chain with two free joints; a weightless link follows the second."""
 
 
 def urdf(rods):

@@ -199,7 +199,7 @@
     const options = {
       width, height: height(width),
       legend: { show: false },
-      padding: [8, 10, 0, 0],
+      padding: [8, logarithmic.includes("x") ? 18 : 10, 0, 0],
       cursor: { sync: { key: across, setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
       scales: { x: xScale, y: yScale },
       axes: [

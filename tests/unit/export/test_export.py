@@ -15,6 +15,7 @@ from asrsim.errors import ScenarioError, SimulationError
 from asrsim.export import export_mjcf
 from asrsim.export.springs import spline_of
 from asrsim.plugins import load_plugin_file
+from support.coupled_ode import RODS, TWO_FREE, urdf
 from support.independent_ode import solve
 from support.paths import EXAMPLES
 from support.random_runs import random_run
@@ -262,3 +263,15 @@ def test_a_model_that_mujoco_refuses_is_one_error(tmp_path, monkeypatch):
     monkeypatch.setattr("asrsim.export.mjcf.TINY", 0.0)
     with pytest.raises(SimulationError, match=r"MuJoCo cannot load the model: .*mjMINVAL"):
         export_mjcf(scenario("sea"), tmp_path / "soft.xml", plot=False)
+
+
+@pytest.mark.parametrize("rods", [RODS, TWO_FREE], ids=["one freedom", "a weightless link"])
+def test_couplings_rotors_and_weightless_links_move_in_mujoco_as_in_asrsim(tmp_path, rods):
+    """MuJoCo's own step is of first order; its equality constraints are soft, but hold within 0.02 mrad."""
+    path = tmp_path / "rods.urdf"
+    path.write_text(urdf(rods))
+    keys = {"duration": 1.0, "initial": {"j1": 0.6}, "external_torques": {"j2": 0.5}, "engine": "mujoco"}
+    found = export_mjcf(asrsim.make_scenario(path, **keys), tmp_path / "rods.xml").replay
+    assert np.ptp(found.ours) > 0.6
+    assert np.abs(found.error).max() < 2.0
+    np.testing.assert_allclose(found.theirs[:, 1], -0.7 * found.theirs[:, 0] + 0.3, rtol=0.0, atol=2e-5)

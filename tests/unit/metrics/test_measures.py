@@ -266,3 +266,16 @@ def test_measures_of_a_response_are_those_of_its_frequency_response():
     assert 0.99 < measure("coherence", time, output, given, **band) <= 1.0
     assert measure("gain", time, output, given, hertz=5.0, **band) == pytest.approx(np.interp(5.0, found.frequency, found.gain))
     assert np.isnan(measure("gain", time, np.zeros_like(time), given, hertz=5.0, **band))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("late", "trusted"), [(0.3, True), (0.95, True), (1.05, False), (1.5, False)])
+def test_a_delay_beyond_the_limit_of_the_search_is_undefined(late, trusted, sign):
+    """A bump, and the same bump later or earlier; the search covers 1 s in both directions."""
+    first, second = np.exp(-((TIME - 5.0) ** 2)), np.exp(-((TIME - 5.0 - sign * late) ** 2))
+    found = estimate_lag(TIME, first, TIME, second, limit=1.0)
+    assert found is not None
+    assert (found.at_limit, found.is_trusted) == (not trusted, trusted)
+    assert found.seconds == pytest.approx(sign * min(late, 1.0), abs=2e-3)
+    delay = measure("delay", TIME, second, first, limit=1.0)
+    assert delay == pytest.approx(sign * late, abs=1e-3) if trusted else math.isnan(delay)

@@ -5,6 +5,7 @@ import pytest
 
 from asrsim.plots.chart import Band, Chart, Line
 from asrsim.plots.charts import chart_figure
+from asrsim.plots.decimate import Envelope
 from asrsim.plots.legends import variants
 from asrsim.plots.output import styled
 from asrsim.quantities import shown
@@ -66,3 +67,10 @@ def test_the_legend_of_variants_reads_by_rows():
 )  # fmt: skip
 def test_small_numbers_take_a_smaller_unit(value, unit, text):
     assert shown(value, unit) == text
+
+
+def test_a_series_without_values_has_no_extremes():
+    envelope = Envelope(start=0.0, end=1.0, bins=4)
+    envelope.add(TIME, np.column_stack([TIME, np.full(20, np.nan)]))
+    assert np.isnan(envelope.pairs(1)).all()
+    assert np.nanmax(envelope.pairs(0)) == 1.0

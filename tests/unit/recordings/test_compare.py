@@ -87,11 +87,17 @@ def test_lag_can_be_set_or_switched_off(tmp_path):
 
 def test_a_lag_at_the_limit_of_the_search_is_not_believed(tmp_path):
     """The search covers a quarter of the shorter record: 0.5 s of 2 s."""
-    t = np.arange(0.8, 2.8, 0.005)
+    t = np.arange(0.0, 2.0, 0.005)
     result = compare(simulation(), read(write(tmp_path, "time,elbow_pos", t, motion(t - 0.55))))
     assert result.alignment.lag == 0.0
     assert "limit" in result.alignment.how
     assert any(one.code == "lag" for one in result.findings)
+
+
+def test_a_lag_beyond_the_search_is_found_if_both_begin_together(tmp_path):
+    t = np.arange(0.0, 2.0, 0.005)
+    result = compare(simulation(), read(write(tmp_path, "time,elbow_pos", t + 1.5, motion(t - 0.02))))
+    assert result.alignment.lag == pytest.approx(1.52, abs=1e-3)
 
 
 @pytest.mark.parametrize("late", [0.0, 0.05])
@@ -254,3 +260,17 @@ def test_a_unit_of_another_kind_of_joint_is_refused(tmp_path, unit, prismatic, w
             compare(simulation(), recording, infos=infos)
     else:
         assert compare(simulation(), recording, infos=infos).find("elbow", "link_position").unit == unit
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0203, 120.5])
+@pytest.mark.parametrize("hold", [True, False])
+def test_a_run_that_plays_a_recorded_command_is_aligned_to_its_clock_exactly(tmp_path, late, hold):
+    """The command has 250 values a second, which the run plays as a staircase, or between straight lines."""
+    recorded = np.arange(0.0, 4.0, 0.004)
+    command = 0.3 * np.sin(4.4 * recorded) + 0.2 * (recorded > 1.0) - 0.3 * (recorded > 2.3)
+    place = np.searchsorted(recorded, TIME + 1e-9, side="right") - 1
+    played = command[place] if hold else np.interp(TIME, recorded, command)
+    own = Samples(time=TIME[TIME < 4.0], joints=("elbow",), values={"reference_1": played[TIME < 4.0, None]})
+    result = compare(own, read(write(tmp_path, "time,elbow_cmd", recorded + late, command)))
+    assert result.alignment.lag == pytest.approx(late, abs=1e-5)
+    assert result.find("elbow", "reference_1").metrics["rmse"] < 1e-4

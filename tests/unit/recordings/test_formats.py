@@ -253,3 +253,12 @@ def test_json_without_records_is_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(RecordingError, match=r"lab\.json"):
         read_recording(path)
+
+
+@pytest.mark.parametrize("name", ["lab.csv", "lab.bag", "lab.mat", "lab.parquet", "lab"])
+def test_a_pointer_of_git_lfs_is_said_to_be_one(tmp_path, name):
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:" + 32 * "ab" + "\nsize 123456\n"
+    (tmp_path / name).write_text(pointer)
+    with pytest.raises(RecordingError, match="pointer of Git LFS") as caught:
+        read_recording(tmp_path / name)
+    assert "git lfs pull" in str(caught.value.problems[0].hint)

@@ -132,7 +132,7 @@ def test_a_learning_s_page_has_errors_and_motions(learned):
     assert "converged after 1 iteration" in Page(page).text
     error, motion = data_of(page)["groups"][0]["plots"]
     assert unpack(error["series"][0], 2) == pytest.approx(np.log10([0.1, 0.01]))
-    assert [line["label"] for line in motion["series"]] == ["desired position", "learned equilibrium position"]
+    assert [line["label"] for line in motion["series"]] == ["desired position", "learned input"]
 
 
 @pytest.mark.parametrize("name", ["fit.json", "study.json", "ilc.json", "twin.csv"])
