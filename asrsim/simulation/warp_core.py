@@ -322,6 +322,8 @@ def _check(prepared: Prepared) -> None:
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
     if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):
         raise InputError("coupled joints and rotors do not move on Warp yet", key="engine", code="warp")
+    if prepared.robot.loops:
+        raise InputError("closed chains do not move on Warp yet", key="engine", code="warp")
     if any(link.weightless[0] for link in prepared.robot.links):
         raise InputError("links without gravity do not move on Warp yet", key="engine", code="warp")
     if prepared.scenario.wrenches:

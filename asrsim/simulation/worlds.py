@@ -125,7 +125,7 @@ class Worlds:
         if not isinstance(scenario, Prepared):
             scenario = one_scenario(scenario, variant=variant, overrides=overrides)
             if engine is not None:
-                scenario = replace(scenario, engine="mujoco" if engine == WARP else engine)
+                scenario = replace(scenario, engine=links_engine(engine) or scenario.engine)
             scenario = prepare(scenario)
         elif engine not in (None, WARP, scenario.scenario.engine):
             raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
@@ -541,6 +541,11 @@ class Worlds:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def links_engine(engine: str | None) -> str | None:
+    """Name of the engine of a scenario whose worlds have this engine: Warp takes the links' model from MuJoCo."""
+    return "mujoco" if engine == WARP else engine
 
 
 def _warp_core(prepared: Prepared, engine: Engine, count: int, device: str) -> Core:

@@ -81,3 +81,14 @@ def test_energies_and_unknown_devices_are_refused():
         asrsim.Worlds(scenario("sea"), 2, engine="mujoco_warp", names=["spring_energy"])
     with pytest.raises(InputError, match="no device 'tpu'"):
         asrsim.Worlds(scenario("sea"), 2, engine="mujoco_warp", device="tpu")
+
+
+def test_environments_run_on_warp():
+    pytest.importorskip("gymnasium")
+    keys = {"control_rate": 500.0, "reward": lambda state: -abs(float(state.values["link_position"][0]))}
+    with_warp = asrsim.make_vec_env(scenario("qbmove", preset=0.2), 3, engine="mujoco_warp", **keys)
+    with_warp.reset(seed=1)
+    seen, rewards, *_ = with_warp.step(np.array([[1.0], [-1.0], [0.0]]))
+    with_warp.close()
+    assert seen[0, 1] > 0.0 > seen[1, 1]
+    assert (rewards[:2] < 0.0).all()
