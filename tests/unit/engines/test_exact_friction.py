@@ -27,7 +27,7 @@ def test_changes_on_a_tree_solve_its_equations(size, branches):
     to the diagonal."""
     source = np.random.default_rng(size)
     parent = np.array([max(i - source.integers(1, branches + 1), -1) for i in range(size)])
-    jointless = SimpleNamespace(moving_joints=())
+    jointless = SimpleNamespace(moving_joints=(), loops=())
     room = make_room(jointless, qpos=np.zeros(size), qvel=np.zeros(size), joint_q=[], joint_v=[], free=False, parent=parent)
     room.square[:] = np.nan
     for states in ([POSITIVE], range(AT_LOWER, AT_UPPER + 1), [POSITIVE]):

@@ -105,8 +105,9 @@ def test_observed_positions_are_the_logged_positions():
         seen = simulation.observe()
         simulation.advance(1)
         simulation.flush()
-        for name in ("link_position", "motor_1_position"):
-            assert getattr(seen, name)[0] == pytest.approx(simulation.samples.values[name][40, 0], rel=1e-12)
+        logged = simulation.samples.values
+        assert seen.link_position[0] == pytest.approx(logged["link_position"][40, 0], rel=1e-12)
+        assert seen.motor_position[0, 0] == pytest.approx(logged["motor_1_position"][40, 0], rel=1e-12)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
