@@ -201,7 +201,7 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
     if raw.joint is None:
         joint, quantity = meaning_of(name, unit, joints)
     else:  # the file states the joint, so the array index is not a joint number
-        name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", name)
+        name = re.sub(r"(?:\[[^\]]*\]|\(\d+\)|(?<=[a-z])\d+)$", "", name)
         joint, quantity = raw.joint, meaning_of(name, unit, [raw.joint])[1]
     if quantity is None or unit is not None:
         return joint, quantity
