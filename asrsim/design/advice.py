@@ -59,7 +59,9 @@ def advice(result: Result) -> Iterator[str]:
         return
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
-    for one in result.estimates:
+    # A narrow interval is weak because of doubts in the model, which no further motion removes.
+    wide = [one for one in result.estimates if not (one.verdict == WEAK and one.margin <= CLOSE)]
+    for one in wide:
         if one.verdict in (IDENTIFIED, AT_BOUND):
             continue
         owner, _, name = one.key.rpartition(".")
@@ -69,7 +71,10 @@ def advice(result: Result) -> Iterator[str]:
         if one.verdict == RATIO:
             wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
     yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
-    longer = {one.name: (one.margin / CLOSE) ** 2 for one in result.estimates if one.verdict == WEAK}
+    if result.misfit:
+        # Errors of a model do not fall with the length of a recording.
+        return
+    longer = {one.name: (one.margin / CLOSE) ** 2 for one in wide if one.verdict == WEAK}
     if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
         yield f"{', '.join(near)}: {max(near.values()):.1f} times as long a recording of this motion brings the interval to 5 %"
 

@@ -665,6 +665,11 @@ class RigidEngine(Engine):
         self._calculation(self._state, exchange, self._forces, lengths)
 
     @property
+    def room(self) -> Room:
+        """Work space of the step, with the indices and stops of the joints."""
+        return self._room
+
+    @property
     def coordinates(self) -> NDArray[np.int64]:
         """Indices (3, n) of the joints' positions, velocities, and velocities before the last kick in a state."""
         room = self._room

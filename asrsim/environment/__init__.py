@@ -52,8 +52,9 @@ def make_env(
 
 
 def make_vec_env(
-    scenario: str | Path | Scenario, num_envs: int, *, threads: int = 1, **options: Unpack[Options]
-) -> SoftRobotVectorEnv:
+    scenario: str | Path | Scenario, num_envs: int, *, threads: int = 1, engine: str | None = None, device: str = "cpu",
+    **options: Unpack[Options],
+) -> SoftRobotVectorEnv:  # fmt: skip
     """Many environments of one scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than
     separate environments. An environment whose episode is over is reset at the next step.
 
@@ -61,6 +62,7 @@ def make_vec_env(
         scenario: Scenario file, or a loaded scenario.
         num_envs: Number of environments.
         threads: Number of threads that step the environments, if the engine has a compiled step.
+        engine, device: As in `asrsim.Worlds`: with the engine `mujoco_warp`, the worlds are on a device of Warp.
         options: As in `make_env`; `reward` and `terminated` are called for each environment.
 
     Raises:
@@ -70,7 +72,7 @@ def make_vec_env(
     from asrsim.environment.options import checked
     from asrsim.environment.vector import SoftRobotVectorEnv
 
-    return SoftRobotVectorEnv(scenario, checked(options), num_envs=num_envs, threads=threads)
+    return SoftRobotVectorEnv(scenario, checked(options), num_envs=num_envs, threads=threads, engine=engine, device=device)
 
 
 def register() -> None:

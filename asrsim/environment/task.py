@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,9 +54,13 @@ class Episode:
 class ControlTask:
     """A scenario as a learning task; see `asrsim.environment.make_env`."""
 
-    def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any]) -> None:
-        """options: values of all options, as `asrsim.environment.options.checked` returns them."""
+    def __init__(
+        self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None
+    ) -> None:  # fmt: skip
+        """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
+        None: that of the scenario."""
         scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
+        scenario = replace(scenario, engine=engine or scenario.engine)
         self.prepared = prepared = prepare(scenario, settable=True)
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""

@@ -16,7 +16,7 @@ from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Start
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Worlds, links_engine
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
@@ -25,12 +25,25 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
-    def __init__(self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int) -> None:
-        self._make = partial(type(self), scenario, options, num_envs=num_envs, threads=threads)
-        self.task = task = ControlTask(scenario, options)
+    def __init__(
+        self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int, engine: str | None = None,
+        device: str = "cpu",
+    ) -> None:  # fmt: skip
+        """Arguments as in `asrsim.environment.make_vec_env`."""
+        self._make = partial(
+            type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device
+        )  # fmt: skip
+        self.task = task = ControlTask(scenario, options, engine=links_engine(engine))
         self.num_envs = num_envs
         self.worlds = Worlds(
-            task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads
+            task.prepared,
+            num_envs,
+            names=task.read_names,
+            watched=False,
+            expected_substeps=10**6,
+            threads=threads,
+            engine=engine,
+            device=device,
         )
         self._readings = task.readings(self.worlds)
         self.single_observation_space, self.single_action_space = task.spaces(self._readings)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from asrsim.samples import Array
 
 ORDER = 12
 """Largest order of the autoregressive models."""
+STATIONARY = 0.9999
+"""Largest partial correlation of an autoregressive model; that of a stationary process is below 1."""
 NOTHING = 0.5
 """Ratio of residuals to estimated noise below which residuals count as zero."""
 CLIPPED = 4.0
@@ -131,18 +135,23 @@ def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
     """Coefficients c_i (p,) of the autoregressive model e_k = sum c_i e_(k-i) + white noise, and the variance of that white
     noise, from autocovariances.
 
-    Levinson's recursion computes the coefficients; Schwarz's criterion selects the order p, which is 0 for white noise.
+    Levinson's recursion computes the coefficients; Schwarz's criterion selects the order p, which is 0 for white noise. The
+    recursion ends at the first order for which no stationary noise has these autocovariances, as corrected autocovariances of a
+    few samples may be.
     """
     coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
     chosen, best = (coefficients, power), samples * np.log(power)
     for order in range(1, len(covariances)):
         unexplained = covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]
-        reflection = float(np.clip(unexplained / power, -0.9999, 0.9999))
+        possible = abs(unexplained) < STATIONARY * power
+        reflection = float(unexplained / power if possible else math.copysign(STATIONARY, unexplained))
         coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
         power *= 1.0 - reflection**2
         criterion = samples * np.log(power) + np.log(samples) * order
         if criterion < best:
             best, chosen = criterion, (coefficients, power)
+        if not possible:
+            break
     return chosen
 
 

@@ -102,7 +102,7 @@ def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> J
     while at.mimic and at.moves and ratio:
         master = named.get(at.mimic)
         if master is None:
-            message = "mimics a joint that does not exist: it moves freely, or as the joint does that it mimics"
+            message = "mimics a joint that does not exist; this coupling has no effect"
             hint = did_you_mean(at.mimic, tuple(named))
             if at is joint:
                 findings.warn(message, joint.line, joint.name, code="mimic-joint", value=at.mimic, hint=hint)

@@ -157,7 +157,7 @@ def run(
                     now = joint.engine_velocity
                 elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
                     now = exchange[on_time - begin - 1, j, E_VELOCITY]
-                _read_engine(joint, link, scheme, velocity, now, jumped)
+                read_engine(joint, link, scheme, velocity, now, jumped)
                 if link.hysteresis.level > 0.0:
                     remember_springs(joint, link, kind)
                 if watched:
@@ -242,7 +242,7 @@ def _add_piece(joint: JointState, link: JointConstants, share: float, late: bool
             joint.free_before += share
 
 
-def _read_engine(joint: JointState, link: JointConstants, scheme: Scheme, velocity: float, now: float, jumped: bool) -> None:
+def read_engine(joint: JointState, link: JointConstants, scheme: Scheme, velocity: float, now: float, jumped: bool) -> None:
     """Compute damping torque, applied torque and link velocity at the time of the substep. Damping and derivative action act on
     the mean velocity over the kick; if an input jumps, the values at the time of the substep are different.
 

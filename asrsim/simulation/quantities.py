@@ -76,6 +76,15 @@ def require_recorded(names: Sequence[str], columns: Collection[str], choices: tu
         raise InputError(problems)
 
 
+def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None) -> tuple[str, ...]:
+    """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
+    energies."""
+    known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
+    possible = tuple(name for name in known if name == LOGGED["stiffness"] or name not in WATCHED)
+    require_recorded(possible if names is None else names, possible, possible)
+    return possible if names is None else tuple(names)
+
+
 class RowColumns:
     """Columns of a recorded row: quantities of the state, then quantities of the inputs."""
 

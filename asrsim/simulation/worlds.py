@@ -22,14 +22,16 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.core import UNOBSERVED, make_core
+from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.quantities import WATCHED, RowColumns
+from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.quantities import WATCHED, RowColumns, without_energies
 
+WARP = "mujoco_warp"
+"""Name of the engine of worlds on a device of Warp."""
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
 
@@ -98,6 +100,8 @@ class Worlds:
         threads: int = 1,
         chunk: int | None = None,
         watch: Callable[[], None] | None = None,
+        engine: str | None = None,
+        device: str = "cpu",
     ) -> None:
         """Prepare the worlds.
 
@@ -111,21 +115,36 @@ class Worlds:
             threads: Number of threads that step the worlds, if the engine has a compiled step.
             chunk: Largest number of substeps whose inputs are sampled in one call.
             watch: Called before each step of the engine.
+            engine: Name of the engine; None: the scenario's. With "mujoco_warp", MuJoCo Warp moves the links, and Warp runs
+                asrsim's own laws in single precision; then energies and limits are not computed. It is made for thousands of
+                worlds: one world takes as long as hundreds.
+            device: Device of Warp, such as "cpu" or "cuda".
         """
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides)
+            scenario = one_scenario(scenario, variant=variant, overrides=overrides)
+            if engine is not None:
+                scenario = replace(scenario, engine=links_engine(engine) or scenario.engine)
+            scenario = prepare(scenario)
+        elif engine not in (None, WARP, scenario.scenario.engine):
+            raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
+        self.on_warp = engine == WARP
+        """Whether the worlds are on a device of Warp."""
+        if self.on_warp:
+            names, watched = without_energies(scenario.drives, names), False
         self.prepared, self.count = scenario, count
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""
         self.joints = tuple(drive.name for drive in scenario.drives)
         self.chunk = longest_chunk(len(self.joints) * count, chunk, motor_substeps=scenario.resolution.motor_substeps)
         self._options = names, watched
-        engine, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
+        links, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
         try:
-            self.core, self.slow_because = make_core(
-                scenario, engine, compiled=compiled, substeps=substeps, worlds=count, watch=watch
+            self.core, self.slow_because = (
+                (_warp_core(scenario, links, count, device), "")
+                if self.on_warp
+                else make_core(scenario, links, compiled=compiled, substeps=substeps, worlds=count, watch=watch)
             )
             self.record_as(scenario)
             self._home_inputs = self._inputs_of(scenario)
@@ -140,7 +159,7 @@ class Worlds:
             self.closed = False
             self.reset()
         except BaseException:
-            engine.close()
+            links.close()
             raise
         self._threads = threads if self.core.native else 1
         self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
@@ -151,7 +170,7 @@ class Worlds:
         self.columns = RowColumns(prepared.drives, self.core.shape.motors, names)
         self.names = self.columns.names
         """Quantities that are recorded."""
-        self._watched = watched or not WATCHED.isdisjoint(self.names)
+        self._watched = not self.on_warp and (watched or not WATCHED.isdisjoint(self.names))
         self.core.record(self.columns, watched=self._watched)
         self._absent = np.repeat(self.columns.absent(prepared.drives)[None], self.count, axis=0)
         """Mask (count, joints, columns) of the quantities that the joints of each world do not record."""
@@ -522,6 +541,18 @@ class Worlds:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def links_engine(engine: str | None) -> str | None:
+    """Name of the engine of a scenario whose worlds have this engine: Warp takes the links' model from MuJoCo."""
+    return "mujoco" if engine == WARP else engine
+
+
+def _warp_core(prepared: Prepared, engine: Engine, count: int, device: str) -> Core:
+    """Worlds on a device of Warp, whose module is imported only now."""
+    from asrsim.simulation.warp_core import WarpCore
+
+    return WarpCore(prepared, engine, worlds=count, device=device)
 
 
 def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:

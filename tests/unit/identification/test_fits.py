@@ -221,6 +221,20 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     assert any("move joint_1 at" in text and "Hz" in text for text in advice(result))
 
 
+def test_a_longer_recording_is_advised_only_if_noise_makes_intervals_wide(lab):
+    """Neither the errors of a wrong model nor doubts about narrow intervals fall with the length of a recording."""
+    fitted = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.damping"])
+
+    def advised(half, misfit=()):
+        (one,) = fitted.estimates
+        one = replace(one, verdict="weak", low=one.value * (1.0 - half), high=one.value * (1.0 + half))
+        return [*advice(replace(fitted, estimates=(one,), misfit=misfit, causes=()))]
+
+    assert any("4.0 times as long" in text for text in advised(0.1))
+    assert advised(0.01) == advised(0.01, ("it diverges",)) == []
+    assert not any("times as long" in text for text in advised(0.1, ("it diverges",)))
+
+
 @pytest.mark.parametrize("every", [2, 10])
 def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     """The scenario contains delays of commands, and the interpolation of commands between coarse samples."""

@@ -39,6 +39,15 @@ def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory):
     assert power == pytest.approx(1.0, rel=0.1)
 
 
+@pytest.mark.parametrize("covariances", [[-1e-6, *[1e10] * 12], [0.0] * 13, [1.0, 2.0, -3.0, *[4.0, -4.0] * 5]])
+def test_an_autoregression_of_impossible_autocovariances_is_stationary(covariances):
+    """Corrections of a few samples may make autocovariances that no noise has."""
+    with np.errstate(all="raise", under="ignore"):
+        model, power = autoregression(np.array(covariances), 300)
+    assert power >= 0.0
+    assert np.abs(np.roots([1.0, *-model])).max(initial=0.0) < 1.0
+
+
 def test_the_size_of_residuals_counts_outliers_little():
     plain = np.tile([1.0, -1.0], 500)
     assert size_of(0.6745 * plain) == pytest.approx(0.6745)

@@ -1,0 +1,249 @@
+"""A substep of one joint on Warp: the order in which `asrsim.simulation.kernel.run` calls the functions of the kernel.
+
+The functions here are source for `asrsim.warping`, as those of the kernel are. Unlike there, MuJoCo Warp moves the links once
+in a substep: if an input jumps, it receives the means of the torques over the pieces of the kick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from asrsim.actuators.motor import MotorConstants
+from asrsim.records import columns
+from asrsim.simulation import kernel, laws
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
+from asrsim.simulation.layout import EXTERNAL
+from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
+from asrsim.warping.kinds import number_as
+from asrsim.warping.translate import Call, Translation
+
+LOAD, ARMATURE, FRICTION, FRACTION = range(4)
+"""Columns of the loads of a joint: torque in N m, inertia in kg m^2 by which implicit damping acts, friction in N m, length of
+the kick as a fraction of a substep."""
+LOADS = 4
+
+
+def later(table: Any, at: int) -> Any:
+    """The row that begins at the index `at` of a row."""
+    return table[at:]
+
+
+def load(
+    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, stride: int, pieces: Any,
+    lengths: Any, step: int, first: bool, recorded: bool, loads: Any,
+) -> None:  # fmt: skip
+    """Advance motors and springs of a joint by a substep, with the link at its present position, and store its loads.
+
+    inputs: input rows of the joint, `stride` numbers apart; pieces: first row and last row + 1 of the pieces of the kick, and
+    row of the piece that begins at the time of the substep, or -1 for a kick of one piece; lengths: lengths of the pieces;
+    step: row of the substep; first: whether the run begins; recorded: whether the values are recorded.
+    """
+    v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
+    if kind.controllers:
+        kernel.remember_positions(joint, link, kind, scheme)
+    begin, end, on_time = pieces[0], pieces[1], pieces[2]
+    jumped = on_time >= 0
+    since = 0.0 if first else -0.5 * scheme.staggered
+    until = -since
+    torque = applied = push = drag = force = damping = friction = fraction = 0.0
+    for turn in range(begin, end + 1 if jumped else end):
+        at, length, noted = turn, 1.0, not jumped
+        if jumped and turn == on_time:
+            at, length, noted, since, until = step, 0.0, True, 0.0, 0.0
+        elif jumped:
+            at = turn - 1 if turn > on_time else turn
+            length = lengths[at]
+            until = since + length
+        u = later(inputs, at * stride)
+        if kind.controllers:
+            kernel.read_sensors(joint, link, kind, scheme, u, since, until)
+        since = until
+        kernel.advance(joint, link, kind, scheme, u, length * scheme.step, noted, recorded or link.damping_ratio != 0.0)
+        joint.brake = kernel.limit(joint, link, v)
+        joint.now.push = kernel.push_of(joint, link, u[EXTERNAL])
+        joint.drag = kernel.damping_of(joint, link)
+        if noted:
+            torque, applied, push, drag = joint.now.torque, joint.now.applied, joint.now.push, joint.drag
+        fraction += length
+        force += length * (joint.now.applied + joint.now.push)
+        damping += length * (joint.drag + joint.brake)
+        friction += length * kernel.friction_of(joint, link, v)
+    joint.now.torque, joint.now.applied, joint.now.push, joint.drag = torque, applied, push, drag
+    # Damping acts on a mean of the velocities before and after the kick.
+    loads[LOAD] = (force - damping * joint.engine_velocity) / fraction
+    loads[ARMATURE] = scheme.link_implicitness * scheme.step * damping
+    loads[FRICTION] = friction / fraction
+    loads[FRACTION] = fraction
+
+
+def settle(
+    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, velocity: float, first: bool
+) -> None:  # fmt: skip
+    """Store the values at the time of the substep after the engine has moved the link. velocity: of the link now, rad/s."""
+    now = 0.5 * (joint.engine_velocity + velocity)
+    if first or scheme.staggered == 0.0:
+        now = joint.engine_velocity
+    kernel.read_engine(joint, link, scheme, velocity, now, False)
+    if link.hysteresis.level > 0.0:
+        kernel.remember_springs(joint, link, kind)
+
+
+def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
+    """Store the position (rad) and velocity (rad/s) of the link for the next substep."""
+    last = joint.engine_velocity
+    if first and scheme.staggered != 0.0:
+        last = 2.0 * joint.engine_velocity - velocity
+    joint.last_engine_velocity, joint.engine_velocity, joint.position = last, velocity, position
+
+
+def shortened(joint: JointState, scheme: Scheme, fraction: float, velocity: float) -> tuple[float, float]:
+    """Velocity and position of a link after a kick that was a fraction of the engine's kick to `velocity` (rad/s)."""
+    after = joint.engine_velocity + fraction * (velocity - joint.engine_velocity)
+    return after, joint.position + scheme.step * after
+
+
+# -- as a program of Warp -----------------------------------------------------------------------------------------------
+
+NUMBERS, WHOLE_NUMBERS = Row(FLOAT), Row(INT)
+STATE, CONSTANTS, KIND, SCHEME = (
+    Row(INT if one is JointKind else FLOAT, record=one) for one in (JointState, JointConstants, JointKind, Scheme)
+)  # fmt: skip
+
+
+def program(drives: Iterable[SteppedJoint]) -> tuple[Program, tuple[Any, ...]]:
+    """The program that advances joints with these drives, and their actuators: `spring_law` of a joint is the number of its
+    actuator, from 1. Raises TranslationError that names the actuator and the line."""
+    positions = {drive.actuator: drive.positions for drive in drives if drive.actuator is not None}
+    made = Program({
+        laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
+        laws.memory_of: _memory, laws.spring_law: _call_law, later: _later, kernel.find_state: _nothing,
+    })  # fmt: skip
+    made.add(_law_text(made, positions))
+    joint = STATE, CONSTANTS, KIND, SCHEME
+    for function, kinds in (
+        (load, (*joint, NUMBERS, INT, WHOLE_NUMBERS, NUMBERS, INT, BOOL, BOOL, NUMBERS)),
+        (settle, (*joint, FLOAT, BOOL)),
+        (shortened, (STATE, SCHEME, FLOAT, FLOAT)),
+        (move_on, (STATE, SCHEME, FLOAT, FLOAT, BOOL)),
+    ):
+        name, _ = made.function(function, kinds)
+        made.add(f"{function.__name__} = {name}")
+    made.add(KERNELS)
+    return made, tuple(positions)
+
+
+def _nothing(caller: Translation, given: list[Value]) -> Value:
+    return Value(None)
+
+
+def _part(whole: Any, part: Any) -> Call:
+    """Record i of the parts that follow a record in its row."""
+    first, size = len(columns(whole)), len(columns(part))
+    return lambda caller, given: given[0].from_place(f"{first} + {given[1].text} * {size}", part)
+
+
+def _memory(caller: Translation, given: list[Value]) -> Value:
+    return given[0].from_place(given[1].field("memory").text)
+
+
+def _later(caller: Translation, given: list[Value]) -> Value:
+    return given[0].from_place(given[1].text)
+
+
+def _call_law(caller: Translation, given: list[Value]) -> Value:
+    # `call` is also the function by which other steppings advance a joint: they do not run on Warp.
+    if len(given) != 6:
+        return Value(None)
+    which, joint, link, law, q, whole = given
+    row = link.from_place(law.text)
+    values = [which.text, *joint.arguments, *row.arguments, q.text, number_as(whole, INT).text]
+    caller.line(f"spring_law({', '.join(values)})")
+    return Value(None)
+
+
+def _law_text(made: Program, actuators: Mapping[Any, int]) -> str:
+    """A function that calls the laws of the actuator with a number. actuators: number of positions of each actuator."""
+    lines = ["@wp.func", (
+        "def spring_law(which: int, s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int, q: float, "
+        "whole: int):"
+    )]  # fmt: skip
+    for number, (actuator, count) in enumerate(actuators.items(), start=1):
+        kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
+        thetas = (f"s[s_at + {motor_column('theta', i)}]" for i in range(count))
+        values = ", ".join(["q", *thetas, "p", "p_at"])
+        try:
+            torques, found = made.function(actuator.elastic_torques, kinds)
+            stiffness, one = made.function(actuator.stiffness, kinds)
+        except TranslationError as error:
+            raise TranslationError(f"the laws of '{actuator.name}' have no translation to Warp: {error}") from error
+        names = [f"r_{number}_{i}" for i in range(len(found.kinds))]
+        lines += [f"    if which == {number}:", f"        {', '.join(names)} = {torques}({values})"]
+        lines += [
+            f"        s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
+            for i, (name, kind) in enumerate(zip(names, found.kinds, strict=True))
+        ]
+        stored = number_as(Value(one, f"{stiffness}({values})"), FLOAT).text
+        lines += ["        if whole != 0:", f"            s[s_at + {JOINT['stiffness']}] = {stored}"]
+    return "\n".join([*lines, "    return"])
+
+
+KERNELS = """
+@wp.kernel
+def load_joints(
+    s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
+    sizes: wp.array(dtype=int), inputs: wp.array(dtype=float), lengths: wp.array(dtype=float), pieces: wp.array(dtype=int),
+    which: wp.array2d(dtype=int), done: wp.array(dtype=int), ran: wp.array(dtype=int), freedoms: wp.array(dtype=int),
+    loads: wp.array(dtype=float), force: wp.array2d(dtype=float), armature: wp.array2d(dtype=float),
+    friction: wp.array2d(dtype=float),
+):
+    w, j = wp.tid()
+    joints, rows, columns = sizes[0], sizes[1], sizes[2]
+    i = w * joints + j
+    step = ran[w] + sizes[3]
+    substep = done[w] + ran[w]
+    at = (which[w, 2] * rows + step) * 3
+    load(
+        s, i * sizes[4], p, i * sizes[5], k, j * sizes[6], z, 0, inputs, (which[w, 1] * rows * joints + j) * columns,
+        joints * columns, pieces, at, lengths, which[w, 2] * rows, step, substep == 0, substep % sizes[7] == 0, loads, i * 4,
+    )
+    freedom = freedoms[j]
+    force[w, freedom] = loads[i * 4]
+    armature[w, freedom] = loads[i * 4 + 1]
+    friction[w, freedom] = loads[i * 4 + 2]
+
+
+@wp.kernel
+def settle_joints(
+    s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
+    sizes: wp.array(dtype=int), done: wp.array(dtype=int), ran: wp.array(dtype=int), freedoms: wp.array(dtype=int),
+    coordinates: wp.array(dtype=int), loads: wp.array(dtype=float), qpos: wp.array2d(dtype=float),
+    qvel: wp.array2d(dtype=float), columns: wp.array(dtype=int), rows: wp.array4d(dtype=float),
+):
+    w, j = wp.tid()
+    i = w * sizes[0] + j
+    substep = done[w] + ran[w]
+    at = i * sizes[4]
+    velocity = qvel[w, freedoms[j]]
+    position = qpos[w, coordinates[j]]
+    if loads[i * 4 + 3] < 0.99:
+        # The first kick is shorter than a substep.
+        velocity, position = shortened(s, at, z, 0, loads[i * 4 + 3], velocity)
+        qvel[w, freedoms[j]] = velocity
+        qpos[w, coordinates[j]] = position
+    settle(s, at, p, i * sizes[5], k, j * sizes[6], z, 0, velocity, substep == 0)
+    if substep % sizes[7] == 0:
+        place = substep // sizes[7] - (done[w] + sizes[7] - 1) // sizes[7]
+        for c in range(columns.shape[0]):
+            rows[place, w, j, c] = s[at + columns[c]]
+    move_on(s, at, z, 0, position, velocity, substep == 0)
+
+
+@wp.kernel
+def count_steps(ran: wp.array(dtype=int)):
+    w = wp.tid()
+    ran[w] = ran[w] + 1
+"""
+"""Kernels over worlds and joints. sizes: joints, rows and columns of an input table, its first row, columns of S, P and K,
+substeps between recorded rows."""

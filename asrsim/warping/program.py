@@ -1,0 +1,122 @@
+"""A module of Warp that is made of translated functions."""
+
+from __future__ import annotations
+
+import hashlib
+import linecache
+import types
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from asrsim.errors import SimulationError
+from asrsim.warping.kinds import FLOAT, Group, Row, TranslationError, Value, number_as
+from asrsim.warping.translate import Call, Translation
+
+
+def available() -> bool:
+    """Whether Warp and MuJoCo Warp are installed (the extra `warp`)."""
+    from importlib.util import find_spec
+
+    return find_spec("warp") is not None and find_spec("mujoco_warp") is not None
+
+
+@cache
+def loaded_warp() -> Any:
+    """The module `warp`, without its messages. Raises SimulationError."""
+    if not available():
+        raise SimulationError('Warp is not installed: pip install "asrsim[warp]"')
+    import warp
+
+    wp: Any = warp
+    wp.config.log_level = wp.LOG_WARNING
+    wp.init()
+    return wp
+
+
+class Program:
+    """Translated functions, each once for each kind of its arguments, and the kernels that call them."""
+
+    def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
+        """calls: translations of the calls of certain functions, in place of the translation of their source."""
+        self._calls = dict(calls or {})
+        self._done: dict[Any, tuple[str, Any]] = {}
+        """Name and kind of the result of each function, by function and kinds of the arguments."""
+        self._texts: list[str] = []
+        self._running: list[Any] = []
+
+    def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
+        """Translation of the call of a function. Raises TranslationError."""
+        own = self._calls.get(function) if function.__hash__ else None
+        if own is not None:
+            if caller is None:
+                raise TranslationError("this function has a translation only within another one")
+            found: Value = own(caller, given)
+            return found
+        if not isinstance(function, types.FunctionType):
+            raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
+        # The number of a row's values is passed on only where the callee needs it: as part of the kind.
+        name, returned = self.function(function, [one.kind for one in given])
+        return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
+
+    def function(self, function: Any, kinds: Sequence[Any]) -> tuple[str, Any]:
+        """Name in Warp, and kind of the result, of a function for arguments of these kinds. Raises TranslationError."""
+        key = function, tuple(kinds)
+        if key not in self._done:
+            if key in self._running:
+                raise TranslationError(f"`{function.__name__}` calls itself")
+            self._running.append(key)
+            name = f"{function.__name__.strip('_')}_{len(self._done) + len(self._running)}"
+            made = Translation(function, name, kinds, self.call)
+            self._running.pop()
+            self._texts.append(f"@wp.func\n{made.text}\n")
+            self._done[key] = name, made.returned
+        return self._done[key]
+
+    def add(self, text: str) -> None:
+        """Add a function or kernel that is written in Warp."""
+        self._texts.append(text)
+
+    @property
+    def text(self) -> str:
+        """Source of the module."""
+        return "\n\n".join(["import warp as wp", *self._texts]) + "\n"
+
+    def load(self) -> types.ModuleType:
+        """The module, with its functions and kernels. Raises SimulationError where Warp is not installed."""
+        return module_of(self.text)
+
+
+@cache
+def module_of(text: str) -> types.ModuleType:
+    """The module with this source. Raises SimulationError where Warp is not installed."""
+    wp = loaded_warp()
+    name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    module, file = types.ModuleType(name), f"<{name}>"
+    # Warp reads the source of its functions again.
+    linecache.cache[file] = len(text), None, text.splitlines(keepends=True), file
+    module.__file__ = file
+    # Derivatives of kernels would double the time of their compilation.
+    wp.get_module(name).options["enable_backward"] = False
+    exec(compile(text, file, "exec"), module.__dict__)
+    return module
+
+
+def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
+    """Source of a module with the kernel `evaluate(positions, parameters, results)` of a law, for arrays (n, ...)."""
+    program = Program()
+    name, returned = program.function(law, [*[FLOAT] * positions, Row(FLOAT, parameters)])
+    values = [f"x[i, {k}]" for k in range(positions)]
+    lines = [f"r = {name}({', '.join(values)}, p, i * {parameters})"]
+    if isinstance(returned, Group):
+        names = [f"r_{k}" for k in range(results)]
+        lines = [f"{', '.join(names)} = {lines[0][4:]}"]
+        lines += [
+            f"y[i, {k}] = {number_as(Value(kind, n), FLOAT).text}"
+            for k, (n, kind) in enumerate(zip(names, returned.kinds, strict=True))
+        ]
+    else:
+        lines.append(f"y[i, 0] = {number_as(Value(returned, 'r'), FLOAT).text}")
+    head = "def evaluate(x: wp.array2d(dtype=float), p: wp.array(dtype=float), y: wp.array2d(dtype=float)):"
+    program.add("\n".join(["@wp.kernel", head, "    i = wp.tid()", *(f"    {line}" for line in lines)]))
+    return program.text

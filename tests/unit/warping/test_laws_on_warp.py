@@ -1,0 +1,85 @@
+"""Laws translated to Warp give the numbers of their source; code without a translation is refused by file and line."""
+
+import math
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.actuators.motor import velocity_bounds
+from asrsim.actuators.vectorised import energy_law
+from asrsim.plugins import load_plugin_file
+from asrsim.warping import FLOAT, Program, TranslationError
+from support.paths import EXAMPLES
+
+SHIPPED = ("sea", "qbmove", "bavs", "awas_ii")
+
+
+def on_warp(law, positions, parameters, results):
+    wp = pytest.importorskip("warp", reason='needs the extra "warp"')
+    from asrsim.warping.program import law_kernel, module_of
+
+    code = module_of(law_kernel(law, positions.shape[1], len(parameters), results))
+    found = wp.zeros((len(positions), results), dtype=float, device="cpu")
+    given = [
+        wp.array(np.float32(values), dtype=float, device="cpu") for values in (positions, np.tile(parameters, len(positions)))
+    ]
+    wp.launch(code.evaluate, dim=len(positions), inputs=[*given, found], device="cpu")
+    return found.numpy()
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, "my_vsa"])
+@pytest.mark.parametrize(("law", "results"), [("elastic_torques", 2), ("stiffness", 1), ("elastic_energy", 1)])
+def test_every_law_is_that_of_its_source(name, law, results):
+    if name == "my_vsa":
+        load_plugin_file(EXAMPLES / "plugins" / "my_vsa.py")
+    actuator = ACTUATORS.get(name)
+    own = energy_law(actuator) if law == "elastic_energy" else getattr(actuator, law)
+    parameters = tuple(parameter.default for parameter in actuator.parameters)
+    positions = np.float32(np.random.default_rng(1).uniform(-0.4, 0.4, (200, 1 + actuator.positions())))
+    if actuator.adjuster:
+        positions[:, 2] = np.abs(positions[:, 2]) * 0.05
+    wanted = np.array([np.atleast_1d(own(*map(float, row), parameters)) for row in positions])
+    np.testing.assert_allclose(on_warp(own, positions, parameters, results), wanted, atol=1e-6 * np.abs(wanted).max())
+
+
+def branching(x, y):
+    total = count = 0
+    for i in range(5):
+        if i % 2 == 0 and x > 0.1 * i:
+            total += i * x
+        elif y < 0:
+            total -= y / 2
+        else:
+            count += 1
+    pair = (math.hypot(x, y), count)
+    return total + pair[0] ** 2 + pair[1], max(x, y, 0)
+
+
+def test_numbers_change_their_kind_as_in_python():
+    program = Program()
+    name, kind = program.function(branching, [FLOAT, FLOAT])
+    assert kind.kinds == (FLOAT, FLOAT)
+    assert f"def {name}(x: float, y: float)" in program.text
+
+    def law(x, y, parameters):
+        return branching(x, y)
+
+    points = np.float32(np.random.default_rng(2).uniform(-1.0, 1.0, (100, 2)))
+    np.testing.assert_allclose(on_warp(law, points, (0.0,), 2), [branching(*map(float, row)) for row in points], atol=1e-6)
+
+
+def test_functions_with_several_results_are_translated_with_their_callees():
+    program = Program()
+    _, kind = program.function(velocity_bounds, [FLOAT] * 5)
+    assert kind.kinds == (FLOAT, FLOAT)
+
+
+def reading(x):
+    with open("law.txt") as file:  # noqa: PTH123 - what a law must not do
+        return x + len(file.read())
+
+
+def test_code_without_translation_is_refused_with_its_line():
+    with pytest.raises(TranslationError, match=r"test_laws_on_warp\.py, line \d+: `with open"):
+        Program().function(reading, [FLOAT])
