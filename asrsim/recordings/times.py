@@ -19,8 +19,8 @@ from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
-              "sec", "secs", "nanosec", "nsec", "nsecs", "millis", "micros", "nanos", "epoch", "unix", "header", "field", "zeit",
-              "s", "ms", "us", "ns"}  # fmt: skip
+              "sec", "secs", "nanosec", "nsec", "nsecs", "millis", "micros", "nanos", "epoch", "unix", "header", "field",
+              "zeit", "s", "ms", "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _SYMBOLS = ("s", "ms", "us", "ns")
 _WHOLE, _PARTS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")

@@ -120,3 +120,15 @@ def test_text_that_is_no_list_and_lists_that_are_too_long_are_no_numbers(tmp_pat
     picture, nested = '"[' + ",".join(["0"] * 500) + ']"', '"' + "[" * 5000 + '"'
     rows = [f"{t:.9f},{POSITIONS['elbow'][i]:.9f},{picture},{nested}" for i, t in enumerate(TIME)]
     assert {*read(tmp_path, rows, "time,elbow.position,pixels,odd").channels} == {"elbow.position"}
+
+
+def test_the_parts_of_a_controllers_state_keep_their_meaning(tmp_path):
+    """The desired positions of a JointTrajectoryControllerState come first; they are commands, not measured positions."""
+    fields = ",".join(
+        f"field.{what}0" for what in ("joint_names", "desired.positions", "desired.velocities", "actual.positions")
+    )
+    rows = [f"{stamped(i)},elbow,{0.5 + t:.9f},1,{POSITIONS['elbow'][i]:.9f}" for i, t in enumerate(TIME)]
+    recording = read(tmp_path, rows, f"%time,{fields}")
+    check(recording, elbow="elbow")
+    np.testing.assert_allclose(recording.column("elbow", "reference_1").values, 0.5 + TIME, atol=1e-9)
+    assert {column.quantity for column in recording.channels.values()} == {"link_position", "reference_1", None}
