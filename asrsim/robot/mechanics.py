@@ -95,7 +95,7 @@ def _coupled(findings: Findings, joints: tuple[Joint, ...]) -> tuple[Joint, ...]
 
 
 def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> Joint:
-    """The joint with the joint at the end of its chain of masters as its master, or without a master."""
+    """The joint, coupled to the joint at the end of its chain of masters; uncoupled if it follows no joint."""
     if not joint.mimic or not joint.moves:
         return replace(joint, mimic="")
     ratio, offset, at, seen = 1.0, 0.0, joint, {joint.name}
