@@ -21,7 +21,7 @@ MOST = 64
 _LIST = re.compile(r"array\(\s*(?:'[a-zA-Z]'\s*,\s*)?\[(?P<inner>.*)\]\s*\)|[\[(](?P<all>.*)[\])]", re.DOTALL)
 """Pattern of a list in a cell: `[1, 2]`, `(1.0, 2.0)`, `['a', 'b']`, `[1. 2.]`, `array('d', [1.0, 2.0])`."""
 _ENTRY = re.compile(r"""b?'((?:[^'\\]|\\.)*)'|b?"((?:[^"\\]|\\.)*)"|([^\s,;]+)""")
-_NAME = re.compile(r"(?P<head>(?:.*[./_ ])?)(?:joint_?)?names?(?P<place>\d+|[\[(]\d+[\])])", re.IGNORECASE)
+_NAME = re.compile(r"(?P<head>(?:.*?[./_ ])?)(?:joint_?)?names?(?P<place>\d+|[\[(]\d+[\])])", re.IGNORECASE)
 """Pattern of the header of a column of names, such as `field.name0` or `name[0]`."""
 _FIELDS = ("position", "velocity", "effort")
 """Arrays of a JointState message, after its names (sensor_msgs/JointState)."""
