@@ -124,6 +124,15 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
     return joint, quantity
 
 
+def within_joint(name: str) -> str:
+    """Name of a number that the file gives to a joint: its last part, after `desired` for a command's part.
+
+    `field.desired.positions` is a command, as the part above its last one says.
+    """
+    *above, last = re.split(r"[./]", name)
+    return f"desired {last}" if any("reference" in _words(tokens_of(part)) for part in above) else name
+
+
 def command_unit(name: str) -> str:
     """SI unit of a command whose name states another kind than a position, such as "N m" for `knee_tau_des`; "" otherwise.
 

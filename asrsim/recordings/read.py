@@ -19,7 +19,7 @@ from asrsim.plain import one_or_more
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import KNOWN, DoubtError, command_unit, find_raw, joint_of, meaning_of, stated_unit
+from asrsim.recordings.names import KNOWN, DoubtError, command_unit, find_raw, joint_of, meaning_of, stated_unit, within_joint
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
@@ -201,8 +201,8 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
     if raw.joint is None:
         joint, quantity = meaning_of(name, unit, joints)
     else:  # the file states the joint, so the array index is not a joint number
-        name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", name)
-        joint, quantity = raw.joint, meaning_of(name, unit, [raw.joint])[1]
+        name = re.sub(r"(?:\[[^\]]*\]|\(\d+\)|(?<=[a-z])\d+)$", "", name)
+        joint, quantity = raw.joint, meaning_of(within_joint(name), unit, [raw.joint])[1]
     if quantity is None or unit is not None:
         return joint, quantity
     values = raw.values[np.isfinite(raw.values)]

@@ -23,7 +23,8 @@ SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
 """Separator of cells for each word in a document; None: runs of white space."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
-    rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*(?:(?P<joint>[^\[\]*]+)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
+    rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*"
+    rf"(?:(?P<joint>[^\[\]*]+(?:\[[^\[\]]*\][^\[\]*\s]*)*)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
     rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?"
 )
 """Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""

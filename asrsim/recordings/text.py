@@ -18,6 +18,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.recordings.data import Content, RawColumn, RawTable, places_text, unique
+from asrsim.recordings.joint_names import list_widths, message_names, name_columns, spread, with_joints
 from asrsim.recordings.reading import SEPARATORS, Reading
 from asrsim.samples import Array
 
@@ -29,6 +30,8 @@ _SAMPLE = 200
 """Number of lines at the start of a file that decide its layout."""
 _BLOCK = 1000
 """Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
+_LONGEST = 200
+"""Largest length of a joint's name."""
 Row = tuple[int, list[str]]
 """Line number and cells of a row."""
 
@@ -143,7 +146,7 @@ class Layout:
                 lines += numbers
                 for column, texts in zip(columns, zip(*cells, strict=True), strict=True):
                     if column.kind == "joint":
-                        column.blocks.append(np.array(texts))
+                        column.blocks.append(np.array([text[:_LONGEST] for text in texts]))
                     elif column.kind != "text":
                         column.add(texts, numbers, self.decimal)
         kept = [(place, column) for place, column in enumerate(columns, start=1) if column.blocks]
@@ -159,14 +162,19 @@ class Layout:
                 findings.append(_problem(message, column.faults, "not-a-number", column.name))
         if unread := [column.name for column in columns if column.kind == "text"]:
             findings.append(Problem("text is not read", key=listed(unread, 6), code="text-column"))
-        if not self.header:
+        if not self.header and self.names[0] != "column_1":
+            arrays = [*dict.fromkeys(name.partition("[")[0] for name in self.names)]
+            message = f"has no header; its rows are those of a JointState message: {', '.join(arrays)}"
+            hint = "If other arrays were recorded, name the columns: --map 'velocity[0]=elbow.link_torque'"
+            findings.append(Problem(message, hint=hint, code="no-header"))
+        elif not self.header:
             message = "has no header; columns are called column_1, column_2, ..."
             findings.append(Problem(message, hint="Name them with --map 2=joint_1.link_position", code="no-header"))
         raw = tuple(
             RawColumn(name=column.name, values=np.concatenate(column.blocks), zero=column.zero, place=place)
             for place, column in kept
         )
-        table = RawTable(columns=raw, lines=np.array(lines, dtype=np.int64))
+        table = with_joints(RawTable(columns=raw, lines=np.array(lines, dtype=np.int64)), findings)
         return Content(tables=(table,), findings=tuple(findings))
 
 
@@ -185,10 +193,11 @@ def read_text(path: Path, reading: Reading) -> Content:
             raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
         word, decimal = _separator(plain[len(plain) // 2 :], reading)
         separator = SEPARATORS[word]
-        layout = layout_of([(i, _cells(line, separator)) for i, line in start], reading, decimal)
+        widths = list_widths([split(line, separator) for line in plain])
+        layout = layout_of([(i, spread(_cells(line, separator), widths)) for i, line in start], reading, decimal)
         stream.seek(0)
         numbered = enumerate(itertools.islice(stream, layout.first - 1, None), start=layout.first)
-        found = layout.content(((i, split(line.strip("\r\n"), separator)) for i, line in numbered))
+        found = layout.content(((i, spread(split(line.strip("\r\n"), separator), widths)) for i, line in numbered))
     return replace(found, layout={"separator": word, "decimal": decimal, "encoding": encoding, "header": layout.header})
 
 
@@ -199,6 +208,8 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     filled = [(i, row + [""] * (width - len(row))) for i, row in numbered]
     if not filled:
         raise RecordingError("holds no rows", code="empty")
+    widths = list_widths([row for _, row in filled[:_SAMPLE]])
+    filled = [(i, spread(row, widths)) for i, row in filled] if widths else filled
     layout = layout_of(filled[:_SAMPLE], reading, ".")
     return layout.content([row for row in filled if row[0] >= layout.first])
 
@@ -206,6 +217,11 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
 def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
+    # The names of joints in rows below their header do not count as text: there may be more names than numbers.
+    naming: dict[int, list[int]] = {}
+    for (_, cells), kind in zip(rows, kinds, strict=True):
+        kind[:] = ["missing" if i in naming and one == "text" else one for i, one in enumerate(kind)]
+        naming = naming or name_columns(_uncommented(cells))
     # The kind of the first cell distinguishes rows of the table from lines above, such as "Samples 400 400" or "Operator Ada".
     shape = Counter((len(row), row[0] == "text") for row in kinds[len(rows) // 2 :]).most_common(1)[0][0]
     columns, lowest = shape[0], reading.header or 0
@@ -242,10 +258,16 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
         )  # fmt: skip
     members = map(Counter, zip(*(kind for kind in kinds[place:] if len(kind) == columns), strict=True))
     common = [max(("number", "stamp", "text"), key=counts.__getitem__) for counts in members]
+    if not header:
+        names = message_names(rows[place][1], common) or names
     labels = _unique([*names, ""][:columns])
+    naming = name_columns(labels)
     return Layout(
         decimal=decimal, header=header, first=rows[place][0], names=labels,
-        kinds=tuple("joint" if name == reading.joint else kind for name, kind in zip(labels, common, strict=True)),
+        kinds=tuple(
+            "joint" if name == reading.joint or i in naming else kind
+            for i, (name, kind) in enumerate(zip(labels, common, strict=True))
+        ),
         skipped=tuple(
             row for row, kind in zip(rows[:place], kinds, strict=False) if row[0] > header > 0 and share_of_values(kind) >= 0.5
         ),
@@ -283,7 +305,8 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
         columns = Counter(map(len, rows)).most_common(1)[0][0]
         # A separator at the end of each line makes a blank last cell, which must not lower the score.
         whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
-        good = sum(share_of_values(kinds_of(row, decimal)) for row in whole) / len(rows)
+        widths = list_widths(whole)
+        good = sum(share_of_values(kinds_of(spread(row, widths), decimal)) for row in whole) / len(rows)
         return round(good - (0.4 if columns == 1 else 0.0), 3)
 
     words = [reading.separator] if reading.separator else [*SEPARATORS]

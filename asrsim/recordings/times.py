@@ -19,10 +19,12 @@ from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
-              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "unix", "header", "field", "zeit", "s",
-              "ms", "us", "ns"}  # fmt: skip
+              "sec", "secs", "nanosec", "nsec", "nsecs", "millis", "micros", "nanos", "epoch", "unix", "header", "field",
+              "zeit", "s", "ms", "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _SYMBOLS = ("s", "ms", "us", "ns")
+_WHOLE, _PARTS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")
+"""Names of the fields of a stamp in ROS 1 and 2: seconds, and nanoseconds of the second."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
 """Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
@@ -133,13 +135,13 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
     missing = [name for name, place in stated.items() if place is None]
     if missing and not table.name:  # for topics without the stated column, the times of the messages are used
         raise RecordingError("the file has no such time column", key=missing[0], choices=tuple(names[:12]), code="no-time")
-    places = [place for place in stated.values() if place is not None] or named[:1]
+    places = [place for place in stated.values() if place is not None] or _time_columns(columns, named)
     if not places:
         raise RecordingError(
             f"none of the columns is a time: {listed(names, 20)}", code="no-time",
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )  # fmt: skip
-    if len(named) > 1 and not stated:
+    if len(named) > 1 and len(places) == 1 and not stated:
         _check_second_time(names, named[0], named[1], findings)
     alone = len(places) == 1
     seconds, zeros, units = zip(*(_seconds(columns[place], reading, findings, alone=alone) for place in places), strict=True)
@@ -149,6 +151,16 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
     signals = tuple(column for i, column in enumerate(columns) if i not in (*places, *named))
     zero = sum(zeros) if sum(zeros) > EPOCH * 1e9 else 0
     return replace(table, columns=signals, time=np.sum(seconds, axis=0), clock=clock, zero=zero)
+
+
+def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
+    """The first column with the name of a time, and the next one if both are seconds and nanoseconds of one stamp."""
+    if len(named) > 1:
+        (first, whole), (second, part) = (re.split(r"(?=[^./_]*$)", columns[i].name, maxsplit=1) for i in named[:2])
+        values = columns[named[1]].values
+        if first == second and whole in _WHOLE and part in _PARTS and not np.any((values < 0) | (values >= 1e9)):
+            return [*named[:2]]
+    return [*named[:1]]
 
 
 def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:

@@ -230,16 +230,17 @@ def test_a_time_of_day_without_seconds_is_asked_about(tmp_path):
         read_recording(write(tmp_path / "lab.csv", ["time,q1,q2", *dated("09:{:05.2f}")]))
 
 
-@pytest.mark.parametrize(
-    ("columns", "pattern"),
-    [(["sec", "nanosec"], "{0:.0f},{1:.0f}"), (["Date", "Clock"], "2024-05-06,10:00:{:06.3f}")],
-)
-def test_a_time_in_two_columns_is_stated(tmp_path, columns, pattern):
-    path = write(tmp_path / "lab.csv", [f"{','.join(columns)},q1,q2", *dated(pattern)])
+def test_a_time_in_two_columns_is_stated(tmp_path):
+    path = write(tmp_path / "lab.csv", ["Date,Clock,q1,q2", *dated("2024-05-06,10:00:{:06.3f}")])
     with pytest.raises(RecordingError, match=r"state both: `time: \[sec, nanosec\]`"):
         read_recording(path)
-    (tmp_path / "time.yaml").write_text(f"time: [{', '.join(columns)}]\n")
+    (tmp_path / "time.yaml").write_text("time: [Date, Clock]\n")
     check(path, mapping=tmp_path / "time.yaml")
+
+
+@pytest.mark.parametrize("names", ["sec,nanosec", "header.stamp.secs,header.stamp.nsecs", "t_sec,t_nsec"])
+def test_seconds_and_nanoseconds_of_one_stamp_are_its_time(tmp_path, names):
+    check(write(tmp_path / "lab.csv", [f"{names},q1,q2", *dated("{0:.0f},{1:.0f}")]))
 
 
 @pytest.mark.parametrize("names", [("joint_1", "joint_2"), ("1", "2")])
