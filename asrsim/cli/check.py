@@ -19,7 +19,7 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 def check(
     files: Annotated[Files, argument("[FILE]...", "URDF, xacro and scenario files.")] = None,
     actuator: Annotated[str | None, option("Check this actuator's laws instead of files.")] = None,
-    strict: Annotated[bool, option("Take warnings for errors: exit code 1 if there is any.", "--strict")] = False,
+    strict: Annotated[bool, option("Treat warnings as errors: exit code 1 if there is a warning.", "--strict")] = False,
     arg: Arguments = None,
     package: Packages = None,
     *,

@@ -50,7 +50,7 @@ ColumnMap = Annotated[
 ]
 Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
 Align = Annotated[str, option("Alignment of the recording's time.", "--align", "--lag", metavar="auto|off|start|SECONDS")]
-View = Annotated[bool, option("Show it in the browser, as `asrsim view` does.", "--view")]
+View = Annotated[bool, option("Show the robot in a browser, as `asrsim view` does.", "--view")]
 Plot = Annotated[bool, option("Draw pictures.", "--plot/--no-plot")]
 Overwrite = Annotated[bool, option("Also replace results that another scenario or study wrote.", "--overwrite")]
 Start = Annotated[float | None, option("Start of the pictures, s.", default="the log's start")]

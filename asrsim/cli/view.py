@@ -38,7 +38,7 @@ def view(
     target: Annotated[Path, argument("FILE", "Scenario (YAML): runs live. Log or folder of logs: played back. URDF, xacro.")],
     beside: Annotated[Files, argument("[LOG]...", "Logs of other runs, shown as ghosts.")] = None,
     experiment: Annotated[
-        Files, option("Recording to show beside it; may be repeated.", "--experiment", "-e", metavar="FILE")
+        Files, option("Recording to show beside the robot; may be repeated.", "--experiment", "-e", metavar="FILE")
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "auto",

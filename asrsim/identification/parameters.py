@@ -211,6 +211,7 @@ def _of_joints(robot: Robot) -> Iterator[Parameter]:
             ("stribeck_velocity", f"{place}/s", joint.stribeck_velocity, 0.0),
             ("passive_stiffness", f"{force}/{place}", joint.spring_stiffness, 0.0),
             ("passive_reference", place, joint.spring_reference),
+            ("armature", "kg" if force == "N" else "kg m^2", joint.armature, 0.0),
             ("initial_position", place, math.nan), ("initial_velocity", f"{place}/s", math.nan),
         ):  # fmt: skip
             yield _parameter(f"{joint.name}.{name}", unit, *numbers)

@@ -21,7 +21,7 @@ from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.charts import save_charts
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.model import ActuatorBlock
-from asrsim.robot.mounting import reference_names
+from asrsim.robot.mounting import reference_names, sprung_joints
 from asrsim.robot.vary import physical
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
@@ -116,7 +116,11 @@ def write_robot(result: Result | Resumed, folder: Path, *, everything: bool = Fa
     mounted = {
         block.joint: block.parameters for block in result.robot.actuators if {block.joint, "*"} & {*result.scenario.actuators}
     }
-    in_file = {owner: {k: v for k, v in own.items() if k not in mounted.get(owner, {})} for owner, own in changes.items()}
+    rotors = _rotors_of_scenario(result, changes)
+    in_file = {
+        owner: {k: v for k, v in own.items() if k not in mounted.get(owner, {}) and (k != "armature" or owner not in rotors)}
+        for owner, own in changes.items()
+    }
     edited = edited_urdf(data, result.robot, in_file).rstrip(b"\n") + b"\n"
     path, scenario = folder / name, folder / SCENARIO
     with written(path, "robot") as stream:
@@ -153,6 +157,17 @@ def _delays(result: Result | Resumed, block: ActuatorBlock, chosen: Mapping[str,
             yield 0.0, 0.0
 
 
+def _rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
+    place of those that it already states."""
+    sprung, given = sprung_joints(result.robot), result.scenario.armature
+    return {
+        owner: float(f"{own['armature']:.9g}")
+        for owner, own in changes.items()
+        if "armature" in own and (owner in sprung or for_joint(given, owner, None) is not None)
+    }
+
+
 def _scenario_text(
     result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path
 ) -> str:  # fmt: skip
@@ -167,6 +182,8 @@ def _scenario_text(
         own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
         if own:
             data["parameters"].setdefault(block.joint, {}).update(own)
+    if rotors := _rotors_of_scenario(result, changes):
+        data["armature"] = {**result.scenario.armature, **rotors}
     if delays:
         effects = data["effects"] = data.get("effects") or {}
         commands = effects["commands"] = effects.get("commands") or {}

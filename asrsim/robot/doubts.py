@@ -167,10 +167,12 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     own = sum(value for name, value in block.values().items() if name.startswith("motor_") and name.endswith("_inertia"))
     if MODES[block.mode].motor and abs(own - joint.rotor_inertia) > ROTORS * joint.rotor_inertia > 0.0:
         message = (
-            f"behind the spring the actuator's motors count, with {own:.3g} kg m^2: "
+            f"a spring separates the link from the motors, which have {own:.3g} kg m^2: "
             f"the file's rotor of {joint.rotor_inertia:.3g} kg m^2 at the joint is left out"
         )
-        yield Problem(message, code="two-rotors", hint="Set motor_1_inertia to it, or `armature` in the scenario")
+        yield Problem(
+            message, code="two-rotors", hint="Set motor_1_inertia to the file's value, or set `armature` in the scenario"
+        )
     if MODES[block.mode].spring and not has_spring(block):
         names = [one.name for one in ACTUATORS.get(block.actuator).parameters if block.parameters[one.name].value == 0.0]
         message = "the spring has no stiffness: nothing couples the motor to the link"

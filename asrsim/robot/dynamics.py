@@ -33,7 +33,7 @@ class RobotModel:
     """Rigid-body model of a robot on its base. Arrays of joints (..., n) are in the order of `joints`; leading axes count
     postures.
 
-    Coupled joints stand and move as their masters make them, whatever the arrays say about them. Torques, Jacobians and mass
+    Coupled joints follow their masters; entries of the arrays for coupled joints are ignored. Torques, Jacobians and mass
     matrices are those of the masters: 0 for the joints that follow, and rows of the unit matrix in the mass matrix.
     """
 

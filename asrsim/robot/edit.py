@@ -10,13 +10,14 @@ from lxml import etree
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import INERTIAS, Robot
+from asrsim.robot.mounting import sprung_joints
 from asrsim.robot.tags import JOINT_TAGS, parameter_tags
 from asrsim.robot.vary import CENTRES, JOINT_NAMES
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, text_of
 
 _ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
     name: ("inertia", name) for name in INERTIAS
-} | {"mass": ("mass", "value")}  # fmt: skip
+} | {"mass": ("mass", "value"), "armature": ("dynamics", "armature")}  # fmt: skip
 """Tag and attribute of each number in a joint or in the `<inertial>` of a link, by name of the number."""
 
 
@@ -62,6 +63,14 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
             tags = [_added(gazebo, tag)]
         _set_text(tags[-1], value)  # of several equal tags, the last counts
         return True
+    if name == "armature" and joint is not None:
+        # The file's rotors are the sum of the armature and the rotors of transmissions; behind a spring they do not count.
+        dynamics = next(iter(elements(joint, "dynamics")), None)
+        own = float(dynamics.get("armature") or 0.0) if dynamics is not None else 0.0
+        rest = float(value) - (robot.joint(owner).rotor_inertia - own)
+        if owner in sprung_joints(robot) or rest < 0.0:
+            return False
+        value = f"{rest:.9g}"
     parent = joint
     if name not in JOINT_NAMES:
         parent = next(iter(elements(link, "inertial")), None) if link is not None else None

@@ -95,14 +95,14 @@ def _coupled(findings: Findings, joints: tuple[Joint, ...]) -> tuple[Joint, ...]
 
 
 def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> Joint:
-    """The joint with the joint at the end of its chain of masters as its master, or without a master."""
+    """The joint, coupled to the joint at the end of its chain of masters; uncoupled if it follows no joint."""
     if not joint.mimic or not joint.moves:
         return replace(joint, mimic="")
     ratio, offset, at, seen = 1.0, 0.0, joint, {joint.name}
     while at.mimic and at.moves and ratio:
         master = named.get(at.mimic)
         if master is None:
-            message = "mimics a joint that does not exist: it moves freely, or as the joint does that it mimics"
+            message = "mimics a joint that does not exist; this coupling has no effect"
             hint = did_you_mean(at.mimic, tuple(named))
             if at is joint:
                 findings.warn(message, joint.line, joint.name, code="mimic-joint", value=at.mimic, hint=hint)

@@ -109,10 +109,15 @@ def _key(key: str) -> str:
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
 
 
+def sprung_joints(robot: Robot) -> frozenset[str]:
+    """Joints behind the spring of an actuator, whose motors have inertias of their own."""
+    return frozenset(block.joint for block in robot.actuators if MODES[block.mode].spring)
+
+
 def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
     """Robot whose rotors move with the links: by the file, except behind a spring, where the motors of the actuator have
     inertias of their own. armature: inertias in kg m^2 (kg) in place of the file's, by joint; `"*"` stands for all joints."""
-    sprung = {block.joint for block in robot.actuators if MODES[block.mode].spring}
+    sprung = sprung_joints(robot)
     common = armature.get("*")
 
     def inertia(joint: Joint) -> float:

@@ -282,7 +282,7 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"
-        hint = "Exchange them; Bullet takes such limits for none, which a continuous joint states"
+        hint = "Exchange the limits; if the joint has no limits, write type='continuous'"
         findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value, hint=hint)
         return limits
     if lower == upper:

@@ -68,7 +68,7 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
 
 
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
-    """Robot in which joints with neither mass nor inertia behind them are fixed: their motion is undefined, and moves nothing.
+    """Robot in which joints with neither mass nor inertia behind them are fixed, since their motion is undefined.
 
     Such a joint is an error if it has an actuator, and where no other joint moves. A rotor gives a joint inertia, and so do the
     joints that follow it; a joint that follows another one moves with it.

@@ -23,8 +23,9 @@ JOINT_NAMES = {
     "load_friction": "load_friction",
     "passive_stiffness": "spring_stiffness",
     "passive_reference": "spring_reference",
+    "armature": "armature",
 }
-"""Fields of a joint by name of the number; the last two fields describe the passive spring (Gazebo's)."""
+"""Fields of a joint by name of the number; `passive_` marks the passive spring (Gazebo's)."""
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
 _INERTIAS = frozenset(INERTIAS)

@@ -197,7 +197,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "safety_controller": special(_soft_limits, "soft limits are not enforced: the joint moves up to its <limit>"),
         "limits_soft": left("soft limits are not enforced: the joint moves up to its <limit>", neutral=None),
         "joint_properties": Word(use="read", inside="joint_properties"),
-        "drake:screw_thread_pitch": left("a screw of pitch {} is no screw here: it turns without a shift"),
+        "drake:screw_thread_pitch": left("the pitch {} of the screw joint is left out: the joint turns without a shift"),
     },
     "origin": _words(READ, "@xyz @rpy"),
     "parent": _words(READ, "@link"),

@@ -297,7 +297,7 @@ class LoopClosure:
     )
     master: str | None = declare(
         Either((Null(), JOINT)), default=None, shown="its driven joint, or the first",
-        doc="the joint that the others of the loop follow",
+        doc="the joint that the other joints of the loop follow",
     )  # fmt: skip
 
 

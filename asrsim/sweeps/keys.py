@@ -140,6 +140,10 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
             return (), tuple(
                 f'parameters."{name}".{parts[1]}' if "." in name else f"parameters.{name}.{parts[1]}" for name in having
             )
+        if parts[1] == "armature":  # a key of the scenario, which states it in place of the robot file
+            moving = [name for name in owners if name in joints and joints[name].moves]
+            if moving:
+                return (), tuple(f'armature."{name}"' if "." in name else f"armature.{name}" for name in moving)
         places = tuple((owner, parts[1]) for owner in owners if parts[1] in names_of(owner, {}, joints, links))
         if places:
             return places, ()

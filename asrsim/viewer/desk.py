@@ -27,8 +27,8 @@ from asrsim.viewer.stage import Pull
 from asrsim.viewer.subject import Companion, Subject
 from asrsim.viewer.tuning import tunable, unit_of_number
 
-FOLLOWED = 0.25
-"""Time between two updates of the sliders that follow the scenario's signals, s."""
+SAID = 0.25
+"""Time between two updates of the texts, s."""
 NOBODY = "no variant"
 WIDE = 10.0
 """Range of a reference without limits, in its unit."""
@@ -48,6 +48,8 @@ class Desk:
         """Ghosts that are ready, or the reasons why there is none."""
         self._page = page
         self._sliders: dict[Target, Any] = {}
+        self._present: dict[str, Any] = {}
+        """Text with the present references of each joint."""
         self._show_number: Callable[[], None] = lambda: None
         """Shows the present value of the parameter to tune."""
         self._floats = not session.simulation.scenario.fixed_base
@@ -72,16 +74,15 @@ class Desk:
         """Joints whose external torque is not 0 because of a pull."""
         self._grip: Grip | None = None
         self._pull: Pull | None = None
-        self._followed = -1.0
+        self._said = -1.0
 
     def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
         """Go on with another run of the same variant. tuned: numbers that the user has changed; news: a text for the user."""
         self._begin(session, subject)
         self.tuned, self._news = tuned, news
         self._page.renew(subject)
-        for target in self._sliders:
-            if target[1] == EXTERNAL_TORQUE:
-                self._sliders[target].value = 0.0
+        for target, slider in self._sliders.items():
+            slider.value = min(max(self._reference(target), slider.min), slider.max)
         self._pause.label = "Go on" if session.paused else "Pause"
         self._show_number()
 
@@ -115,31 +116,39 @@ class Desk:
     def _add_joints(self, tabs: Any) -> None:
         gui, prepared = self._page.server.gui, self.session.simulation.prepared
         infos = {joint.name: joint for joint in prepared.info.joints}
-        recorded = {name for joint in infos.values() for name in joint.quantities}
-        now = self.session.simulation.read([name for name in ("reference_1", "reference_2") if name in recorded])
         with tabs.add_tab("Joints"):
             release = gui.add_button("Follow the scenario", hint="References by hand end; the scenario's signals act again")
-            for j, drive in enumerate(prepared.drives):
+            for drive in prepared.drives:
                 with gui.add_folder(drive.name, expand_by_default=len(prepared.drives) < 4):
                     for slot, name in enumerate(drive.acting_references):
                         low, high = self.session.publisher.ranges[drive.name][name]
-                        column = f"reference_{slot + 1}"
-                        value = float(now[column][j]) if column in now else 0.0
-                        label = f"{words_of(name)}, {unit(column, infos[drive.name])}"
-                        self._add_slider((drive.name, name), label, low, high, value if math.isfinite(value) else 0.0)
+                        label = f"{words_of(name)}, {unit(f'reference_{slot + 1}', infos[drive.name])}"
+                        self._add_slider((drive.name, name), label, low, high)
                     most = drive.joint.most_effort
                     label = f"external torque, {unit(EXTERNAL_TORQUE, infos[drive.name])}"
-                    self._add_slider((drive.name, EXTERNAL_TORQUE), label, -most, most, 0.0)
+                    self._add_slider((drive.name, EXTERNAL_TORQUE), label, -most, most)
+                    if drive.acting_references:
+                        self._present[drive.name] = gui.add_markdown("")
         on_click(release, self._release)
 
-    def _add_slider(self, target: Target, label: str, low: float, high: float, value: float) -> None:
+    def _add_slider(self, target: Target, label: str, low: float, high: float) -> None:
         low, high = max(low, -WIDE) if math.isinf(low) else low, min(high, WIDE) if math.isinf(high) else high
         if not low < high:
             return
         step = 10.0 ** math.floor(math.log10((high - low) / 200.0))
-        slider = self._page.server.gui.add_slider(label, min=low, max=high, step=step, initial_value=min(max(value, low), high))
+        slider = self._page.server.gui.add_slider(
+            label, min=low, max=high, step=step, initial_value=min(max(self._reference(target), low), high)
+        )
         self._sliders[target] = slider
         by_hand(slider, partial(self._set, target))
+
+    def _reference(self, target: Target) -> float:
+        """Present value of a reference; 0 for an external torque."""
+        if target[1] == EXTERNAL_TORQUE:
+            return 0.0
+        joint, slot = self.session.simulation.prepared.slot_of(*target)
+        value = float(self.session.simulation.read([column := f"reference_{slot}"])[column][joint])
+        return value if math.isfinite(value) else 0.0
 
     def _add_tuning(self, tabs: Any) -> None:
         gui, prepared = self._page.server.gui, self.session.simulation.prepared
@@ -275,20 +284,21 @@ class Desk:
             return
         time = float(latest.time[-1])
         self._page.draw(latest, pull=self._pull)
-        if abs(time - self._followed) >= FOLLOWED or time < self._followed:
-            self._followed = time
-            self._follow(session, latest)
+        if abs(time - self._said) >= SAID or time < self._said:
+            self._said = time
+            self._say_references()
             self._page.say(self._status(session, time))
 
-    def _follow(self, session: Session, latest: Samples) -> None:
-        """Move the sliders that the user has not touched along with the scenario's signals."""
-        for target, slider in self._sliders.items():
-            if self._by_hand.get(target) is None:
-                j, column = session.simulation.prepared.slot_of(*target)
-                name = f"reference_{column}" if target[1] != EXTERNAL_TORQUE else ""
-                value = float(latest.values[name][-1, j]) if name in latest.values else math.nan
-                if math.isfinite(value):
-                    slider.value = min(max(value, slider.min), slider.max)
+    def _say_references(self) -> None:
+        """Say each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
+        changes the number that a user types there."""
+        for joint, text in self._present.items():
+            parts = []
+            for target in self._sliders:
+                if target[0] == joint and target[1] != EXTERNAL_TORQUE:
+                    source = "scenario" if self._by_hand.get(target) is None else "by hand"
+                    parts.append(f"{words_of(target[1])} {self._reference(target):.4g} ({source})")
+            text.content = "Now " + ", ".join(parts)
 
     def _status(self, session: Session, time: float) -> str:
         pace = "paused" if session.paused else f"{1e3 * session.pace.late:.0f} ms behind"

@@ -68,3 +68,24 @@ def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_pat
     np.testing.assert_allclose(force, mass * (acceleration - gravity), rtol=0.0, atol=0.01)
     assert 0.05 < place[-1, 0] - place[0, 0] < 0.1
     assert np.abs(acceleration[-20:]).max() < 0.01
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_weightless_links_do_not_fall_in_a_world_with_contacts(tmp_path, engine):
+    """Links without gravity stay at rest while a ball falls; with gravity on one link only, its weight alone moves the arm."""
+    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
+    ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, 5.0]}
+    ends = []
+    for off in (["upper", "fore", "tool"], ["upper", "tool"]):
+        for world in ({"ground": {"height": -2}, "objects": {"ball": ball}}, {}):
+            scenario = asrsim.make_scenario(
+                tmp_path / "arm.urdf", engine=engine, duration=0.3, compiled=False, world=world, weightless=off,
+                initial={"one": 0.8},
+            )  # fmt: skip
+            run = asrsim.run(scenario)
+            ends.append(run.samples.values["link_position"][-1])
+            if world:
+                assert run.bodies["ball"][-1, 2] == pytest.approx(5.0 - 0.5 * 9.81 * 0.3**2, abs=0.01)
+    np.testing.assert_allclose(ends[:2], [[0.8, 0.0]] * 2, rtol=0.0, atol=1e-10)
+    assert ends[2][0] > 0.85
+    np.testing.assert_allclose(ends[2], ends[3], rtol=0.0, atol=1e-4)

@@ -142,3 +142,28 @@ def test_pybullet_refuses_coupled_joints_and_rotors_in_a_world_with_contacts(tmp
     with pytest.raises(RobotError, match="PyBullet cannot simulate a coupled joint in a world with contacts") as caught:
         run(tmp_path, RODS, "bullet", world={"ground": True})
     assert {problem.key for problem in caught.value.problems} == {"j2", "j3", "j4"}
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_varied_rotors_move_as_those_that_the_file_states(tmp_path, engine):
+    """q = t^2/2 tau / (J + armature), in two worlds of one robot, and where the file states the rotor."""
+    path, stated = tmp_path / "plain.urdf", tmp_path / "stated.urdf"
+    path.write_text(SINGLE.format(""))
+    stated.write_text(SINGLE.format('<dynamics armature="0.05"/>'))
+    keys = {"engine": engine, "duration": 0.5, "gravity": [0, 0, 0], "external_torques": {"j": 0.3}}
+    prepared = asrsim.prepare(asrsim.make_scenario(path, **keys))
+    truth = asrsim.run(asrsim.make_scenario(stated, **keys)).run.samples.values["link_position"][-1, 0]
+    with asrsim.Worlds(prepared, 2) as worlds:
+        worlds.reset([asrsim.Start(parameters={"j": {"armature": value}}) for value in (0.05, 0.08)])
+        worlds.advance(500)
+        ends = worlds.observe().link_position[:, 0]
+    with asrsim.Simulation(prepared.vary({"j": {"armature": 0.05}})) as simulation:
+        simulation.advance(500)
+        assert simulation.observe().link_position[0] == truth
+    assert ends[0] == truth
+    np.testing.assert_allclose(ends, 0.5 * 0.5**2 * 0.3 / (0.02 + np.array([0.05, 0.08])), rtol=1e-9)
+
+
+SINGLE = """<robot name="single"><link name="base"/><joint name="j" type="continuous"><parent link="base"/>
+<child link="a"/><axis xyz="0 0 1"/>{}</joint><link name="a"><inertial><mass value="1"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.02"/></inertial></link></robot>"""

@@ -27,11 +27,11 @@ def open_page():
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
         pages = []
 
-        def make(address, *, width=1280, height=600):
+        def make(address, *, width=1000, height=450):
             for old in pages:
                 old.close()
             # Few pixels: without a graphics card each of them takes time.
-            pages[:] = [browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=0.4)]
+            pages[:] = [browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=0.2)]
             return PageOfView(pages[0], address)
 
         yield make
@@ -71,7 +71,9 @@ class PageOfView:
 
     def number(self, label, value):
         field = self._row(label).locator("input[type=text], input[inputmode]").first
-        field.fill(str(value))
+        # Key by key, as a person types.
+        field.press("Control+a")
+        field.press_sequentially(str(value), delay=100)
         field.press("Enter")
 
     def check(self, label):

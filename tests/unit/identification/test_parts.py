@@ -9,9 +9,11 @@ from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
 from asrsim.identification.data import computed_columns, read_data
 from asrsim.identification.uncertainty import Uncertainty, uncertainty
+from asrsim.identification.write import write_robot
 from asrsim.recordings.data import Column
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
+from asrsim.simulation.prepare import prepare
 from support import soft_arm
 from support.identify_files import CHIRP, SEA, modelled, record, save, write
 
@@ -25,14 +27,17 @@ LAWS = {
     "sensor": {"reference_1.gain": 0.8, "reference_1.offset": 0.03},
     "late": {"friction": 0.04, "reference_1.delay": 0.02},
     "pushed": {"damping": 0.02},
+    "rotor": {"armature": 0.006},
 }
-"""True parameters of each case: losses of the link, errors of the torque sensor, or an external torque."""
+"""True parameters of each case: losses and rotor of the link, errors of the torque sensor, or an external torque."""
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path):
     """A link whose torque follows from its motion in closed form; the fit starts with half of each parameter."""
-    numbers = dict.fromkeys(("damping", "friction", "load_friction", "stribeck_friction", "reference_1.offset"), 0.0)
+    numbers = dict.fromkeys(
+        ("damping", "friction", "load_friction", "stribeck_friction", "armature", "reference_1.offset"), 0.0
+    )
     numbers |= {"stribeck_velocity": 1.0, "reference_1.gain": 1.0} | LAWS[law]
     moments = SWEEP + numbers.pop("reference_1.delay", 0.0)
     phase = 2.0 * np.pi * (0.6 + 0.3 * moments) * moments
@@ -40,7 +45,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
     v = -0.5 * rate * np.sin(phase)
     a = -0.5 * (rate**2 * np.cos(phase) + bend * np.sin(phase))
     pushed = 0.1 * np.sin(5.0 * moments) if law == "pushed" else 0.0 * moments
-    rest = INERTIA * a + numbers["damping"] * v - pushed
+    rest = (INERTIA + numbers["armature"]) * a + numbers["damping"] * v - pushed
     level = numbers["friction"] + numbers["stribeck_friction"] * np.exp(-((v / numbers["stribeck_velocity"]) ** 2))
     torque = rest
     for _ in range(60):
@@ -56,6 +61,14 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
     result = identify(scenario, [table], free=free)
     for key, value in LAWS[law].items():
         assert result.find(f"joint_1.{key}").value == pytest.approx(value, rel=0.02), law
+    if law == "rotor":
+        (tmp_path / "fit").mkdir()
+        for own in ({}, {"*": 0.001}):  # the robot's file states it, unless the scenario does
+            stated = replace(result, scenario=replace(result.scenario, armature=own))
+            (path, written), _ = write_robot(stated, tmp_path / "fit")
+            found = prepare(load_scenario(written)[0]).robot.joint("joint_1").armature
+            assert found == pytest.approx(result.find("joint_1.armature").value, rel=1e-8)
+            assert ("armature" in path.read_text()) == (not own)
 
 
 def test_recordings_that_differ_more_than_their_blocks_widen_the_intervals():

@@ -334,7 +334,13 @@ def test_shapes_are_read_as_they_stand(read, name):
 
 
 ORIGINS = ("", "<origin/>", "<origin rpy='0 0 0.5'/>", "<origin\n xyz='0.1\t0.2  0.3' rpy='0 0 0.5'/>")
-DYNAMICS = ("", "<dynamics/>", "<dynamics friction='0.1'/>", '<dynamics damping = "0.3"></dynamics>')
+DYNAMICS = (
+    "",
+    "<dynamics/>",
+    "<dynamics armature='0.4'/>",
+    "<dynamics friction='0.1'/>",
+    '<dynamics damping = "0.3"></dynamics>',
+)
 
 
 @pytest.mark.parametrize("origin", ORIGINS)
@@ -344,7 +350,10 @@ def test_numbers_put_into_a_file_are_read_from_it(tmp_path, origin, dynamics):
     path = tmp_path / "r.urdf"
     tensor = INERTIAL.replace("/></inertial>", f" ixy='0.01'/>{origin}</inertial>")
     path.write_text(robot(link("a", "") + joint("j", "a", "b", LIMIT + dynamics) + link("b", tensor)))
-    changes = {"j": {"damping": 0.7, "friction": 0.2}, "b": {"mass": 2.0, "ixx": 0.12, "ixz": 0.02, "y": -0.25, "z": 0.5}}
+    changes = {
+        "j": {"damping": 0.7, "friction": 0.2, "armature": 0.3},
+        "b": {"mass": 2.0, "ixx": 0.12, "ixz": 0.02, "y": -0.25, "z": 0.5},
+    }
     plain = load_robot(path)
     wanted = varied_robot(plain, changes)
     path.write_bytes(edited_urdf(path.read_bytes(), plain, changes))
@@ -352,4 +361,5 @@ def test_numbers_put_into_a_file_are_read_from_it(tmp_path, origin, dynamics):
     assert [(one.mass, one.inertia, one.centre_of_mass, one.inertial_rpy) for one in found.links] == [
         (one.mass, one.inertia, one.centre_of_mass, one.inertial_rpy) for one in wanted.links
     ]
-    assert [(one.damping, one.friction) for one in found.joints] == [(one.damping, one.friction) for one in wanted.joints]
+    for name in ("damping", "friction", "armature"):
+        assert [getattr(one, name) for one in found.joints] == [getattr(one, name) for one in wanted.joints]

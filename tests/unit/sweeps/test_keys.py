@@ -65,6 +65,14 @@ def test_a_varied_key_is_what_set_makes_of_it(key):
     assert_rows_are_runs(key, KEYS[key])
 
 
+def test_a_varied_rotor_is_the_armature_of_the_scenario():
+    """Behind a spring, too, where the rotor of a robot's file does not count."""
+    rows = [*rows_of({"joint_1.armature": [0.0, 0.05]})]
+    assert [given["armature.joint_1"] for given, _ in rows] == [0.0, 0.05]
+    assert_rows_are_runs("joint_1.armature", [0.0, 0.05])
+    assert len({repr([row[name] for name in row if name.startswith("joint_1.")]) for _, row in rows}) == 2
+
+
 def test_reference_ranges_do_not_clamp_varied_references():
     key = "references.joint_1.stiffness_preset"
     assert_rows_are_runs(key, [0.2, 0.5], **{"reference_ranges.joint_1.stiffness_preset": "[0.1, 0.3]"})
