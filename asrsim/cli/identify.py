@@ -10,9 +10,11 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import ColumnMap, Files, Overrides, Plot, Rate, Texts, Variant, argument, into_folder, option
+from asrsim.errors import InputError
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
+    from asrsim.identification.resume import Resumed
 
 
 @command()
@@ -70,6 +72,12 @@ def identify(
             "--accept",
         ),
     ] = False,
+    resume: Annotated[
+        bool,
+        option(
+            "Take the numbers of the finished fit in the folder of the results: write its robot without a new fit.", "--resume"
+        ),
+    ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     seconds: Annotated[
         float | None,
@@ -108,6 +116,11 @@ def identify(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
     )
     folder = out or Path("out") / task.name / "fit"
+    if resume and (check or seconds is not None):
+        message = "--resume makes no fit: leave out --check and --time"
+        raise InputError(message, code="resume")
+    if resume:
+        return _resume(task, folder, everything=everything, accept=accept)
     result, code = _run(task, check=check, quiet=quiet, accept=accept, seconds=seconds)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
     data = {"ok": code == 0, **as_dict(result), "files": files}
@@ -131,11 +144,49 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
     return result, 0 if result.fits or result.status == "checked" else 1
 
 
+def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done:
+    """Write the robot of an earlier fit, and say in fit.json whether the fit is accepted."""
+    import json
+
+    from asrsim.identification.folder import FIT, read_fit
+    from asrsim.identification.resume import resumed
+    from asrsim.identification.show import columns
+    from asrsim.outfile import write_json
+    from asrsim.runs.lock import owned
+
+    found = resumed(read_fit(folder), task, accept=accept)
+    with owned(folder):
+        files, said = _robot(found, folder, everything=everything)
+        data = json.loads((folder / FIT).read_text(encoding="utf-8")) | {"accepted": found.accepted}
+        write_json(folder / FIT, data)
+    files, code = [folder / FIT, *files], 0 if found.fits else 1
+
+    def text() -> None:
+        say_table(columns(found))
+        for line in (*found.misfit, *said):
+            say(line)
+        say_written(files)
+
+    return Done(data={"ok": code == 0, **data, "files": files}, text=text, code=code)
+
+
+def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[list[Path], list[str]]:
+    """Write the robot of a complete fit, unless it is not accepted; return paths and remarks."""
+    from asrsim.identification.result import ACCEPTABLE
+    from asrsim.identification.write import write_robot
+
+    if found.fits or found.accepted or everything:
+        return write_robot(found, folder, everything=everything)
+    ways = "--accept or --all" if found.explained >= ACCEPTABLE else "--all"
+    return [], [
+        f"no robot is written, since the model does not fit; the same command with --resume and {ways} writes it nevertheless"
+    ]
+
+
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
     from asrsim.design.advice import advice, design_line
     from asrsim.identification.folder import FIT
-    from asrsim.identification.result import ACCEPTABLE
-    from asrsim.identification.write import as_dict, write_curves_of, write_robot
+    from asrsim.identification.write import as_dict, write_curves_of
     from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
 
@@ -143,13 +194,9 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
         files, said = [folder / FIT], list[str]()
         advices = list(advice(result))
         write_json(folder / FIT, {**as_dict(result), "next": advices})
-        if result.status == "complete" and (result.fits or result.accepted or everything):
-            written, said = write_robot(result, folder, everything=everything)
-            files += written
-        elif result.status == "complete":
-            ways = "--accept or --all writes" if result.explained >= ACCEPTABLE else "--all writes"
-            said.append(f"no robot is written, since the model does not fit; {ways} it nevertheless")
         if result.status == "complete":
+            written, said = _robot(result, folder, everything=everything)
+            files += written
             found, line = design_line(result, folder)
             files += [*found, write_curves_of(result, folder)]
             said += [f"next experiment: {line}"] if line else []

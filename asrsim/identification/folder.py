@@ -16,6 +16,7 @@ from asrsim.errors import InputError
 from asrsim.identification.curves import CURVES, SHAPE, ChannelCurves, curves_of
 from asrsim.identification.profiles import Profile
 from asrsim.identification.result import Estimate
+from asrsim.identification.task import Tie
 from asrsim.plain import Shape, misfit
 from asrsim.samples import Array
 
@@ -25,7 +26,9 @@ MOST_BYTES = 200_000_000
 _NUMBER = (float, None)
 _SHAPE: Shape = {
     "name?": str, "status": str, "fits": (bool, None), "accepted?": bool, "misfit": [str], "causes": [str], "remarks": [str],
-    "next?": [str], "scenario": str, "experiments": [str], "evaluations": int, "seconds": float, "bandwidth?": float,
+    "next?": [str], "scenario": str, "experiments": [str], "variant?": (str, None),
+    "overrides?": [str], "played?": {"*": str}, "ties?": [{"key": str, "to": str, "factor": float}],
+    "evaluations": int, "seconds": float, "bandwidth?": float,
     "estimates": [
         {
             "key": str, "name": str, "unit": str, "start": float, "value": _NUMBER, "low": _NUMBER, "high": _NUMBER,
@@ -60,6 +63,11 @@ class FitFolder:
     """What to record next."""
     scenario: str
     experiments: tuple[str, ...]
+    variant: str | None
+    overrides: tuple[str, ...]
+    played: Mapping[str, str]
+    """Interpolation between samples, by column of a command."""
+    ties: tuple[Tie, ...]
     estimates: tuple[Estimate, ...]
     combinations: tuple[Mapping[str, Any], ...]
     correlations: Array
@@ -90,10 +98,11 @@ def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
     rows = data.get("correlations", [])
     square = len(rows) == len(estimates) and all(len(row) == len(rows) for row in rows)
     profiles = [one for one in data.get("profiles", ()) if len(one["values"]) == len(one["rise"])]
-    texts = {name: tuple(data.get(name, ())) for name in ("misfit", "causes", "remarks", "next", "experiments")}
+    texts = {name: tuple(data.get(name, ())) for name in ("misfit", "causes", "remarks", "next", "experiments", "overrides")}
     return FitFolder(
         folder=path.parent, name=data.get("name") or path.parent.parent.name, status=data["status"], fits=data["fits"],
         accepted=data.get("accepted", False), scenario=data["scenario"], estimates=estimates, **texts,
+        variant=data.get("variant"), played=data.get("played", {}), ties=tuple(Tie(**one) for one in data.get("ties", ())),
         combinations=tuple(data.get("combinations", ())), channels=tuple(data["channels"]), curves=curves,
         correlations=np.array([[_number(v) for v in row] for row in rows]) if square else np.empty((0, 0)),
         profiles=tuple(

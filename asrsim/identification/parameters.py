@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -140,12 +140,17 @@ class Layout:
 
     def tied(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values by key, extended by the tied parameters."""
-        return {**values, **{tie.key: tie.factor * values[tie.to] for tie in self.ties if tie.to in values}}
+        return tied(values, self.ties)
 
     @property
     def keys(self) -> set[str]:
         """Keys of the parameters that are free or tied."""
         return {entry.key for entry in self.entries} | {tie.key for tie in self.ties}
+
+
+def tied(values: Mapping[str, float], ties: Iterable[Tie]) -> dict[str, float]:
+    """Values by key, extended by the tied parameters."""
+    return {**values, **{tie.key: tie.factor * values[tie.to] for tie in ties if tie.to in values}}
 
 
 def make_layout(

@@ -13,7 +13,7 @@ from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
 from asrsim.identification.profiles import Profile
-from asrsim.identification.task import Task
+from asrsim.identification.task import Task, Tie
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import INERTIAS, Robot
@@ -155,6 +155,13 @@ default.
 """
 
 
+def accepts(explained: float, *, accept: bool) -> bool:
+    """Whether the robot of a model that does not fit is written. explained: smallest explained fraction of a channel's
+    variance; accept: whether the user accepts 90 % instead of 95 %.
+    """
+    return explained >= (ACCEPTABLE if accept else ENOUGH)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Result:
     """Result of a fit."""
@@ -199,6 +206,11 @@ class Result:
         complete.
         """
         return not self.misfit if self.status == COMPLETE else None
+
+    @property
+    def ties(self) -> tuple[Tie, ...]:
+        """Ties of parameters to free parameters."""
+        return tuple(self.layout.ties)
 
     @property
     def explained(self) -> float:

@@ -22,13 +22,12 @@ from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
 from asrsim.identification.result import (
-    ACCEPTABLE,
     CHECKED,
     COMPLETE,
-    ENOUGH,
     INTERRUPTED,
     UNFINISHED,
     Result,
+    accepts,
     doubted,
     estimates,
 )
@@ -200,7 +199,7 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(followed if best.free else (final, x))) if complete else ()
-    accepted = bool(misfit) and all(one.explained >= (ACCEPTABLE if accept else ENOUGH) for one in fits)
+    accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
     found = found.of_a_block if misfit else found
     known, combined = estimates(final, x, found)
     if status != CHECKED:

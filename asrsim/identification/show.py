@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.result import HOPELESS, Estimate, Result
+from asrsim.identification.resume import Resumed
 
 NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
@@ -16,7 +17,7 @@ Columns = Sequence[tuple[str, list[str], bool]]
 """Column of a table: heading, cells, and whether the cells are numbers; for `asrsim.cli.console.say_table`."""
 
 
-def columns(result: Result) -> Columns:
+def columns(result: Result | Resumed) -> Columns:
     """Table of parameters."""
     rows = result.estimates
     return (

@@ -13,8 +13,9 @@ import numpy as np
 
 from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
 from asrsim.identification.folder import FIT
-from asrsim.identification.parameters import numbers_of
+from asrsim.identification.parameters import numbers_of, tied
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
+from asrsim.identification.resume import Resumed
 from asrsim.outfile import write_text, written
 from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.charts import save_charts
@@ -54,6 +55,9 @@ def as_dict(result: Result) -> dict[str, Any]:
         **{name: getattr(result, name) for name in about},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
+        "variant": result.task.variant,
+        "overrides": [*result.task.overrides],
+        "played": {**result.played},
         "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
@@ -78,7 +82,7 @@ def _correlations(covariance: Array) -> list[list[float]]:
     return found
 
 
-def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
+def chosen_values(result: Result | Resumed, *, everything: bool) -> dict[str, float]:
     """Values by key of the identified parameters, or of all parameters, and of parameters tied to them.
 
     Of an accepted model all parameters are written, since only together they explain the recordings.
@@ -92,10 +96,10 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
             or (one.verdict == WEAK and one.key.endswith("friction_stiffness"))
         )
     }  # fmt: skip
-    return result.layout.tied(values)
+    return tied(values, result.ties)
 
 
-def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
+def write_robot(result: Result | Resumed, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
     """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
     chosen = chosen_values(result, everything=everything)
     changes = physical(result.robot, numbers_of(chosen))
@@ -138,7 +142,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     return [path, scenario], said
 
 
-def _delays(result: Result, block: ActuatorBlock, chosen: Mapping[str, float]) -> Iterator[tuple[float, float]]:
+def _delays(result: Result | Resumed, block: ActuatorBlock, chosen: Mapping[str, float]) -> Iterator[tuple[float, float]]:
     """Delay of each reference of a joint that a delay affects, and half of its interval, s. chosen: identified numbers.
 
     A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
@@ -153,7 +157,7 @@ def _delays(result: Result, block: ActuatorBlock, chosen: Mapping[str, float]) -
             yield 0.0, 0.0
 
 
-def _rotors_of_scenario(result: Result, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def _rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
     place of those that it already states."""
     sprung, given = sprung_joints(result.robot), result.scenario.armature
@@ -164,7 +168,9 @@ def _rotors_of_scenario(result: Result, changes: Mapping[str, Mapping[str, float
     }
 
 
-def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path) -> str:
+def _scenario_text(
+    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path
+) -> str:  # fmt: skip
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -155,6 +156,7 @@ def test_a_model_that_does_not_fit_never_explains_100_percent():
 
 # -- files -------------------------------------------------------------------------------------------------------------------
 
+ENDS = (".urdf", ".yaml")
 ENDINGS = {
     "fits": ({}, (), 0, {"fit.json", "curves.json", "robot", "picture"}, ""),
     "does not fit": (
@@ -178,6 +180,41 @@ ENDINGS = {
     "checked": ({"status": "checked"}, ("--check",), 0, set(), ""),
 }
 """How a fit ended: changes of the result, options, exit code, files, words."""
+
+
+def test_a_finished_fit_is_accepted_without_a_new_one(tmp_path, monkeypatch, asrsim_command):
+    """`--resume` writes the files that the same fit with `--accept` writes; it refuses fits of other tasks."""
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
+    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+    found = replace(found, misfit=("too large",), channels=tuple(replace(one, explained=0.92) for one in found.channels))
+
+    def command(name, *options, accepted=None, free="joint_1.damping"):
+        fit = Mock(return_value=replace(found, accepted=accepted), side_effect=None if accepted is not None else AssertionError)
+        monkeypatch.setattr(identification, "identify", fit)
+        about = ("-e", recording, "--free", free, "-o", tmp_path / name, "--no-plot")
+        outcome = asrsim_command("identify", guess, *about, *options)
+        return outcome, {path.name: path.read_bytes() for path in (tmp_path / name).glob("*") if path.suffix in ENDS}
+
+    _, accepted = command("one", "--accept", accepted=True)
+    outcome, none = command("two", accepted=False)
+    assert not none
+    assert "--resume and --accept or --all" in outcome.out
+    assert command("two", "--resume")[1] == {}
+    outcome, resumed = command("two", "--resume", "--accept")
+    assert outcome.code == 1
+    # The folders differ in nothing but their names.
+    assert resumed == accepted
+    assert set(resumed) == {"guess.urdf", "scenario.yaml"}
+    assert identification.read_fit(tmp_path / "two").accepted
+    for options, words, free in (
+        (("--set", "duration=1"), "overrides", "joint_1.damping"),
+        ((), "not a parameter of this fit", "joint_1.friction"),
+        (("--check",), "leave out --check", "joint_1.damping"),
+    ):
+        outcome, _ = command("two", "--resume", *options, free=free)
+        assert outcome.code != 0
+        assert words in outcome.err
 
 
 def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):

@@ -1,0 +1,74 @@
+"""A finished fit that is taken up again: fit.json has the numbers, so that its robot can be accepted and written without a new
+fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from asrsim.errors import InputError, Problem
+from asrsim.identification.folder import FIT, FitFolder
+from asrsim.identification.problem import read_scenario
+from asrsim.identification.result import COMPLETE, Estimate, accepts
+from asrsim.identification.task import Task, Tie
+from asrsim.robot.model import Robot
+from asrsim.scenario.data import Scenario
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resumed:
+    """What a robot file is written from: the numbers of an earlier fit, and the robot and the scenario of its task."""
+
+    estimates: tuple[Estimate, ...]
+    ties: tuple[Tie, ...]
+    misfit: tuple[str, ...]
+    accepted: bool
+    """Whether a model that does not fit is accepted."""
+    explained: float
+    """Smallest explained fraction of a channel's variance."""
+    played: Mapping[str, str]
+    robot: Robot
+    scenario: Scenario
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model explains the recordings within the noise."""
+        return not self.misfit
+
+
+def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
+    """An earlier fit of the same task. accept: whether 90 % of the variance is enough instead of 95 %.
+
+    Raises InputError if the fit is not complete, or is a fit of another scenario, of other recordings or of other parameters.
+    """
+    path = fit.folder / FIT
+    if fit.status != COMPLETE:
+        raise InputError(f"the fit is {fit.status}", file=path, key="status", hint="Fit again without --resume", code="resume")
+    faults = [
+        Problem(
+            f"is a fit with other values of `{name}`", file=path, key=name, value=there,
+            hint="Give the options of that fit, or fit again without --resume", code="resume",
+        )
+        for name, there, here in (
+            ("scenario", fit.scenario, str(task.scenario.absolute())),
+            ("experiments", list(fit.experiments), [str(one.file.absolute()) for one in task.experiments]),
+            ("variant", fit.variant, task.variant), ("overrides", list(fit.overrides), list(task.overrides)),
+        )
+        if there != here
+    ]  # fmt: skip
+    keys = {one.key for one in fit.estimates} | {tie.key for tie in fit.ties}
+    faults += [
+        Problem("is not a parameter of this fit", file=path, key="free", value=key, choices=tuple(sorted(keys)), code="resume")
+        for key in task.free
+        if not any(fnmatchcase(one, key) for one in keys)
+    ]
+    if faults:
+        raise InputError(faults)
+    scenario, _, robot = read_scenario(task)
+    explained = min((one["explained"] or 0.0 for one in fit.channels), default=0.0)
+    return Resumed(
+        estimates=fit.estimates, ties=fit.ties, misfit=fit.misfit, played=fit.played, robot=robot, scenario=scenario,
+        explained=explained, accepted=bool(fit.misfit) and accepts(explained, accept=accept),
+    )  # fmt: skip
