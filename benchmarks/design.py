@@ -209,7 +209,7 @@ def fits(names: list[str], count: int = 40) -> None:
                 noise = np.random.default_rng(number).normal(0.0, 1e-3, clean.shape) * measured
                 path = folder / f"trial_{number}.csv"
                 np.savetxt(path, clean + noise, delimiter=",", header=",".join(headings), comments="", fmt="%.9g")
-                fit = asrsim.identify(scenario, [path], starts=1, hold_out=0.0, **options)
+                fit = asrsim.identify(scenario, [path], hold_out=0.0, **options)
                 values = [fit.find(key) for key in found.keys]
                 truth = [entry.value(0.0) for entry in fit.layout.entries]
                 errors.append([one.value / true - 1.0 for one, true in zip(values, truth, strict=True)])

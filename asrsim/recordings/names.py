@@ -85,7 +85,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
     """
     plain = split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
-    if dot and ALIASES.get(last, last) in KNOWN:
+    if dot and ALIASES.get(last, last) in KNOWN and (last in KNOWN or not _commands(re.split(r"[./]", head))):
         return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)
     joint, rest = find_joint(plain, joints or ())
     *above, tail = [part for part in re.split(r"[./]", rest) if {*tokens_of(part)} - {"data"}] or [""]
@@ -93,6 +93,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> tu
     tokens = tokens_of(tail[: array.start()] if array else tail)
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [word for word in _words(tokens) if not word.isdecimal()]
+    if words and "reference" not in words and _commands(above):
+        words.append("reference")  # for example knee.command.effort, desired.positions
     named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
     if named and unit is not None and unit.si == "rad":
         words.append("position")  # for example hub1_rad, Joint 1 [deg], elbow [deg]
@@ -130,7 +132,12 @@ def within_joint(name: str) -> str:
     `field.desired.positions` is a command, as the part above its last one says.
     """
     *above, last = re.split(r"[./]", name)
-    return f"desired {last}" if any("reference" in _words(tokens_of(part)) for part in above) else name
+    return f"desired {last}" if _commands(above) else name
+
+
+def _commands(parts: Sequence[str]) -> bool:
+    """Whether parts of a path above a quantity say that the quantity is a command."""
+    return any("reference" in _words(tokens_of(part)) for part in parts)
 
 
 def command_unit(name: str) -> str:

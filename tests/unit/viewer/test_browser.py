@@ -50,6 +50,16 @@ def positions(view):
     return view.show.session.simulation.observe().link_position
 
 
+def at_rest(view):
+    """Whether the first joint stays where it is for 0.6 s of simulated time."""
+    readings = []
+    for _ in range(4):
+        readings.append(positions(view)[0])
+        then = view.show.session.time + 0.2
+        until(lambda then=then: view.show.session.time > then)
+    return np.ptp(readings) < 1e-9
+
+
 def test_a_typed_number_moves_the_robot_while_the_scenarios_reference_moves(tmp_path, browser):
     wave = {"sinusoid": {"amplitude": 0.5, "frequency": 0.7}}
     scenario = asrsim.make_scenario(
@@ -105,7 +115,7 @@ def test_a_dragged_link_rests_where_spring_and_pull_balance(tmp_path, browser):
             desk = view.show.session.operator
             until(lambda: desk._pull is not None and np.linalg.norm(desk._pull.force) > 0.5)
             # The hand rests too.
-            until(lambda: np.ptp([positions(view)[0] for _ in range(3) if not time.sleep(0.2)]) < 1e-9)
+            until(lambda: at_rest(view))
             pull, q, simulation = desk._pull, positions(view), view.show.session.simulation
             grip = desk._grip
             torque = simulation.model.jacobian(q, grip.link, grip.point)[:3, 0] @ pull.force
