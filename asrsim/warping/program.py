@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from asrsim.errors import SimulationError
+from asrsim.extras import library
 from asrsim.warping.kinds import FLOAT, Group, Row, TranslationError, Value, number_as
 from asrsim.warping.translate import Call, Translation
 
@@ -23,12 +23,8 @@ def available() -> bool:
 
 @cache
 def loaded_warp() -> Any:
-    """The module `warp`, without its messages. Raises SimulationError."""
-    if not available():
-        raise SimulationError('Warp is not installed: pip install "asrsim[warp]"')
-    import warp
-
-    wp: Any = warp
+    """The module `warp`, without its messages. Raises InputError where Warp is not installed."""
+    wp: Any = library("warp", "warp")
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
     return wp
@@ -83,13 +79,13 @@ class Program:
         return "\n\n".join(["import warp as wp", *self._texts]) + "\n"
 
     def load(self) -> types.ModuleType:
-        """The module, with its functions and kernels. Raises SimulationError where Warp is not installed."""
+        """The module, with its functions and kernels. Raises InputError where Warp is not installed."""
         return module_of(self.text)
 
 
 @cache
 def module_of(text: str) -> types.ModuleType:
-    """The module with this source. Raises SimulationError where Warp is not installed."""
+    """The module with this source. Raises InputError where Warp is not installed."""
     wp = loaded_warp()
     name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     module, file = types.ModuleType(name), f"<{name}>"

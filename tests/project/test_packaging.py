@@ -59,6 +59,7 @@ def test_imports_are_declared():
         "imageio_ffmpeg": "imageio-ffmpeg",
         "PIL": "pillow",
         "mujoco": "mujoco-core",
+        "warp": "warp-lang",
         # Numba does not go without.
         "llvmlite": "numba",
         "pinocchio": "pin",

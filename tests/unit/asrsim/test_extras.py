@@ -38,6 +38,7 @@ USES = {
     "foxglove": ("foxglove", lambda: opened(["foxglove"], Interface("/asrsim", (), ()), Access(), print).__enter__()),
     "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
     "hdf5": ("h5py", read_hdf5),
+    "warp": ("warp", lambda: asrsim.Worlds(SCENARIO, 1, variant="soft", engine="mujoco_warp")),
     "view": ("viser", lambda: PageServer(0)),
     "notebook": ("pandas", lambda: as_pandas(None)),
 }
