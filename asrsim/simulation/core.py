@@ -18,12 +18,12 @@ from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation import kernel, laws
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
-from asrsim.simulation.fields import JointConstants, JointState, Scheme, joint_of_row, link_of_row, row_of_joint
+from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTHY, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import RowShape, shape_of, start_of, tables
+from asrsim.simulation.rows import RowShape, scheme_of, shape_of, start_of, tables
 
 SECONDS_SAVED = 20e-6
 """Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
@@ -60,12 +60,7 @@ class Core:
         self.prepared, self.compiled, self._watch = prepared, compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
         self.shape: RowShape = shape_of(drives)
-        now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._scheme = Scheme(
-            step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
-            implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
-            staggered=float(stepping.staggered),
-        )  # fmt: skip
+        self._scheme = scheme_of(prepared)
         kinds, constants = tables(prepared, self.shape)
         code: Any = laws
         if compiled:

@@ -12,7 +12,7 @@ from asrsim.actuators.motor import MotorConstants
 from asrsim.records import columns
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, row_of_link
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, row_of_link
 from asrsim.simulation.kernel import AT_STOP
 from asrsim.simulation.layout import CONTROLLED, DIRECT, GOALS, PASSIVE, SPRUNG
 from asrsim.simulation.prepare import Prepared
@@ -129,6 +129,17 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
         joint.memory += [*seen, *[0.0] * (shape.ring - len(seen))]
     joint.memory += [0.0] * (shape.motors * shape.ring - len(joint.memory))
     return joint
+
+
+def scheme_of(prepared: Prepared) -> Scheme:
+    """Numbers of the stepping for the substeps of a prepared scenario."""
+    stepping = prepared.stepping
+    now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
+    return Scheme(
+        step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
+        implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
+        staggered=float(stepping.staggered),
+    )  # fmt: skip
 
 
 def tables(prepared: Prepared, shape: RowShape) -> tuple[list[JointKind], Array]:

@@ -17,13 +17,13 @@ from asrsim.errors import InputError, SimulationError
 from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation.core import UNOBSERVED, Core
-from asrsim.simulation.fields import JOINT, Scheme, row_of_joint
+from asrsim.simulation.fields import JOINT, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTHY, NO_VALUE, RAN_AWAY
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import shape_of, start_of, tables
+from asrsim.simulation.rows import scheme_of, shape_of, start_of, tables
 from asrsim.simulation.warp_step import LOADS, program
 from asrsim.warping.program import loaded_warp
 
@@ -53,13 +53,7 @@ class WarpCore(Core):
             raise InputError(f"Warp has no device '{device}'", key="device", choices=names, code="warp-device") from error
         self.prepared, self.compiled, self._engine = prepared, True, engine
         self.shape = shape_of(prepared.drives)
-        stepping = prepared.stepping
-        now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._scheme = Scheme(
-            step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
-            implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
-            staggered=float(stepping.staggered),
-        )  # fmt: skip
+        self._scheme = scheme_of(prepared)
         made, actuators = program(prepared.drives)
         self._program: Any = made.load()
         joints, constants = tables(prepared, self.shape)
