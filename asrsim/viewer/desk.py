@@ -15,7 +15,7 @@ from asrsim.errors import AsrsimError
 from asrsim.live.commands import Target
 from asrsim.live.session import Session
 from asrsim.plots.style import unit
-from asrsim.samples import Samples
+from asrsim.samples import Array, HeldWrench, Samples
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.prepare import Numbers
 from asrsim.summary import RunSummary
@@ -72,6 +72,8 @@ class Desk:
         """References that the user has set, and those that follow the scenario's signals again (None)."""
         self._pushed: set[str] = set()
         """Joints whose external torque is not 0 because of a pull."""
+        self._held: str | None = None
+        """Body on which a wrench is held."""
         self._grip: Grip | None = None
         self._pull: Pull | None = None
         self._said = -1.0
@@ -106,8 +108,7 @@ class Desk:
             with gui.add_folder("Pull", expand_by_default=True):
                 self._spring = gui.add_number("Stiffness, N/m", SPRING, min=0.0, step=1.0)
                 self._limit = gui.add_number("Largest force, N", LIMIT, min=0.0, step=1.0)
-                what = "Not for robots with a floating base" if self._floats else "Drag a link; let go to release it"
-                gui.add_markdown(f"{what}.")
+                gui.add_markdown("Drag a link or an object; let go to release it.")
         on_click(self._pause, self._toggle)
         on_click(step, self._step)
         on_click(reset, self._ask_for)
@@ -225,42 +226,51 @@ class Desk:
     def _ask_for(self, **wish: Any) -> None:
         self.wish = {"tuned": self.tuned, **wish}
 
+    def _free(self, body: str) -> bool:
+        """Whether a body is pulled by a wrench: an object, or a link of a robot with a floating base."""
+        return self._floats or body in self.subject.scene.objects
+
     def _moves(self, grip: Grip) -> bool:
-        """Whether a joint moves the point of a grip."""
-        model = self.session.simulation.model
-        return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.link, grip.point).any())
+        """Whether the point of a grip can move."""
+        simulation = self.session.simulation
+        if self._free(grip.body):
+            return grip.body in simulation.engine.holdable
+        model = simulation.model
+        return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.body, grip.point).any())
 
     def _drag(self, body: str, event: Any) -> None:
         """A user drags a point of a body."""
         latest = self.subject.history.latest
-        if event.phase == "end" or latest is None or self._floats:
+        if event.phase == "end" or latest is None:
             self._grip = None
             return
         target = np.array(event.end_position)
         if event.phase == "start":
-            if body in self.subject.scene.objects:
-                return
             frame = frames_of(self.subject.scene, latest)[body]
             grip = Grip.at(body, frame, np.array(event.start_position), target)
             self._grip = grip if self._moves(grip) else None
+            if self._grip is None:
+                self._news = f"'{body}' cannot be pulled: it stands still, or the engine takes no forces on it"
         elif self._grip is not None:
-            self._grip = Grip(self._grip.link, self._grip.point, target)
+            self._grip = Grip(self._grip.body, self._grip.point, target)
 
     # -- the session's operator -------------------------------------------------------------------------------------
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
         """Implements `asrsim.live.session.Operator`; also shows the newest sample when a picture is due."""
         values = {**self._by_hand}
-        grip, model = self._grip, session.simulation.model
-        if grip is not None and model is not None:
-            order = [session.simulation.joints.index(name) for name in model.joints]
-            positions = session.simulation.observe().link_position[order]
-            torques, self._pull = grip.pulled(model, positions, float(self._spring.value), float(self._limit.value))
-            for joint, torque in torques_by_joint(model, torques).items():
-                values[joint, EXTERNAL_TORQUE] = torque + (self._by_hand.get((joint, EXTERNAL_TORQUE)) or 0.0)
-                self._pushed.add(joint)
+        grip, spring = self._grip, (float(self._spring.value), float(self._limit.value))
+        self._pull = None
+        if self._held is not None and (grip is None or grip.body != self._held):
+            session.hold(HeldWrench(self._held, (0.0, 0.0, 0.0)))
+            self._held = None
+        if grip is not None and self._free(grip.body):
+            wrench, self._pull = grip.wrench(self._frame_now(session, grip.body), *spring)
+            session.hold(wrench)
+            self._held = grip.body
+        elif grip is not None:
+            values |= self._pulled(session, grip, spring)
         elif self._pushed:
-            self._pull = None
             for joint in self._pushed:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
@@ -268,6 +278,24 @@ class Desk:
             session.simulation.flush()
             self._show(session)
         return values
+
+    def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> Mapping[Target, float]:
+        """External torques of a pull on a link."""
+        model = session.simulation.model
+        assert model is not None
+        order = [session.simulation.joints.index(name) for name in model.joints]
+        torques, self._pull = grip.torques(model, session.simulation.observe().link_position[order], *spring)
+        by_joint = torques_by_joint(model, torques)
+        self._pushed |= by_joint.keys()
+        targets = {(joint, EXTERNAL_TORQUE): torque for joint, torque in by_joint.items()}
+        return {target: torque + (self._by_hand.get(target) or 0.0) for target, torque in targets.items()}
+
+    def _frame_now(self, session: Session, body: str) -> Array:
+        """Frame (4, 4) of a body in the world at the present state."""
+        simulation = session.simulation
+        bodies = {name: np.array(pose) for name, pose in simulation.look().scene().bodies.items()}
+        positions = dict(zip(simulation.joints, simulation.observe().link_position.tolist(), strict=True))
+        return self.subject.scene.frames(positions, bodies)[body]
 
     def write(self, samples: Samples) -> None:
         """Implements `asrsim.live.session.Operator`."""

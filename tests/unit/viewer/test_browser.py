@@ -118,7 +118,7 @@ def test_a_dragged_link_rests_where_spring_and_pull_balance(tmp_path, browser):
             until(lambda: at_rest(view))
             pull, q, simulation = desk._pull, positions(view), view.show.session.simulation
             grip = desk._grip
-            torque = simulation.model.jacobian(q, grip.link, grip.point)[:3, 0] @ pull.force
+            torque = simulation.model.jacobian(q, grip.body, grip.point)[:3, 0] @ pull.force
             assert abs(torque) > 5e-3
             assert q[0] == pytest.approx(torque / STIFFNESS, abs=1e-6)
             assert np.linalg.norm(pull.force) == pytest.approx(50.0 * np.linalg.norm(pull.target - pull.point), rel=1e-6)
