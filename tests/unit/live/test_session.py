@@ -331,7 +331,14 @@ def test_the_command_ends_by_its_duration(asrsim_command, tiny):
 
 @pytest.mark.parametrize(
     "wrong",
-    [("--speed", "fast"), ("--speed", "0"), ("--duration", "-1"), ("--rate", "0"), ("--port", "70000"), ("--on", "pigeon")],
+    [
+        ("--speed", "fast"),
+        ("--speed", "0"),
+        ("--duration", "-1"),
+        ("--publish-rate", "0"),
+        ("--port", "70000"),
+        ("--on", "pigeon"),
+    ],
 )
 def test_wrong_options_are_refused(asrsim_command, tiny, wrong):
     done = asrsim_command("live", tiny.scenario, *wrong)
