@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from queue import SimpleQueue
@@ -27,6 +28,8 @@ from asrsim.viewer.stage import Pull
 from asrsim.viewer.subject import Companion, Subject
 from asrsim.viewer.tuning import tunable, unit_of_number
 
+LONGEST = 0.05
+"""Longest time between two pictures of a slow run, s."""
 SAID = 0.25
 """Time between two updates of the texts, s."""
 NOBODY = "no variant"
@@ -77,6 +80,10 @@ class Desk:
         self._grip: Grip | None = None
         self._pull: Pull | None = None
         self._said = -1.0
+        self._end = ""
+        """Why the run has ended."""
+        self._written = clock.perf_counter()
+        """Wall-clock time of the last samples, s."""
 
     def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
         """Go on with another run of the same variant. tuned: numbers that the user has changed; news: a text for the user."""
@@ -257,38 +264,41 @@ class Desk:
     # -- the session's operator -------------------------------------------------------------------------------------
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """Implements `asrsim.live.session.Operator`; also shows the newest sample when a picture is due."""
+        """Implements `asrsim.live.session.Operator`."""
         values = {**self._by_hand}
         grip, spring = self._grip, (float(self._spring.value), float(self._limit.value))
-        self._pull = None
+        pull: Pull | None = None
         if self._held is not None and (grip is None or grip.body != self._held):
             session.hold(HeldWrench(self._held, (0.0, 0.0, 0.0)))
             self._held = None
         if grip is not None and self._free(grip.body):
-            wrench, self._pull = grip.wrench(self._frame_now(session, grip.body), *spring)
+            wrench, pull = grip.wrench(self._frame_now(session, grip.body), *spring)
             session.hold(wrench)
             self._held = grip.body
         elif grip is not None:
-            values |= self._pulled(session, grip, spring)
+            pulled, pull = self._pulled(session, grip, spring)
+            values |= pulled
         elif self._pushed:
             for joint in self._pushed:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
-        if self._page.due():
+        self._pull = pull
+        # A slow run fills its blocks of samples late.
+        if clock.perf_counter() - self._written > LONGEST:
             session.simulation.flush()
-            self._show(session)
+            self._written = clock.perf_counter()
         return values
 
-    def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> Mapping[Target, float]:
-        """External torques of a pull on a link."""
+    def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> tuple[Mapping[Target, float], Pull]:
+        """External torques of a pull on a link, and the pull."""
         model = session.simulation.model
         assert model is not None
         order = [session.simulation.joints.index(name) for name in model.joints]
-        torques, self._pull = grip.torques(model, session.simulation.observe().link_position[order], *spring)
+        torques, pull = grip.torques(model, session.simulation.observe().link_position[order], *spring)
         by_joint = torques_by_joint(model, torques)
         self._pushed |= by_joint.keys()
         targets = {(joint, EXTERNAL_TORQUE): torque for joint, torque in by_joint.items()}
-        return {target: torque + (self._by_hand.get(target) or 0.0) for target, torque in targets.items()}
+        return {target: torque + (self._by_hand.get(target) or 0.0) for target, torque in targets.items()}, pull
 
     def _frame_now(self, session: Session, body: str) -> Array:
         """Frame (4, 4) of a body in the world at the present state."""
@@ -300,12 +310,15 @@ class Desk:
     def write(self, samples: Samples) -> None:
         """Implements `asrsim.live.session.Operator`."""
         self.subject.history.write(samples)
+        self._written = clock.perf_counter()
 
     def ended(self, summary: RunSummary) -> None:
         """Say why the run has diverged; a reset starts the next one."""
-        self._page.say(f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again.")
+        self._end = f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again."
+        self._said = -1.0
 
-    def _show(self, session: Session) -> None:
+    def show(self) -> None:
+        """Show the newest sample. Called in a thread of its own."""
         self._welcome()
         latest = self.subject.history.latest
         if latest is None:
@@ -314,10 +327,10 @@ class Desk:
         self._page.draw(latest, pull=self._pull)
         if abs(time - self._said) >= SAID or time < self._said:
             self._said = time
-            self._say_references()
-            self._page.say(self._status(session, time))
+            self._say_references(latest)
+            self._page.say(self._end or self._status(time))
 
-    def _say_references(self) -> None:
+    def _say_references(self, latest: Samples) -> None:
         """Say each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
         changes the number that a user types there."""
         for joint, text in self._present.items():
@@ -325,12 +338,15 @@ class Desk:
             for target in self._sliders:
                 if target[0] == joint and target[1] != EXTERNAL_TORQUE:
                     source = "scenario" if self._by_hand.get(target) is None else "by hand"
-                    parts.append(f"{words_of(target[1])} {self._reference(target):.4g} ({source})")
+                    column, slot = self.session.simulation.prepared.slot_of(*target)
+                    value = float(latest.values[f"reference_{slot}"][-1, column])
+                    parts.append(f"{words_of(target[1])} {value:.4g} ({source})")
             text.content = "Now " + ", ".join(parts)
 
-    def _status(self, session: Session, time: float) -> str:
+    def _status(self, time: float) -> str:
+        session, pull = self.session, self._pull
         pace = "paused" if session.paused else f"{1e3 * session.pace.late:.0f} ms behind"
         parts = [f"**{time:.2f} s**", pace]
-        if self._pull is not None:
-            parts.append(f"pull {np.linalg.norm(self._pull.force):.3g} N")
+        if pull is not None:
+            parts.append(f"pull {np.linalg.norm(pull.force):.3g} N")
         return " · ".join(parts) + (f"\n\n{plain(self._news)}" if self._news else "")
