@@ -346,7 +346,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
 def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     told = []
     task = task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
-    result = identify(task, seconds=1e-3, progress=told.append)
+    result = identify(task, duration=1e-3, progress=told.append)
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
     assert all(one.verdict != "identified" for one in result.estimates)
