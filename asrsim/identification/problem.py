@@ -31,9 +31,9 @@ REACH, ROUNDS = 0.3, 60
 """Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
 LINEAR = 0.3
 """Relative error of the predicted effect of a step above which derivatives are computed again."""
-NEAR, BESIDE = 5.0, 0.02
-"""Move, in standard deviations of the estimate, and in the vector's units, within which the derivatives of a neighbouring
-vector are used: they change by about 2 %, less than Broyden's updates tolerate.
+NEAR, EXACT = 1.0, 0.01
+"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same for
+derivatives with which a search begins.
 """
 HUBER = 3.0
 """Residual, in standard deviations of the noise, above which the Huber loss is linear."""
@@ -230,12 +230,13 @@ def residuals(problem: Problem, x: Array) -> Array:
 
 
 def jacobian(
-    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None
-) -> Array:
+    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None,
+    near: float = NEAR,
+) -> Array:  # fmt: skip
     """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
-    of the columns to compute.
+    of the columns to compute; near: move, in standard deviations of the estimate, within which the latest Jacobian is used.
     """
-    if columns is None and step == STEP and (known := _known_slopes(problem, x)) is not None:
+    if columns is None and step == STEP and (known := _known_slopes(problem, x, near)) is not None:
         return known
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
@@ -253,7 +254,7 @@ def jacobian(
     return matrix
 
 
-def _known_slopes(problem: Problem, x: Array) -> Array | None:
+def _known_slopes(problem: Problem, x: Array, near: float) -> Array | None:
     """The latest Jacobian with the weights of this problem, if it is that of the same recordings, near x; None otherwise."""
     if problem.meter.latest is None:
         return None
@@ -267,7 +268,7 @@ def _known_slopes(problem: Problem, x: Array) -> Array | None:
             return None
         scaled[part.rows] *= was.noise / part.noise
     change = scaled @ (x - there)
-    return scaled if float(change @ change) < NEAR**2 and np.abs(x - there).max(initial=0.0) < BESIDE else None
+    return scaled if float(change @ change) < near**2 else None
 
 
 def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
@@ -347,7 +348,7 @@ def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROU
                 matrix = matrix + np.outer(surprise, step / float(step @ step))
                 known.append((move.copy(), there, matrix, updates + 1))
                 return matrix
-        known.append((move.copy(), there, jacobian(problem, inside + move, base=there), 0))
+        known.append((move.copy(), there, jacobian(problem, inside + move, base=there, near=EXACT), 0))
         return known[-1][2]
 
     known: list[tuple[Array, Array, Array, int]] = []

@@ -249,7 +249,8 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
 
     Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
-    derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected again. Entries near a bound have one-sided derivatives.
+    derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected
+    again. Entries near a bound have one-sided derivatives.
     """
     low, high = problem.layout.bounds
     inside = (x - REACH >= low) & (x + REACH <= high)

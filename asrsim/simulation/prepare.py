@@ -252,7 +252,7 @@ class Prepared:
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
 
     def _model_of(self, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
-        """Model of a varied robot; the latest is kept, since most of a fit's variants have equal inertials. Raises RobotError."""
+        """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
         for inertials, model in self._latest:
             if inertials == robot.inertials:
                 return model
