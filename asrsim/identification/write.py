@@ -25,7 +25,7 @@ from asrsim.robot.mounting import reference_names, sprung_joints
 from asrsim.robot.vary import physical
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.starter import relocated, robot_key
+from asrsim.scenario.relocate import relocated, robot_key
 from asrsim.signals import Constant
 
 SCENARIO = "scenario.yaml"

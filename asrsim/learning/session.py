@@ -27,7 +27,7 @@ from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.starter import relocated
+from asrsim.scenario.relocate import relocated
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
     "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
