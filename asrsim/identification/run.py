@@ -21,6 +21,7 @@ from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, 
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
+from asrsim.identification.replay import replay_of
 from asrsim.identification.result import (
     CHECKED,
     COMPLETE,
@@ -218,10 +219,8 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
-        played={
-            c.source: "hold" if c.hold or c.key in problem.playing.staircases else "smooth"
-            for track in problem.tracks for c in track.data.commands
-        },
+        replay=replay_of(problem.tracks[0], final.layout.table(x, 0), replace(final.playing, bandwidth=0.0)),
+        played=problem.tracks[0].data.commands,
     )  # fmt: skip
 
 
