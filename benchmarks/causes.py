@@ -31,9 +31,8 @@ WORDS = {
 
 def main() -> None:
     """Print a row for each robot."""
-    from support.odd_arm import EFFECTS, record
-
     from asrsim import identify
+    from support.odd_arm import EFFECTS, record
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=(*EFFECTS, "right"))
