@@ -1,8 +1,8 @@
 """Closed chains of one freedom: the joints of a linkage follow its master with ratios that depend on the positions.
 
-`asrsim.robot.loops` states the equations. Here each entry is a joint on one side of a loop, with its column of the Jacobian; the
-normal equations of a linkage collect the entries of its loops and its couplings. Positions are corrected by Newton's method, so
-that the gaps do not grow.
+`asrsim.robot.loops` states the equations. Here an entry is a joint on one side of a loop, with its column of the Jacobian; the
+normal equations of a linkage collect the entries of its loops and its couplings. Positions are corrected by Newton's method,
+so that the gaps do not grow.
 
 The functions run as Python or compiled.
 """

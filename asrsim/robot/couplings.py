@@ -120,8 +120,6 @@ def couplings_of(robot: Robot) -> Couplings:
     for linkage in linkages:
         for j in linkage.joints:
             master[j], mimics[j] = linkage.master, False
-    return Couplings(
-        master=master, ratio=np.array([joint.multiplier if mimic else 1.0 for joint, mimic in zip(moving, mimics, strict=True)]),
-        offset=np.array([joint.offset if mimic else 0.0 for joint, mimic in zip(moving, mimics, strict=True)]),
-        linkages=linkages,
-    )  # fmt: skip
+    laws = [(joint.multiplier, joint.offset) if mimic else (1.0, 0.0) for joint, mimic in zip(moving, mimics, strict=True)]
+    ratio, offset = np.array(laws).reshape(-1, 2).T
+    return Couplings(master=master, ratio=ratio, offset=offset, linkages=linkages)

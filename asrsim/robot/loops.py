@@ -16,9 +16,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import Problem, RobotError, listed
 from asrsim.robot.model import Joint, Robot, Vector
-from asrsim.robot.poses import HERE, Pose, rotation_matrix
+from asrsim.robot.poses import HERE
 
 Array = NDArray[np.float64]
 OPEN = 1e-9
@@ -27,14 +27,14 @@ DEAD = 1e-6
 """Smallest ratio of the singular values of a linkage's Jacobian: below, the master stands at a dead centre."""
 ROUNDS = 25
 """Largest number of rounds of Newton's method."""
-STRIDE = 0.05
+STRIDE = 0.15
 """Largest motion of a joint between two postures of a traced linkage, rad."""
 SHORTEST = 1e-7
 """Motion of the master below which a linkage that does not close counts as being at its dead centre, as a fraction of 1 rad."""
 POSTURES = 4000
 """Largest number of postures of a traced linkage in one direction."""
-TRIALS = 300
-"""Random postures from which a closed posture is sought."""
+TRIALS, ENOUGH = 200, 8
+"""Random postures from which closed postures are sought, and number of these among which the nearest is chosen."""
 SLACK = 1e-7
 """Largest distance beyond a limit at the start that counts as rounding, rad (m)."""
 
@@ -64,7 +64,8 @@ class LoopPath:
     """Position (3,) of each joint's frame behind the previous joint, m."""
     turns: tuple[Array, ...]
     """Rotation (3, 3) of each joint's frame behind the previous joint."""
-    axes: tuple[Vector, ...]
+    axes: tuple[Array, ...]
+    """Axis (3,) of each joint in its frame."""
     ends: Array
     """Points (6,) that coincide, behind the last joints of both sides, m."""
 
@@ -78,19 +79,20 @@ class LoopPath:
             for k in members:
                 point = point + rotation @ self.origins[k]
                 rotation = rotation @ self.turns[k]
-                axis, position = rotation @ np.array(self.axes[k]), q[..., self.joints[k], None]
+                axis, position = rotation @ self.axes[k], q[..., self.joints[k], None]
                 axes.append(axis)
                 places.append(point)
                 if self.slides[k]:
                     point = point + axis * position
                 else:
-                    twist = np.cross(np.eye(3), self.axes[k])
-                    s, c = np.sin(position)[..., None], (1.0 - np.cos(position))[..., None]
-                    rotation = rotation @ (np.eye(3) + s * twist + c * (twist @ twist))
+                    first, second = self._twists[k]
+                    rotation = rotation @ (
+                        np.eye(3) + np.sin(position)[..., None] * first + (1.0 - np.cos(position))[..., None] * second
+                    )
             point = point + rotation @ self.ends[3 * side : 3 * side + 3]
             gap = gap + sign * point
             columns += [
-                sign * (axes[k] if self.slides[k] else np.cross(axes[k], point - place))
+                sign * (axes[k] if self.slides[k] else _cross(axes[k], point - place))
                 for k, place in zip(members, places, strict=True)
             ]
         return gap, np.stack(columns, axis=-1), np.stack(axes, axis=-1)
@@ -104,8 +106,21 @@ class LoopPath:
                     near, far = min(i, k), max(i, k)
                     if not self.slides[near]:
                         rate = (v[..., self.joints[i]] * v[..., self.joints[k]])[..., None]
-                        found = found + rate * np.cross(axes[..., near], columns[..., far])
+                        found = found + rate * _cross(axes[..., near], columns[..., far])
         return found
+
+    @cached_property
+    def _twists(self) -> list[tuple[Array, Array]]:
+        """Matrix of the cross product with each joint's axis, and its square."""
+        twists = [np.cross(np.eye(3), axis) for axis in self.axes]
+        return [(twist, twist @ twist) for twist in twists]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (..., 3); several times faster than NumPy's for few vectors."""
+    product = a[..., :, None] * b[..., None, :]
+    spare = product - np.swapaxes(product, -1, -2)
+    return np.asarray(spare[..., (1, 2, 0), (2, 0, 1)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,12 +241,8 @@ class Trace:
         master = linkage.master
         low, high = stops[master]
         others = linkage.joints[1:]
-        self.ignored = tuple(
-            j for j in others if not stops[j, 0] - SLACK <= start[j] <= stops[j, 1] + SLACK
-        )
-        self._limited = [
-            j for j in others if j not in self.ignored and np.isfinite(stops[j]).any()
-        ]
+        self.ignored = tuple(j for j in others if not stops[j, 0] - SLACK <= start[j] <= stops[j, 1] + SLACK)
+        self._limited = [j for j in others if j not in self.ignored and np.isfinite(stops[j]).any()]
         self._turn: Array | None = None
         """Change of all positions in a turn of the master; None: it does not turn."""
         rows, ends, dead = [start], [low, high], [False, False]
@@ -251,10 +262,12 @@ class Trace:
         joints, angles = list(own.joints), ~own.slides[list(own.joints)]
         if sign * (limit - rows[0][master]) <= 0.0:
             return [], limit, False
-        stride = math.inf
+        stride, rates = math.inf, own.ratios(rows[0])
         while len(rows) < POSTURES:
-            here, rates = rows[-1], own.ratios(rows[-1])
-            fastest = max(float(np.abs(rates[angles]).max(initial=0.0)), float(np.abs(rates[~angles]).max(initial=0.0)) / own.size)
+            here = rows[-1]
+            fastest = max(
+                float(np.abs(rates[angles]).max(initial=0.0)), float(np.abs(rates[~angles]).max(initial=0.0)) / own.size
+            )
             stride = min(2.0 * stride, STRIDE / max(fastest, 1e-300))
             ahead, next_row = math.inf, here
             while stride > SHORTEST * STRIDE / max(fastest, 1.0) and stride > 1e-12:
@@ -269,16 +282,18 @@ class Trace:
                 stride *= 0.5
             else:
                 return rows[1:], float(here[master]), True
-            hit = self._hit(here, next_row, rates)
+            slopes = own.ratios(next_row)
+            hit = self._hit(here, next_row, rates, slopes)
             if hit is not None:
                 return [*rows[1:], hit], float(hit[master]), False
             rows.append(next_row)
+            rates = slopes
             if next_row[master] == limit:
                 return rows[1:], limit, False
             turned = abs(next_row[master] - rows[0][master])
             if angles[0] and not math.isfinite(limit) and turned >= math.tau:
                 full = rows[0].copy()
-                full[joints] = next_row[joints] - own.ratios(next_row) * sign * (turned - math.tau)
+                full[joints] = next_row[joints] - rates * sign * (turned - math.tau)
                 full[master] = rows[0][master] + sign * math.tau
                 full = own.close(full)
                 change = sign * (full - rows[0])
@@ -288,13 +303,13 @@ class Trace:
                     return rows[1:], math.inf * sign, False
         return rows[1:], float(rows[-1][master]), False
 
-    def _hit(self, here: Array, there: Array, rates: Array) -> Array | None:
-        """First posture between two neighbours at which a follower reaches its limit; None if none does."""
+    def _hit(self, here: Array, there: Array, rates: Array, slopes: Array) -> Array | None:
+        """First posture between two neighbours at which a follower reaches its limit; None if none does. rates, slopes: ratios
+        at both."""
         own, master = self._linkage, self._linkage.master
         if not self._limited:
             return None
         candidates = [there]
-        slopes = own.ratios(there)
         for j in self._limited:
             k = own.joints.index(j)
             # A follower that turns back in between may pass its limit there.
@@ -409,7 +424,7 @@ def _path(loop: Loop, above: dict[str, Joint], order: dict[str, int]) -> tuple[L
         joints=tuple(order[joint.name] for joint, _ in members), split=len(sides[0]),
         slides=tuple(joint.kind == "prismatic" for joint, _ in members),
         origins=tuple(pose.position for _, pose in members), turns=tuple(pose.rotation for _, pose in members),
-        axes=tuple(joint.axis for joint, _ in members), ends=np.concatenate(ends),
+        axes=tuple(np.array(joint.axis) for joint, _ in members), ends=np.concatenate(ends),
     )  # fmt: skip
     return path, ""
 
@@ -435,44 +450,71 @@ def _groups(paths: Sequence[LoopPath], moving: Sequence[Joint], order: dict[str,
     yield from sorted((group for group in groups if group & looped), key=min)
 
 
-def assembled(robot: Robot, stated: Sequence[str] = ()) -> tuple[Robot, list[Problem], list[Problem]]:
-    """Robot whose start positions close its loops, and whose masters stop where the limits of their followers are; errors and
-    warnings about the loops.
+@dataclass(frozen=True, kw_only=True)
+class Assembly:
+    """Linkages of a robot at their start."""
 
-    Loops that the joints' start positions do not nearly close start at the nearest closed posture that is found, unless one of
-    the `stated` joints belongs to them.
+    linkages: tuple[Linkage, ...] = ()
+    """Linkages that their masters can move."""
+    errors: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+
+def assembly_of(robot: Robot, stated: Sequence[str] = ()) -> Assembly:
+    """Linkages of a robot at a start that closes them.
+
+    Loops that the joints' start positions do not nearly close, or close at a dead centre, start at the nearest closed posture
+    that is found, unless one of the `stated` joints belongs to them.
     """
+    return _assembly(robot.loops, robot.joints, tuple(block.joint for block in robot.actuators), tuple(stated))
+
+
+@lru_cache(maxsize=64)
+def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[str, ...], stated: tuple[str, ...]) -> Assembly:
     try:
-        linkages = linkages_of(robot)
+        linkages = _linkages(loops, joints, driven) if loops else ()
     except RobotError as error:
-        return robot, list(error.problems), []
-    moving, errors, warnings, changed = robot.moving_joints, list[Problem](), list[Problem](), dict[str, Joint]()
+        return Assembly(errors=error.problems)
+    moving, errors, warnings, kept = [joint for joint in joints if joint.moves], list[Problem](), list[Problem](), []
     for linkage in linkages:
         names = [moving[j].name for j in linkage.joints]
-        if linkage.gap(linkage.start) >= OPEN and not set(names) & set(stated):
+        if linkage.fault(linkage.start) and not set(names) & set(stated):
             linkage = replace(linkage, start=_nearest(linkage, np.array([joint.start or 0.0 for joint in moving])))
-        key, master = f"loops.{linkage.loops[0]}", moving[linkage.master]
+            if not linkage.fault(linkage.start):
+                places = ", ".join(f"{moving[j].name}: {linkage.start[j]:.4g}" for j in linkage.joints)
+                message = "the chain is open or at a dead centre at the usual start: it starts elsewhere"
+                hint = "`initial` in the scenario states the start"
+                warnings.append(Problem(message, key=names[0], value=places, hint=hint, code="loop-start"))
         if fault := linkage.fault(linkage.start):
-            subject = "" if fault.startswith("no positions") else f"joint '{master.name}' "
-            errors.append(Problem(subject + fault, key=key, code="loop"))
-            continue
+            subject = "" if fault.startswith("no positions") else f"joint '{names[0]}' "
+            errors.append(Problem(subject + fault, key=f"loops.{linkage.loops[0]}", code="loop"))
+        else:
+            kept.append(linkage)
+    return Assembly(linkages=tuple(kept), errors=tuple(errors), warnings=tuple(warnings))
+
+
+def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
+    """Robot whose joints start where the loops are closed, and whose masters stop where the limits of their followers are; and
+    warnings about the loops."""
+    moving, warnings, changed = robot.moving_joints, [*assembly.warnings], dict[str, Joint]()
+    for linkage in assembly.linkages:
+        master, trace = moving[linkage.master], linkage.trace
         changed |= {moving[j].name: replace(moving[j], start=float(linkage.start[j])) for j in linkage.joints}
-        trace = linkage.trace
-        changed[master.name] = replace(
-            changed[master.name],
-            lower=master.lower if trace.dead[0] or not math.isfinite(trace.low) else trace.low,
-            upper=master.upper if trace.dead[1] or not math.isfinite(trace.high) else trace.high,
+        low, high = (
+            stated if dead or not math.isfinite(end) else end
+            for stated, dead, end in zip((master.lower, master.upper), trace.dead, (trace.low, trace.high), strict=True)
         )
+        changed[master.name] = replace(changed[master.name], lower=low, upper=high)
         for j in trace.ignored:
-            message = f"starts outside its limits, where its loop puts it: they are not enforced ({linkage.start[j]:.4g})"
-            warnings.append(Problem(message, file=robot.path, line=moving[j].line, key=moving[j].name, code="loop-limits"))
-        for place, dead in zip((trace.low, trace.high), trace.dead, strict=True):
+            message = "starts outside its limits, where its loop puts it: they are not enforced"
+            warnings.append(Problem(message, key=moving[j].name, value=f"{linkage.start[j]:.4g}", code="loop-limits"))
+        for end, dead in zip((trace.low, trace.high), trace.dead, strict=True):
             if dead:
-                message = f"stands at a dead centre of its loop at {place:.4g}: a run that takes it there ends with an error"
-                hint = f"Another master may pass it: one of {', '.join(name for name in names[1:])}"
-                warnings.append(Problem(message, file=robot.path, line=master.line, key=master.name, hint=hint, code="dead-centre"))
+                message = "stands at a dead centre of its loop there: a run that takes it there ends with an error"
+                hint = f"Another master may pass it: {listed([moving[j].name for j in linkage.joints[1:]], 5)}"
+                warnings.append(Problem(message, key=master.name, value=f"{end:.4g}", hint=hint, code="dead-centre"))
     joints = tuple(changed.get(joint.name, joint) for joint in robot.joints)
-    return replace(robot, joints=joints), errors, warnings
+    return replace(robot, joints=joints), warnings
 
 
 def _nearest(linkage: Linkage, stated: Array) -> Array:
@@ -480,7 +522,7 @@ def _nearest(linkage: Linkage, stated: Array) -> Array:
     generator, joints = np.random.default_rng(0), list(linkage.joints)
     reach = np.where(linkage.slides, linkage.size, np.pi)
     low, high = np.maximum(linkage.stops[:, 0], -reach), np.minimum(linkage.stops[:, 1], reach)
-    best, least = stated, math.inf
+    best, least, count = stated, math.inf, 0
     for trial in range(TRIALS):
         guess = stated.copy()
         if trial:
@@ -488,8 +530,12 @@ def _nearest(linkage: Linkage, stated: Array) -> Array:
         found = linkage.close(guess, first=0)
         within = (linkage.stops[joints, 0] - SLACK <= found[joints]) & (found[joints] <= linkage.stops[joints, 1] + SLACK)
         away = float(np.abs(found - stated)[joints].sum()) + 100.0 * float((~within).sum())
-        if away < least and not linkage.fault(found):
-            best, least = found, away
+        if not linkage.fault(found):
+            count += 1
+            if away < least:
+                best, least = found, away
+            if count == ENOUGH:
+                break
     return best
 
 
@@ -499,28 +545,3 @@ def closed(linkages: Sequence[Linkage], positions: ArrayLike) -> Array:
     for linkage in linkages:
         q = linkage.follow(q)
     return q
-
-
-def hinged(links: tuple[str, str], poses: tuple[Pose, Pose], axis: Vector, kind: str) -> tuple[Loop, ...]:
-    """Loops that close a chain by a joint: a ball at one point, a hinge at two points of its axis, a fixed joint at three.
-
-    poses: of the joint in the frames of the links. axis: of a hinge, in the joint's frame.
-    """
-    size, x = 0.1, np.array(axis) / np.linalg.norm(axis)
-    across = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
-    places = [np.zeros(3), size * x, size * across / np.linalg.norm(across)]
-    count = {"spherical": 1, "revolute": 2, "fixed": 3}[kind]
-    points = [tuple(pose.position + pose.rotation @ place for pose in poses) for place in places[:count]]
-    return tuple(
-        Loop(links=links, points=(_vector(first), _vector(second))) for first, second in points
-    )
-
-
-def pose_of(xyz: Vector, rpy: Vector) -> Pose:
-    """Pose from a position and fixed-axis angles."""
-    return Pose(position=np.array(xyz), rotation=rotation_matrix(rpy))
-
-
-def _vector(array: Array) -> Vector:
-    x, y, z = array.tolist()
-    return x, y, z

@@ -19,7 +19,7 @@ from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_m
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.findings import LARGEST
-from asrsim.robot.loops import Loop, assembled
+from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
@@ -27,8 +27,8 @@ from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
-from asrsim.scenario.starts import stated_start
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
+from asrsim.scenario.starts import stated_start
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
@@ -94,6 +94,8 @@ def check_against_robot(
     from asrsim.kinematics.sizing import problems_of_weight, sizing
 
     warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
+    if changed.loops:
+        warnings += map(scenario.placed, assembled(changed, _assembly(scenario, changed))[1])
     return [], [*warnings, *problems_of_weight(sizing(scenario, changed, propose=propose), changed, scenario.path)]
 
 
@@ -123,8 +125,9 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
     """Robot with the valid changes of the scenario, and the problems of the other changes."""
     given = scenario.actuators
     own = {joint: one.parameters for joint, one in given.items() if one.parameters}
-    looped = _with_loops(scenario, robot)
+    looped, wrong = _with_loops(scenario, robot)
     changed, problems = mounted(looped, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
+    problems += wrong
     unread = set(changed.unread)
     parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
     for section, *rest in scenario.unread:
@@ -146,16 +149,18 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
         changed = replace(changed, links=links)
     if changed.loops:
-        changed, faults, _ = assembled_for(scenario, changed)
-        problems += faults
+        assembly = _assembly(scenario, changed)
+        changed, _ = assembled(changed, assembly)
+        problems += assembly.errors
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
     return changed, [scenario.placed(problem) for problem in problems]
 
 
-def _with_loops(scenario: Scenario, robot: Robot) -> Robot:
-    """Robot with the closed chains of its file and of the scenario: of two between the same links, that of the scenario."""
+def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
+    """Robot with the closed chains of its file and of the scenario, and their problems. Of two chains between the same links,
+    that of the scenario counts."""
     names = {link.name for link in robot.links}
     own = tuple(
         Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
@@ -163,17 +168,21 @@ def _with_loops(scenario: Scenario, robot: Robot) -> Robot:
         if names.issuperset(loop.links)  # others are reported as unknown links
     )
     if not own:
-        return robot
+        return robot, []
     ends = {frozenset(loop.links) for loop in own}
-    return replace(robot, loops=(*own, *(loop for loop in robot.loops if frozenset(loop.links) not in ends)))
+    looped = replace(robot, loops=(*own, *(loop for loop in robot.loops if frozenset(loop.links) not in ends)))
+    try:
+        linkages_of(looped)
+    except RobotError as error:
+        return robot, list(error.problems)
+    return looped, []
 
 
-def assembled_for(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem], list[Problem]]:
-    """Robot whose closed chains are closed at the scenario's start, and whose masters stop where followers reach their limits;
-    errors and warnings about the chains."""
+def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
+    """Closed chains of the robot at the scenario's start."""
     joints = tuple(replace(joint, start=stated_start(scenario, joint)) if joint.moves else joint for joint in robot.joints)
     stated = [joint.name for joint in robot.moving_joints if joint.name in scenario.initial_positions]
-    return assembled(replace(robot, joints=joints), stated)
+    return assembly_of(replace(robot, joints=joints), stated)
 
 
 def _fields(scenario: Scenario) -> Iterator[Problem]:

@@ -39,8 +39,8 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     low, high = np.array([drive.joint.stops for drive in drives]).T
 
     def load(positions: Array) -> Array:
-        """Torques (..., joints) in N m that springs hold at rest: those of gravity, 0 for a robot in free fall, less the external
-        ones."""
+        """Torques (..., joints) in N m that springs hold at rest: those of gravity, 0 for a robot in free fall, without the
+        external ones."""
         weight = np.zeros_like(positions) if falls else model.gravity_torques(positions)
         return weight - couplings.fold(sampled[EXTERNAL, :, 0], couplings.expand(positions))
 

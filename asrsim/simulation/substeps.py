@@ -192,8 +192,8 @@ def _resolve(
     scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, places: Array, masses: Array,
     stiffness: Sequence[float],
 ) -> Resolution:  # fmt: skip
-    """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of each
-    joint in N m/rad.
+    """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of
+    each joint in N m/rad.
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """

@@ -471,7 +471,7 @@ class Worlds:
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
         # A follower is corrected through its master.
-        followers = [bool(drive.joint.mimic) for drive in self.prepared.drives]
+        followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.observer = observer.measured, np.array(observer.gains), engine.coordinates
         try:
