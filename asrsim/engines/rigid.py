@@ -282,7 +282,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[resting] = 0.0
         length -= part
     for j in range(count):
-        exchange[piece, j, VELOCITY] = room.ratio[j] * room.velocity[room.joint_z[j]]
+        speed = room.velocity[room.joint_z[j]]
+        exchange[piece, j, VELOCITY] = room.ratio[j] * speed if room.reduced else speed
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -297,12 +298,18 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
         room.diagonal[i] = room.matrix[i, i]
         room.bound[i] = 0.0
     for j in range(room.joints):
-        i, ratio, damping = room.joint_z[j], room.ratio[j], exchange[piece, j, DAMPING]
-        room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
-        room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
-        room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
-        if room.master[j] != j:
-            continue
+        i, damping = room.joint_z[j], exchange[piece, j, DAMPING]
+        if room.reduced:
+            ratio = room.ratio[j]
+            room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
+            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
+            room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
+            if room.master[j] != j:
+                continue
+        else:
+            room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
+            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
+            room.bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
@@ -403,7 +410,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         _turn(state, first, step)
     last = len(lengths) - 1
     for j in range(room.joints):
-        if room.master[j] == j:
+        if room.reduced == 0 or room.master[j] == j:
             speed = state[first + room.joint_z[j]]
             place = room.joint_q[j]
             state[place] += step * speed

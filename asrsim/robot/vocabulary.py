@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 from asrsim.robot.model import INERTIAS
@@ -220,10 +220,16 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     "transmission": {
         **_words(SILENT, "@name @type type leftActuator rightActuator joint"
                          " flexJoint rollJoint gap_joint use_simulated_gripper_joint simulated_actuated_joint"
-                         " passive_joint compensator robotNamespace simulated_reduction mechanicalReduction"
-                         " motorInertia motorTorqueConstant screw_reduction init_joint_size final_joint_size"
-                         " drake:rotor_inertia drake:gear_ratio"),
-        "actuator": special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"),
+                         " passive_joint compensator robotNamespace simulated_reduction"
+                         " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
+        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
+        "actuator": replace(
+            special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"), inside="actuator"
+        ),
+    },
+    "actuator": {
+        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
+        **_words(SILENT, "@name @type hardwareInterface role type offset motorTorqueConstant drake:* xacro:*"),
     },
     "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
     "mujoco": {

@@ -141,7 +141,10 @@ class Scenario:
         ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
     )
     loops: tuple[LoopClosure, ...] = declare(
-        ListOf(of=block_of(LoopClosure, "loop")), default=(), doc="closed chains of one freedom, such as four-bar fingers"
+        ListOf(of=block_of(LoopClosure, "loop")),
+        default=(),
+        doc="closed chains of one freedom, such as four-bar fingers, beside those of the robot file; between the same links, "
+        "in place of the file's",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
