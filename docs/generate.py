@@ -112,9 +112,9 @@ def notebook() -> str:
 API = {
     "runs": ("asrsim.api", "asrsim.summary", "asrsim.runs", "asrsim.viewer"),
     "stepping": ("asrsim.simulation", "asrsim.environment"),
-    "inputs": ("asrsim.robot", "asrsim.scenario"),
+    "inputs": ("asrsim.robot", "asrsim.scenario", "asrsim.recordings"),
     "logs": ("asrsim.log",),
-    "studies": ("asrsim.identification", "asrsim.sweeps", "asrsim.twin"),
+    "studies": ("asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
     "errors": ("asrsim.errors",),
 }
 """Pages about the public names, `docs/api-*.md`, and the modules whose names each page has."""
@@ -217,7 +217,7 @@ def live_topics() -> str:
 
 def steppings() -> str:
     """Every stepping with its order of convergence."""
-    from asrsim.simulation.steppings import STEPPINGS
+    from asrsim.registry.steppings import STEPPINGS
 
     rows = [(f"`{one.name}`", str(one.order), one.doc) for one in STEPPINGS.values()]
     return markdown_table(("stepping", "order", "what"), rows)

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from asrsim.renamed import OPTIONS, tell
+
 GROUPS = {
     "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
     "Look": {"view": "view", "plot": "plot", "render": "render", "report": "report_page"},
@@ -30,6 +32,15 @@ HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 class PlainCommand(TyperCommand):
     """Command whose help text has no braces around required arguments and no parentheses around default values."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        renamed = OPTIONS.get(ctx.info_name or "", {})
+        for index, text in enumerate(args):
+            name, separator, value = text.partition("=")
+            if name in renamed:
+                args[index] = f"{renamed[name]}{separator}{value}"
+                typer.echo(f"asrsim: {tell(name, renamed[name])}", err=True)
+        return super().parse_args(ctx, args)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
@@ -129,21 +140,21 @@ def main() -> None:
 
 def _call() -> int:
     from asrsim.cli.console import complain
-    from asrsim.cli.interrupt import INTERRUPTED, like_an_interruption
+    from asrsim.cli.interrupt import INTERRUPTED, interruptible
 
-    try:
-        with like_an_interruption():
+    with interruptible() as interrupted:
+        try:
             app()
-    except SystemExit as end:
-        # Typer prints nothing for an interrupted command.
-        if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+        except SystemExit as end:
+            # Typer prints nothing for an interrupted command.
+            if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+                complain("asrsim: aborted")
+            return end.code if isinstance(end.code, int) else int(end.code is not None)
+        except (KeyboardInterrupt, Exception) as error:
+            if isinstance(error, Exception) and not interrupted():
+                return _report_error(error)
             complain("asrsim: aborted")
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        complain("asrsim: aborted")
-        return INTERRUPTED
-    except Exception as error:
-        return _report_error(error)
+            return INTERRUPTED
     return 0
 
 

@@ -15,13 +15,11 @@ one; in a run that is not staggered v_whole = v. So the damping torque is -C (v 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from asrsim.registry import Registry
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -98,8 +96,8 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    The defaults of `takes_wrenches`, `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine
-    that has no compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a fixed base without
+    contacts, in an engine that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -124,6 +122,16 @@ class Engine(Protocol):
         wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or 1/2
         in the first step of a staggered run. All arrays are C-contiguous."""
 
+    @property
+    def holdable(self) -> tuple[str, ...]:
+        """Names of the links and objects on which `hold` acts."""
+        return ()
+
+    def hold(self, wrenches: Sequence[HeldWrench]) -> None:
+        """Let wrenches act on bodies in all further steps, in addition to those of `step` and in place of those of an earlier
+        call. They are not part of the state. wrenches: on bodies of `holdable`, at most one on each."""
+        return
+
     def scene(self) -> Scene:
         """Poses of the bodies and contact forces at the present state."""
         return Scene({}, {})
@@ -140,29 +148,3 @@ class Engine(Protocol):
     def close(self) -> None:
         """Release the memory and the connections of the engine, if it has any."""
         return
-
-
-@dataclass(frozen=True, kw_only=True)
-class EngineEntry:
-    """A registered engine."""
-
-    make: Callable[..., tuple[Engine, tuple[Any, ...]]]
-    """Function that takes a scenario and a robot, and returns the engine and its warnings. The robot has the scenario's modes
-    and parameters already."""
-    doc: str
-    module: str = ""
-    """Python module that the engine needs; empty if it needs none."""
-    prescribed: bool = False
-    """Whether the scenario's `motion` prescribes the motion of the links."""
-    faster: str = ""
-    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
-
-    @property
-    def available(self) -> bool:
-        """Whether the engine's module is installed."""
-        from importlib.util import find_spec
-
-        return not self.module or find_spec(self.module) is not None
-
-
-ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)

@@ -6,13 +6,16 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from asrsim.recordings.reading import ColumnMap
 
 EPOCH = 1e9
 """Times above this value are Unix times (September 2001 and later), s."""
@@ -51,6 +54,13 @@ class RawColumn:
     """Joint that the file states, as JointState messages do."""
     quantity: str | None = None
     """Quantity that the message type implies."""
+    file: str = ""
+    """Name, without its ending, of the column's file, if several files in a folder make the recording."""
+
+    @property
+    def header(self) -> str:
+        """Name of the column in its own file."""
+        return self.name.removeprefix(f"{self.file}/") if self.file else self.name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +111,7 @@ class Column:
     """One column of a recording, in SI units."""
 
     time: Array
-    """Times (n,), s; all columns of a table share this array."""
+    """Times (n,), s; columns of a table share this array, except late columns."""
     values: Array
     """Values (n,) in `unit`; NaN where the file has no valid number."""
     unit: str
@@ -115,9 +125,13 @@ class Column:
     """Conversion of the numbers: "deg -> rad, x 0.0174533", "rad assumed"; "" for none."""
     stated: bool = False
     """True if the file or the mapping states the unit, False if it is assumed."""
+    target: str = ""
+    """Meaning that a mapping may give to a column about which the user is asked, such as `reference_1 [unit]`."""
     origin: str = ""
     """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
     "not used: ..." with the reason."""
+    read_as: ColumnMap | None = None
+    """Joint, quantity, unit and conversion with which the column was read."""
 
     @property
     def meaning(self) -> str:

@@ -8,12 +8,15 @@ positions of all joints are q(z), their velocities N dz, and the torques of all 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asrsim.robot.loops import Linkage, closed, linkages_of
-from asrsim.robot.model import Robot
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
 
 Array = NDArray[np.float64]
 

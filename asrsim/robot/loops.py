@@ -12,13 +12,16 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asrsim.errors import Problem, RobotError, listed
-from asrsim.robot.model import Joint, Robot, Vector
 from asrsim.robot.poses import HERE
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Joint, Robot, Vector
 
 Array = NDArray[np.float64]
 OPEN = 1e-9

@@ -23,6 +23,7 @@ from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTHY, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
+from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import RowShape, scheme_of, shape_of, start_of, tables
 
 SECONDS_SAVED = 20e-6
@@ -75,8 +76,8 @@ class Core:
         for kind, drive in zip(kinds, drives, strict=True):
             if kind.kind == SPRUNG:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions))
-            if stepping.joint_step is not None:
-                kind.joint_step = self._address(bound_step(stepping.joint_step))
+            if stepping.released:
+                kind.joint_step = self._address(bound_step(released_step))
         self._kinds: Any = np.array([numbers(kind) for kind in kinds], dtype=np.int64) if compiled else kinds
         """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
         addresses."""

@@ -18,7 +18,8 @@ from support.paths import ROOT
 pytest.importorskip("foxglove")
 
 from asrsim.errors import InputError
-from asrsim.live.foxglove import LARGEST_MESSAGE, WAITING, WAITING_BYTES, FoxgloveTransport, decoded
+from asrsim.live.foxglove import FoxgloveTransport, decoded
+from asrsim.live.mailbox import LARGEST_MESSAGE, WAITING, WAITING_BYTES
 from asrsim.live.origin import origin_of
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
@@ -148,7 +149,7 @@ def test_a_client_of_the_protocol(tmp_path):
     scenario = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
     command = [
         sys.executable, "-m", "asrsim", "live", scenario, "--variant", "soft", "--on", "foxglove", "--port", "0",
-        "--rate", "200", "-o", tmp_path / "out", "--set", "engine=mujoco",
+        "--publish-rate", "200", "-o", tmp_path / "out", "--set", "engine=mujoco",
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stderr is not None
