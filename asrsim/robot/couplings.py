@@ -124,5 +124,5 @@ def couplings_of(robot: Robot) -> Couplings:
         for j in linkage.joints:
             master[j], mimics[j] = linkage.master, False
     laws = [(joint.multiplier, joint.offset) if mimic else (1.0, 0.0) for joint, mimic in zip(moving, mimics, strict=True)]
-    ratio, offset = np.array(laws).reshape(-1, 2).T
+    ratio, offset = np.array(laws).reshape(-1, 2).T.copy()
     return Couplings(master=master, ratio=ratio, offset=offset, linkages=linkages)

@@ -499,7 +499,8 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
 def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
     """Robot whose joints start where the loops are closed, and whose masters stop where the limits of their followers are; and
     warnings about the loops."""
-    moving, warnings, changed = robot.moving_joints, [*assembly.warnings], dict[str, Joint]()
+    moving, warnings = robot.moving_joints, [*assembly.warnings]
+    changed: dict[str, Joint] = {}
     for linkage in assembly.linkages:
         master, trace = moving[linkage.master], linkage.trace
         changed |= {moving[j].name: replace(moving[j], start=float(linkage.start[j])) for j in linkage.joints}
