@@ -244,8 +244,9 @@ def _motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float) ->
         for number, (low, high, *stiffness) in enumerate(splines[i].pieces.tolist() if splines else (), start=1):
             spring = _tendon(spec, f"{drive.joint}.spring_{i + 1}.{number}", name, drive.joint)
             spring.stiffness, spring.springlength = stiffness, [low, high]
-        if drive.hysteresis is not None:
-            _hysteresis(spec, drive, i + 1, drive.hysteresis.level, drive.hysteresis.length)
+        hysteresis = drive.stages.get("hysteresis", (None,) * (i + 1))[i]
+        if hysteresis is not None:
+            _hysteresis(spec, drive, i + 1, hysteresis.level, hysteresis.length)
         if servo:
             gains: tuple[float, ...] = ()
             if drive.mode.controller:
