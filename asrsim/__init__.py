@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from asrsim.api import JointSeries, Result, run, run_variants
     from asrsim.errors import AsrsimError, DivergenceError, InputError, OutputError, SimulationError
     from asrsim.identification import identify
+    from asrsim.learning import LearningSession, learn
     from asrsim.log import Log, open_log, read_log
+    from asrsim.recordings import Recording, read_recording
     from asrsim.robot import Robot, load_robot
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
@@ -38,7 +40,9 @@ _HOMES = {
     "asrsim.environment": ("make_env", "make_vec_env"),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
     "asrsim.identification": ("identify",),
+    "asrsim.learning": ("LearningSession", "learn"),
     "asrsim.log": ("Log", "open_log", "read_log"),
+    "asrsim.recordings": ("Recording", "read_recording"),
     "asrsim.robot": ("Robot", "load_robot"),
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
@@ -58,10 +62,12 @@ __all__ = [
     "DivergenceError",
     "InputError",
     "JointSeries",
+    "LearningSession",
     "Log",
     "Observation",
     "OutputError",
     "Prepared",
+    "Recording",
     "Repetition",
     "Result",
     "Robot",
@@ -75,6 +81,7 @@ __all__ = [
     "Worlds",
     "__version__",
     "identify",
+    "learn",
     "load_robot",
     "load_scenario",
     "make_env",
@@ -83,6 +90,7 @@ __all__ = [
     "open_log",
     "prepare",
     "read_log",
+    "read_recording",
     "repeat",
     "run",
     "run_variants",

@@ -9,13 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import ScenarioError, SimulationError, did_you_mean
+from asrsim.errors import SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.plain import one_or_more
-from asrsim.runs.execute import execute, with_plugins, write_summary
+from asrsim.runs.execute import execute, scenarios_of, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, Samples
-from asrsim.scenario import Scenario, load_scenario, only_variant
+from asrsim.scenario import Scenario, only_variant
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.run import Run
 from asrsim.summary import RunSummary
@@ -209,7 +208,7 @@ def run(
         DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
-    loaded = _load(scenario, variant, overrides, plugins, robot)
+    loaded = scenarios_of(scenario, variant, overrides, plugins, robot)
     given = None if robot is None or isinstance(robot, str | Path) else robot
     return _run_one(
         only_variant(loaded), given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
@@ -232,28 +231,8 @@ def run_variants(
     """
     return {
         one.variant: _run_one(one, None, None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
-        for one in _load(scenario, None, overrides, plugins, None)
+        for one in scenarios_of(scenario, None, overrides, plugins, None)
     }
-
-
-def _load(
-    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
-    robot: Robot | str | Path | None,
-) -> tuple[Scenario, ...]:  # fmt: skip
-    from asrsim.plugins import load_plugin_file
-
-    files = [Path(path) for path in one_or_more(plugins)]
-    for path in files:
-        load_plugin_file(path)
-    file = robot if isinstance(robot, str | Path) else None
-    if not isinstance(scenario, Scenario):
-        loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
-    elif overrides or file is not None or variant not in (None, scenario.variant):
-        message = "overrides, variant and robot file are valid with a scenario file only"
-        raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
-    else:
-        loaded = (scenario,)
-    return tuple(with_plugins(one, files) for one in loaded)
 
 
 def _run_one(

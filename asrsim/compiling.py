@@ -288,8 +288,9 @@ def _marked(
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     """Plain values that identify a function for the digest: code, defaults, closure, and the globals that it uses."""
-    # An intrinsic of Numba wraps the function that generates its machine code.
-    function = getattr(function, "_defn", function)
+    # An intrinsic of Numba wraps the generator of its machine code, a dispatcher its source, a cached function itself.
+    for wrapped in ("_defn", "py_func", "__wrapped__"):
+        function = getattr(function, wrapped, function)
     if not isinstance(function, types.FunctionType):
         return function.tobytes().hex() if hasattr(function, "tobytes") else repr(function)
     if id(function) in seen:

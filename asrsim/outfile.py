@@ -26,7 +26,7 @@ MARKS = {
     "page": rb'<meta name="generator" content="asrsim ',
     "picture": rb"Software\0asrsim|/Creator \(asrsim\)|<dc:title>asrsim</dc:title>|\x21\xfe\x06asrsim|\xa9cmt.{8,24}asrsim",
     "metrics": rb"\Asource,joint,quantity,measure,value,unit\r?\n",
-    "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
+    "learned input": rb"\A# asrsim ilc( --guess-only| --next| --experiment)?: ",
     "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
     "limits": rb"\A# Limits of `asrsim design`",
     "designed motion": rb"\A# asrsim design: ",

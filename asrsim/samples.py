@@ -61,6 +61,28 @@ class Command:
     """Value, SI units; None: the scenario's reference applies again."""
 
 
+@dataclass(frozen=True)
+class HeldWrench:
+    """Force and torque on a body, which act until they are replaced."""
+
+    body: str
+    """Name of a link or of an object of the world."""
+    force: tuple[float, float, float]
+    """Force in N, world frame."""
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Torque in N m, world frame."""
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Point of the body at which the force acts, in the frame of the body, m."""
+
+
+@dataclass(frozen=True)
+class WrenchCommand:
+    """Wrench that is set in a live run, and the substep from which it is in effect, as for `Command`."""
+
+    substep: int
+    wrench: HeldWrench
+
+
 TIP, TIP_GOAL = "tip", "tip_goal"
 """Bodies of a Cartesian task: its tip, and the desired position of the tip."""
 

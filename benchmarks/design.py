@@ -152,7 +152,7 @@ def tighter(names: list[str]) -> None:
             for kind, shares in plain(search.plant):
                 best[kind] = min(best.get(kind, np.inf), fitting(search, shares))
             began = time.perf_counter()
-            found = design(scenario, limits, seconds=SECONDS, **options)
+            found = design(scenario, limits, duration=SECONDS, **options)
             took = time.perf_counter() - began
             percent = {kind: 196 * np.exp(value) for kind, value in best.items()}
             own = 196 * np.exp(search.rank(found.found))
@@ -171,7 +171,7 @@ def gains(names: list[str]) -> None:
             step = next(fitting(search, shares) for kind, shares in plain(search.plant) if kind == "one step")
             choose = {"joint_1.controller_1_proportional": [12, 40, 125]}
             scenario, within, options = laboratory(name, Path(folder), choose)
-            found = design(scenario, within, seconds=SECONDS, **options)
+            found = design(scenario, within, duration=SECONDS, **options)
             mean = 1.96 * np.exp(search.rank(found.found))
             print(f"{name}: design {100 * mean:.3g} % with {dict(found.gains)}, one step "
                   f"{196 * np.exp(step):.3g} %: {1.96 * np.exp(step) / mean:.1f} x", flush=True)  # fmt: skip
@@ -201,7 +201,7 @@ def fits(names: list[str], count: int = 40) -> None:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             scenario, limits, options = laboratory(name, folder)
-            found = design(scenario, limits, seconds=SECONDS, **options)
+            found = design(scenario, limits, duration=SECONDS, **options)
             write_design(found, folder / "excite.csv", plot=False)
             clean, headings, measured = recorded(folder, folder / "excite.yaml", 2 if name == "two" else 1)
             promised, errors, own = found.intervals["design"], [], []
@@ -227,7 +227,7 @@ def limits(names: list[str], count: int = 50) -> None:
         with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
             scenario, within, options = laboratory(name, Path(place))
             began = time.perf_counter()
-            motion = design(scenario, within, seconds=SECONDS, robust=2, **options).found.motion
+            motion = design(scenario, within, duration=SECONDS, robust=2, **options).found.motion
             took = time.perf_counter() - began
             plant = searcher(scenario, within, options, stack).plant
             uses = []

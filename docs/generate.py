@@ -112,9 +112,9 @@ def notebook() -> str:
 API = {
     "runs": ("asrsim.api", "asrsim.summary", "asrsim.runs", "asrsim.viewer"),
     "stepping": ("asrsim.simulation", "asrsim.environment"),
-    "inputs": ("asrsim.robot", "asrsim.scenario"),
+    "inputs": ("asrsim.robot", "asrsim.scenario", "asrsim.recordings"),
     "logs": ("asrsim.log",),
-    "studies": ("asrsim.identification", "asrsim.sweeps", "asrsim.twin"),
+    "studies": ("asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
     "errors": ("asrsim.errors",),
 }
 """Pages about the public names, `docs/api-*.md`, and the modules whose names each page has."""

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from asrsim.renamed import OPTIONS, tell
+
 GROUPS = {
     "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
     "Look": {"view": "view", "plot": "plot", "render": "render", "report": "report_page"},
@@ -30,6 +32,15 @@ HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 class PlainCommand(TyperCommand):
     """Command whose help text has no braces around required arguments and no parentheses around default values."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        renamed = OPTIONS.get(ctx.info_name or "", {})
+        for index, text in enumerate(args):
+            name, separator, value = text.partition("=")
+            if name in renamed:
+                args[index] = f"{renamed[name]}{separator}{value}"
+                typer.echo(f"asrsim: {tell(name, renamed[name])}", err=True)
+        return super().parse_args(ctx, args)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]

@@ -16,7 +16,7 @@ from asrsim.cli.options import Files, Overrides, Plot, Texts, Variant, argument,
 def design(
     scenario: Annotated[Path, argument("SCENARIO", "Scenario of the robot, or a fit file.")],
     limits: Annotated[Path, option("Limits of joints, noise of sensors, gains to choose from.", metavar="FILE")],
-    seconds: Annotated[float, option("Length of the experiment.", metavar="SECONDS")] = 10.0,
+    duration: Annotated[float, option("Length of the experiment.", metavar="SECONDS")] = 10.0,
     free: Annotated[
         Texts,
         option(
@@ -27,7 +27,9 @@ def design(
         ),
     ] = None,
     tie: Annotated[Texts, option("As in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")] = None,
-    after: Annotated[Files, option("An existing recording; may be repeated.", metavar="FILE")] = None,
+    experiment: Annotated[
+        Files, option("An existing recording; may be repeated.", "--experiment", "-e", metavar="FILE")
+    ] = None,
     robust: Annotated[
         int, option("Further draws of the free numbers, within a factor of 2, that the motion is made for.", min=0)
     ] = 0,
@@ -48,7 +50,7 @@ def design(
     interval each parameter is promised, beside one step and a chirp. Ctrl-C keeps the best so far.
 
     Example: asrsim design lab.yaml --set initial=equilibrium --free 'joint_1.spring_*' --limits
-    examples/recordings/limits.yaml --seconds 4
+    examples/recordings/limits.yaml --duration 4
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
@@ -59,7 +61,7 @@ def design(
     message = "asrsim: stopping; the best so far is kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
-            scenario, limits, seconds=seconds, after=after or (), robust=robust, seed=seed, stop=interruption.stop,
+            scenario, limits, duration=duration, experiments=experiment or (), robust=robust, seed=seed, stop=interruption.stop,
             progress=lambda share: bar.update("search", share),
             **{name: value for name, value in options.items() if value not in (None, [])},
         )  # fmt: skip

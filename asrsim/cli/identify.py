@@ -79,11 +79,11 @@ def identify(
         ),
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
-    seconds: Annotated[
+    duration: Annotated[
         float | None,
         option(
-            "Time limit of the search. The best fit so far is then reported as unfinished.",
-            "--time",
+            "Longest time of the search. The best fit so far is then reported as unfinished.",
+            "--duration",
             metavar="SECONDS",
             min=0.0,
             default="no end",
@@ -98,7 +98,7 @@ def identify(
 
     Verdicts: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound. The fit is tested on data that
     were held out, and the robot is written with the identified numbers. Exit code: 0, 1 if nothing could be fitted, the model
-    does not fit, or --time ended the search, 130 after Ctrl-C. The best fit so far is kept.
+    does not fit, or --duration ended the search, 130 after Ctrl-C. The best fit so far is kept.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
@@ -116,18 +116,18 @@ def identify(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
     )
     folder = out or Path("out") / task.name / "fit"
-    if resume and (check or seconds is not None):
-        message = "--resume makes no fit: leave out --check and --time"
+    if resume and (check or duration is not None):
+        message = "--resume makes no fit: leave out --check and --duration"
         raise InputError(message, code="resume")
     if resume:
         return _resume(task, folder, everything=everything, accept=accept)
-    result, code = _run(task, check=check, quiet=quiet, accept=accept, seconds=seconds)
+    result, code = _run(task, check=check, quiet=quiet, accept=accept, duration=duration)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
     data = {"ok": code == 0, **as_dict(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 
-def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float | None) -> tuple[Result, int]:
+def _run(task: Task, *, check: bool, quiet: bool, accept: bool, duration: float | None) -> tuple[Result, int]:
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
 
@@ -137,7 +137,7 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float |
     ):
         result = identify(
             task, progress=progress.update, stop=interruption.stop, check=check,
-            accept=accept, seconds=seconds,
+            accept=accept, duration=duration,
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from asrsim.learning.prepared import PreparedLearning
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.recordings.align import LagChoice
+    from asrsim.scenario import Scenario as LoadedScenario
 
 
 @command("Print only the result.")
@@ -29,7 +30,8 @@ def ilc(
         Path | None,
         option(
             "Learn on the real robot: compute its next input (next.csv) from this recorded trial.",
-            "--next",
+            "--experiment",
+            "-e",
             metavar="RECORDING",
         ),
     ] = None,
@@ -60,16 +62,16 @@ def ilc(
     from asrsim.scenario import load_scenario, only_variant
 
     chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
-    folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(with_plugins(chosen, plugin))
+    folder = out or Path("out") / chosen.name / "ilc"
     if recording is not None:
-        return _next(plant, folder, recording, mapping, lag_of(align))
-    return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
+        return _next(make_plant(with_plugins(chosen, plugin)), folder, recording, mapping, lag_of(align))
+    return _learn(chosen, folder, plugin, resume, overwrite, plot, quiet=quiet)
 
 
 def _learn(
-    plant: Plant, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
+    scenario: LoadedScenario, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
 ) -> Done:  # fmt: skip
-    from asrsim.learning.session import run_session, session_data
+    from asrsim.learning.session import learn, session_data
     from asrsim.plugins import command_line
 
     def start(prepared: PreparedLearning) -> None:
@@ -80,8 +82,9 @@ def _learn(
     with Interruption(
         "asrsim: stopping; the best trial so far is kept, and --resume continues (Ctrl-C again to abort)"
     ) as interruption:
-        session = run_session(
-            plant, folder, on_start=None if quiet else start, on_trial=None if quiet else _row, stop=interruption.stop,
+        session = learn(
+            scenario, folder, plugins=plugins, on_start=None if quiet else start, on_trial=None if quiet else _row,
+            stop=interruption.stop,
             resume=resume, overwrite=overwrite, picture=plot,
         )  # fmt: skip
     good = session.result.converged
@@ -121,7 +124,7 @@ def _next(
             say(step.outcome, "green" if step.converged else "red")
             say(f"wrote {folder / NEXT}, the best input")
         else:
-            say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
+            say(f"play {folder / NEXT} on the robot, record it, and give the recording to --experiment again")
 
     data = {
         "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,

@@ -25,7 +25,7 @@ def live(
     ] = None,
     speed: Annotated[str, option("Simulated seconds per second, or max.", metavar="FACTOR")] = "1",
     duration: Annotated[float | None, option("Simulated time, s.", min=1e-3, max=1e9, default="until Ctrl-C")] = None,
-    rate: Annotated[float, option("Highest publishing rate of the topics, Hz.", min=1e-3, max=1e6)] = 1000.0,
+    publish_rate: Annotated[float, option("Highest publishing rate of the topics, Hz.", min=1e-3, max=1e6)] = 1000.0,
     namespace: Annotated[str, option("Prefix of the topics' names.")] = "",
     domain: Annotated[int | None, option("ROS domain.", min=0, max=232, default="ROS_DOMAIN_ID, else 0")] = None,
     port: Annotated[int, option("Port of the WebSocket; 0: any free port.", min=0, max=65535)] = 8765,
@@ -71,7 +71,7 @@ def live(
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
         return _follow(one, names, access, namespace, duration, view=view, quiet=quiet)
-    settings = Settings(speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, access=access)
+    settings = Settings(speed=pace, duration=duration, rate=publish_rate, namespace=namespace, transports=names, access=access)
     with StatusLine(show=not quiet) as line:
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")

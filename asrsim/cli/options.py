@@ -49,7 +49,7 @@ ColumnMap = Annotated[
     option("Meaning of a column of the recording, or a YAML file with it.", "--map", metavar="COLUMN=JOINT.QUANTITY"),
 ]
 Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
-Align = Annotated[str, option("Alignment of the recording's time.", "--align", "--lag", metavar="auto|off|start|SECONDS")]
+Align = Annotated[str, option("Alignment of the recording's time.", "--align", metavar="auto|off|start|SECONDS")]
 View = Annotated[bool, option("Show the robot in a browser, as `asrsim view` does.", "--view")]
 Plot = Annotated[bool, option("Draw pictures.", "--plot/--no-plot")]
 Overwrite = Annotated[bool, option("Also replace results that another scenario or study wrote.", "--overwrite")]

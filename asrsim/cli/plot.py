@@ -83,7 +83,7 @@ def plot(
 
     Example: asrsim plot --experiment examples/recordings/two_joints.csv --bode --input joint_1.reference_1
 
-    Example: asrsim plot out/step_2dof/soft/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
+    Example: asrsim plot out/step_2dof/soft/log.mcap --experiment examples/recordings/two_joints.csv --align start -o compared
     """  # fmt: skip
     from asrsim.cli.progress import FractionBar
     from asrsim.plots.job import PlotJob

@@ -20,7 +20,9 @@ def twin(
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    lag: Annotated[float, option("Time by which the clock of the positions is ahead of the clock of the commands, s.")] = 0.0,
+    clock_offset: Annotated[
+        float, option("Time by which the clock of the positions is ahead of the clock of the commands, s.")
+    ] = 0.0,
     variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
@@ -42,7 +44,7 @@ def twin(
     message = "asrsim: stopping; the results so far are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = follow(
-            scenario, experiment, bandwidth=bandwidth, mapping=mapping, rate=rate, lag=lag, variant=variant,
+            scenario, experiment, bandwidth=bandwidth, mapping=mapping, rate=rate, clock_offset=clock_offset, variant=variant,
             overrides=overrides or (), progress=lambda share: bar.update("twin", share), stop=interruption.stop,
         )  # fmt: skip
     files, rows = write(found, out, plot=plot), found.rows()

@@ -123,4 +123,4 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
         words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
         words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
     words += [*plugin_options(task.plugins), "--limits", str(path)]
-    return [path], join([*words, "--seconds", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])
+    return [path], join([*words, "--duration", f"{min(max(2.0 * duration, 4.0), LONGEST):.0f}", "--out", "next.csv"])

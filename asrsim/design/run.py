@@ -21,6 +21,7 @@ from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.quantities import each_motor
+from asrsim.renamed import renamed
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -66,12 +67,13 @@ class Design:
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 
+@renamed(seconds="duration", after="experiments")
 def design(
     scenario: str | Path,
     limits: str | Path,
     *,
-    seconds: float = 10.0,
-    after: Sequence[str | Path] = (),
+    duration: float = 10.0,
+    experiments: Sequence[str | Path] = (),
     robust: int = 0,
     rounds: int = ROUNDS,
     seed: int = 0,
@@ -84,8 +86,8 @@ def design(
     Args:
         scenario: Scenario, with `free` among the options; or a fit file, whose recordings count as earlier experiments.
         limits: File with `limits:`, and `noise:` and `choose:`.
-        seconds: Length of the experiment.
-        after: Recordings of earlier experiments.
+        duration: Length of the experiment.
+        experiments: Recordings of earlier experiments.
         robust: Number of further robots for which the motion is designed, too; their parameters differ by up to a factor of 2.
         rounds, seed: Length and random seed of the search.
         progress: Receives the finished fraction.
@@ -96,10 +98,10 @@ def design(
         InputError: The files are wrong, no recorded quantity depends on a free parameter, or no motion keeps the limits.
     """
     path, read = Path(limits), read_limits(Path(limits))
-    if not seconds >= SHORTEST:
+    if not duration >= SHORTEST:
         message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
-        raise InputError(message, key="seconds", value=seconds, code="seconds")
-    task = design_task(Path(scenario), after, options)
+        raise InputError(message, key="duration", value=duration, code="duration")
+    task = design_task(Path(scenario), experiments, options)
     with one_thread(), ExitStack() as stack:
         ready, robot, layout, remarks = read_task(task)
         known = np.zeros((len(layout), len(layout)))
@@ -110,7 +112,7 @@ def design(
             generator = np.random.default_rng(seed)
             robots = [np.zeros(len(layout)), *(altered(layout, generator) for _ in range(robust))]
             robots += [altered(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
-            plant = DesignPlant(ready, robot, layout, read, seconds, robots)
+            plant = DesignPlant(ready, robot, layout, read, duration, robots)
             stack.callback(plant.close)
             choices = [plant.under(dict(zip(read.gains, gains, strict=True))) for gains in product(*read.gains.values())]
             searches = [Search(one, 1 + robust, known, np.random.default_rng(seed), stop) for one in choices]
@@ -136,9 +138,9 @@ def design(
         )  # fmt: skip
 
 
-def design_task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
+def design_task(scenario: Path, experiments: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
     """Task of `identify` with the free parameters of a scenario or fit file, and with earlier recordings. Raises InputError."""
-    files = tuple(Experiment(file=Path(one).absolute()) for one in after)
+    files = tuple(Experiment(file=Path(one).absolute()) for one in experiments)
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)

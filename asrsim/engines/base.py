@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from asrsim.registry import Registry
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -98,8 +98,8 @@ class Native(NamedTuple):
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 
-    The defaults of `takes_wrenches`, `scene`, `native` and `close` suit a robot on a fixed base without contacts, in an engine
-    that has no compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a fixed base without
+    contacts, in an engine that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -123,6 +123,16 @@ class Engine(Protocol):
         """Advance the world by one step. exchange: (p, n, 5), see `POSITION`. wrenches: force (N) and torque (N m) of each
         wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or 1/2
         in the first step of a staggered run. All arrays are C-contiguous."""
+
+    @property
+    def holdable(self) -> tuple[str, ...]:
+        """Names of the links and objects on which `hold` acts."""
+        return ()
+
+    def hold(self, wrenches: Sequence[HeldWrench]) -> None:
+        """Let wrenches act on bodies in all further steps, in addition to those of `step` and in place of those of an earlier
+        call. They are not part of the state. wrenches: on bodies of `holdable`, at most one on each."""
+        return
 
     def scene(self) -> Scene:
         """Poses of the bodies and contact forces at the present state."""

@@ -12,6 +12,7 @@ the change of velocity that the joints would have without contacts. If an input 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -47,7 +48,7 @@ from asrsim.robot.merge import merge_for_engine
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion, roll_pitch_yaw, rotation_matrix, rotation_of
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
@@ -167,6 +168,8 @@ class BulletContacts(BulletEngine):
         """Pose of the robot and of each object at the start, by Bullet's body number."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
+        self._pushed: tuple[HeldWrench, ...] = ()
+        """Wrenches that are held on objects."""
         self._calculation = Calculation(find_torques, self._room)
         self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
         """Arguments of `find_torques`."""
@@ -232,7 +235,7 @@ class BulletContacts(BulletEngine):
         load[0], length[0] = loads, fraction
         rotation = self.rotation
         room.qvel[:] = room.scheme[NOW] * now + room.scheme[BEFORE] * self._before if fraction == 1.0 else now
-        if forces.size:
+        if forces.size or self._held:
             self.map_wrenches(forces, self._forces)
         self.look(forces, self._forces)
         self._calculation(*self._arrays)
@@ -254,10 +257,32 @@ class BulletContacts(BulletEngine):
         if rotation is not None:
             p.applyExternalForce(self._body, -1, push[:3].tolist(), room.qpos[:3].tolist(), p.WORLD_FRAME)
             p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
+        for item in self._pushed:
+            # A shorter kick is a full kick with a smaller force.
+            self._push_object(item, fraction)
         p.stepSimulation()
         self._read()
         exchange[-1, :, POSITION] = positions
         exchange[-1, :, VELOCITY] = room.velocity[dynamics.free :]
+
+    @property
+    def holdable(self) -> tuple[str, ...]:
+        """The robot's links and the movable objects."""
+        return *super().holdable, *(item.name for item in self._scenario.world.objects if item.mass)
+
+    def hold(self, wrenches: Sequence[HeldWrench]) -> None:
+        """Hold wrenches on links and objects; see `asrsim.engines.base.Engine`."""
+        super().hold(wrenches)
+        self._pushed = tuple(one for one in wrenches if one not in self._held)
+
+    def _push_object(self, wrench: HeldWrench, share: float) -> None:
+        """Apply a share of a wrench on an object in the next step of Bullet."""
+        p, body = self._p, self._bodies[wrench.body]
+        centre, orientation = p.getBasePositionAndOrientation(body)
+        force, arm = share * np.array(wrench.force), rotation_of(orientation) @ np.array(wrench.point)
+        torque = share * np.array(wrench.torque) + np.cross(arm, force)
+        p.applyExternalForce(body, -1, force.tolist(), centre, p.WORLD_FRAME)
+        p.applyExternalTorque(body, -1, torque.tolist(), p.WORLD_FRAME)
 
     def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
         """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb

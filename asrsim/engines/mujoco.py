@@ -44,7 +44,7 @@ from asrsim.robot.merge import LinkPlacement, merge_for_engine
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
@@ -80,13 +80,18 @@ class MujocoEngine(RigidEngine):
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
-        """MuJoCo body of each link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        """MuJoCo body of each link and movable object, and position (3,) in m and rotation (3, 3) of its frame in the body."""
+        for item in scenario.world.objects if not scenario.world.empty else ():
+            if item.mass:
+                self._places[item.name] = self._m.body(f"object.{item.name}").id, np.zeros(3), np.eye(3)
         gravity = np.array(scenario.gravity)
         self._floats = [
             (self._body(link.name), np.array(centre), mass * gravity)
             for link in merged.robot.links for mass, centre in [link.weightless] if mass
         ]  # fmt: skip
         """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
+        self._hand = mujoco_step.empty_hand(len(self._places))
+        """Wrenches that are held; all records share them."""
         self._record = self._make_record(self._d)
         step = Calculation(bound(mujoco_step.step), self._record, partial(compiled_step, self.version))
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -128,7 +133,7 @@ class MujocoEngine(RigidEngine):
             joint_v=[joint.dofadr[0] for joint in joints], free=self._free, parent=self._m.dof_parentid,
             reduce=self._scenario.world.empty,
         )  # fmt: skip
-        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats)
+        return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats, self._hand)
 
     def _make_native_record(self) -> Record:
         data = self._mujoco.MjData(self._m)
@@ -143,6 +148,20 @@ class MujocoEngine(RigidEngine):
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance by one step. The step is compiled after `native` has been read; the results are bitwise identical."""
         self._calculation(self._state, exchange, wrenches, lengths)
+
+    @property
+    def holdable(self) -> tuple[str, ...]:
+        """The robot's links and the movable objects."""
+        return tuple(self._places)
+
+    def hold(self, wrenches: Sequence[HeldWrench]) -> None:
+        """Hold wrenches; see `asrsim.engines.base.Engine`."""
+        hand = self._hand
+        hand.number[0] = len(wrenches)
+        for row, wrench in enumerate(wrenches):
+            body, offset, turn = self._places[wrench.body]
+            hand.body[row], hand.point[row] = body, offset + turn @ np.array(wrench.point)
+            hand.load[row] = *wrench.force, *wrench.torque
 
     @property
     def native(self) -> Native | None:
@@ -224,7 +243,7 @@ class MujocoContacts(MujocoEngine):
         self._couple(kick, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[room.joint_v] = loads[:, TORQUE] - damping * lagging[room.joint_v]
-        if forces.size:
+        if forces.size or self._hand.number[0]:
             bound(mujoco_step.push)(self._record, forces, 0)
             d.qfrc_applied += room.full_force
         if self._floats:

@@ -29,6 +29,24 @@ ROUTINES = {
 """Routines of the library with the types of their arguments: m memory address, i int."""
 
 
+class Hand(NamedTuple):
+    """Wrenches that are held on bodies."""
+
+    number: Numbers
+    """Number (1,) of wrenches; the first rows of the other arrays are theirs."""
+    body: Numbers
+    """MuJoCo body of each wrench, (b,)."""
+    point: Numbers
+    """Point (m) at which each wrench acts, in the frame of its body, (b, 3)."""
+    load: Numbers
+    """Force (N) and torque (N m) of each wrench, world frame, (b, 6)."""
+
+
+def empty_hand(bodies: int) -> Hand:
+    """A hand for at most this number of wrenches, without wrenches."""
+    return Hand(np.zeros(1, dtype=np.int64), np.zeros(bodies, dtype=np.int64), np.zeros((bodies, 3)), np.zeros((bodies, 6)))
+
+
 class Record(NamedTuple):
     """Work space of a step: MuJoCo's model and data, and a room."""
 
@@ -61,11 +79,12 @@ class Record(NamedTuple):
     """Centre (m) of each of these masses, in the frame of its body, (f, 3)."""
     float_force: Numbers
     """Weight (N) that gravity would exert on each of these masses, world frame, (f, 3)."""
+    hand: Hand
 
 
 def make_record(
     model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]],
-    floats: Sequence[tuple[int, Array, Array]],
+    floats: Sequence[tuple[int, Array, Array]], hand: Hand,
 ) -> Record:  # fmt: skip
     """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
     the body. floats: MuJoCo body, centre (3,) in m and weight (3,) in N of each mass on which gravity does not act."""
@@ -83,6 +102,7 @@ def make_record(
         float_body=np.array([body for body, _, _ in floats], dtype=np.int64),
         float_centre=np.array([centre for _, centre, _ in floats], dtype=float).reshape(len(floats), 3),
         float_force=np.array([force for _, _, force in floats], dtype=float).reshape(len(floats), 3),
+        hand=hand,
     )  # fmt: skip
 
 
@@ -106,7 +126,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
     if room.reduced:
         reduce(room)
     for piece in range(len(lengths)):
-        if record.wrenches:
+        if record.wrenches or record.hand.number[0]:
             push(record, wrenches, piece)
             if room.reduced:
                 reduce_force(room)
@@ -116,33 +136,37 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
 
 def carry(record: Record) -> None:
     """Take the weight of the masses on which gravity does not act out of the bias."""
-    vectors, xmat = record.vectors, record.xmat
+    vectors = record.vectors
     for index in range(record.floats):
-        body = record.float_body[index]
         for row in range(3):
-            point = record.xpos[body, row]
-            for column in range(3):
-                point += xmat[body, 3 * row + column] * record.float_centre[index, column]
-            vectors[2, row] = point
-            vectors[1, row] = 0.0
-            vectors[0, row] = record.float_force[index, row]
-        at = record.at_vectors
-        mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), record.at_bias)
+            vectors[0, row], vectors[1, row] = record.float_force[index, row], 0.0
+        apply(record, record.float_body[index], record.float_centre, index, record.at_bias)
+
+
+def apply(record: Record, body: int, points: Any, index: int, target: int) -> None:
+    """Add the generalised forces of the force and the torque in `vectors` to the array at an address.
+
+    points: points in the frame of the body (m), of which the one with this index is used.
+    """
+    vectors, xmat = record.vectors, record.xmat
+    for row in range(3):
+        point = record.xpos[body, row]
+        for column in range(3):
+            point += xmat[body, 3 * row + column] * points[index, column]
+        vectors[2, row] = point
+    at = record.at_vectors
+    mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), target)
 
 
 def push(record: Record, wrenches: Any, piece: int) -> None:
-    """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, at the positions in MuJoCo's
-    data."""
-    force, vectors, xmat = record.room.full_force, record.vectors, record.xmat
+    """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, and of those that are held, at
+    the positions in MuJoCo's data."""
+    force, vectors, xmat, hand = record.room.full_force, record.vectors, record.xmat, record.hand
     for i in range(record.room.speeds):
         force[i] = 0.0
     for index in range(record.wrenches):
         body = record.wrench_body[index]
         for row in range(3):
-            point = record.xpos[body, row]
-            for column in range(3):
-                point += xmat[body, 3 * row + column] * record.wrench_point[index, column]
-            vectors[2, row] = point
             for kind in range(2):
                 if record.wrench_local[index]:
                     value = 0.0
@@ -154,5 +178,8 @@ def push(record: Record, wrenches: Any, piece: int) -> None:
                     vectors[kind, row] = value
                 else:
                     vectors[kind, row] = wrenches[piece, index, 3 * kind + row]
-        at = record.at_vectors
-        mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), record.at_force)
+        apply(record, body, record.wrench_point, index, record.at_force)
+    for index in range(hand.number[0]):
+        for row in range(3):
+            vectors[0, row], vectors[1, row] = hand.load[index, row], hand.load[index, 3 + row]
+        apply(record, hand.body[index], hand.point, index, record.at_force)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from math import cos, inf, sin, sqrt
 from operator import is_
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ from asrsim.robot.couplings import couplings_of
 from asrsim.robot.loops import paths_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 
@@ -559,8 +559,10 @@ class RigidEngine(Engine):
         scenarios with wrenches."""
         self.takes_wrenches = scenario is not None
         self._wrenches = scenario.wrenches if scenario else ()
-        self._model = robot_model(scenario, self.robot) if scenario and scenario.wrenches else None
-        """Model that maps wrenches to generalised forces; None without wrenches."""
+        self._held: tuple[HeldWrench, ...] = ()
+        """Wrenches that are held on links."""
+        self._make_model = None if scenario is None else cache(partial(robot_model, scenario, self.robot))
+        """Function that returns the model that maps wrenches to generalised forces."""
         self._room, self._home = room, home
         self._state = np.zeros(room.coordinates + 3 * room.freedoms)
         self._plain_room, self._numbers = plain(room), self._state.data
@@ -578,26 +580,43 @@ class RigidEngine(Engine):
         raise NotImplementedError
 
     def map_wrenches(self, wrenches: Array, forces: Array) -> None:
-        """Write the generalised forces in N m of the wrenches (p, w, 6) at the room's `qpos` to `forces` (p, w, 1)."""
-        room, model = self._room, self._model
+        """Write the generalised forces in N m of the wrenches (p, w, 6), and of those that are held, at the room's `qpos` to
+        `forces` (p, w, 1)."""
         forces[:] = 0.0
-        if model is None:
+        loads = [
+            (one.link, one.point, one.frame == "world", wrenches[:, index])
+            for index, one in enumerate(self._wrenches) if wrenches[:, index].any()
+        ]  # fmt: skip
+        loads += [
+            (one.body, one.point, True, np.tile([*one.force, *one.torque], (len(forces), 1))) for one in self._held
+        ]  # fmt: skip
+        if self._make_model is None or not loads:
             return
+        room, model = self._room, self._make_model()
         positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
         if rotation is not None:
             # The base's frame is the origin of a floating robot.
             base = frame(-rotation @ self.origin, rotation)
-        for index, wrench in enumerate(self._wrenches):
-            if not wrenches[:, index].any():
-                continue
-            at, turned = model.pose(positions, wrench.link, wrench.point, base)
-            jacobian = model.jacobian(positions, wrench.link, wrench.point, base)
-            for total, value in zip(forces[:, :, 0], wrenches[:, index].reshape(-1, 2, 3), strict=True):
-                force, torque = value if wrench.frame == "world" else value @ turned.T
+        for link, point, world, values in loads:
+            at, turned = model.pose(positions, link, point, base)
+            jacobian = model.jacobian(positions, link, point, base)
+            for total, value in zip(forces[:, :, 0], values.reshape(-1, 2, 3), strict=True):
+                force, torque = value if world else value @ turned.T
                 total[room.joint_v] += np.concatenate([force, torque]) @ jacobian
                 if rotation is not None:
                     total[:3] += force
                     total[3:6] += (torque + np.cross(at, force)) @ rotation
+
+    @property
+    def holdable(self) -> tuple[str, ...]:
+        """The robot's links, if the engine takes wrenches."""
+        return tuple(link.name for link in self.robot.links) if self.takes_wrenches else ()
+
+    def hold(self, wrenches: Sequence[HeldWrench]) -> None:
+        """Hold wrenches on links; see `asrsim.engines.base.Engine`."""
+        links = {link.name for link in self.robot.links}
+        self._held = tuple(one for one in wrenches if one.body in links)
+        self._forces[:] = 0.0
 
     @property
     def rotation(self) -> Array | None:
@@ -659,7 +678,7 @@ class RigidEngine(Engine):
         if self._changed:
             aim(self._plain_room, self._numbers)
             self._changed = False
-        if wrenches.size:
+        if wrenches.size or self._held:
             self.map_wrenches(wrenches, self._forces)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
@@ -76,8 +77,8 @@ class PlayedCommand(Recorded):
     name: str
     """Name of the reference in the joint's mode, or `external_torque`."""
     hold: bool
-    source: str
-    """Column of the recording that contains the command."""
+    column: Column | None = None
+    """Recorded column; None for values without a file."""
 
     @cached_property
     def curve(self) -> Curve:
@@ -96,8 +97,13 @@ class Data:
     """A recording that is prepared for a fit."""
 
     name: str
+    path: Path
     duration: float
     """Length of the recording, s."""
+    lag: float = 0.0
+    """Time of the recording's clock at time 0 of the simulation, s."""
+    rate: float | None = None
+    """Sampling rate of a recording without time, Hz."""
     channels: tuple[Channel, ...]
     commands: tuple[PlayedCommand, ...]
     modes: Mapping[str, int]
@@ -149,7 +155,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
-        name=experiment.file.name, duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
+        name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
+        duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
     )  # fmt: skip
 
@@ -162,7 +169,7 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
             name=EXTERNAL if one.slot is None else modes[one.joint].references[one.slot],
             time=column.time[good] - plan.lag, values=column.values[good],
-            hold=one.hold and not str(column.quantity).startswith("motor"), source=column.source, unit=column.unit,
+            hold=one.hold and not str(column.quantity).startswith("motor"), column=column, unit=column.unit,
         )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from asrsim.errors import InputError
 from asrsim.identification.curves import CURVES, SHAPE, ChannelCurves, curves_of
 from asrsim.identification.profiles import Profile
+from asrsim.identification.replay import SHAPE as REPLAY
+from asrsim.identification.replay import Replay, from_plain
 from asrsim.identification.result import Estimate
 from asrsim.identification.task import Tie
 from asrsim.plain import Shape, misfit
@@ -27,7 +29,7 @@ _NUMBER = (float, None)
 _SHAPE: Shape = {
     "name?": str, "status": str, "fits": (bool, None), "accepted?": bool, "misfit": [str], "causes": [str], "remarks": [str],
     "next?": [str], "scenario": str, "experiments": [str], "variant?": (str, None),
-    "overrides?": [str], "played?": {"*": str}, "ties?": [{"key": str, "to": str, "factor": float}],
+    "overrides?": [str], "replay?": REPLAY, "ties?": [{"key": str, "to": str, "factor": float}],
     "evaluations": int, "seconds": float, "bandwidth?": float,
     "estimates": [
         {
@@ -65,8 +67,8 @@ class FitFolder:
     experiments: tuple[str, ...]
     variant: str | None
     overrides: tuple[str, ...]
-    played: Mapping[str, str]
-    """Interpolation between samples, by column of a command."""
+    replay: Replay | None
+    """How the fitted simulation repeats the first recording; None for fits of earlier versions."""
     ties: tuple[Tie, ...]
     estimates: tuple[Estimate, ...]
     combinations: tuple[Mapping[str, Any], ...]
@@ -102,7 +104,8 @@ def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
     return FitFolder(
         folder=path.parent, name=data.get("name") or path.parent.parent.name, status=data["status"], fits=data["fits"],
         accepted=data.get("accepted", False), scenario=data["scenario"], estimates=estimates, **texts,
-        variant=data.get("variant"), played=data.get("played", {}), ties=tuple(Tie(**one) for one in data.get("ties", ())),
+        variant=data.get("variant"), replay=from_plain(data["replay"]) if "replay" in data else None,
+        ties=tuple(Tie(**one) for one in data.get("ties", ())),
         combinations=tuple(data.get("combinations", ())), channels=tuple(data["channels"]), curves=curves,
         correlations=np.array([[_number(v) for v in row] for row in rows]) if square else np.empty((0, 0)),
         profiles=tuple(

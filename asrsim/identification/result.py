@@ -9,10 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.identification.combinations import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.data import PlayedCommand
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import Layout, Parameter
 from asrsim.identification.problem import Problem
 from asrsim.identification.profiles import Profile
+from asrsim.identification.replay import Replay
 from asrsim.identification.task import Task, Tie
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import Uncertainty
@@ -197,8 +199,10 @@ class Result:
     """Whether a model that does not fit was accepted."""
     profiles: tuple[Profile, ...] = ()
     """Misfit along each parameter with an interval; empty if the fit is not complete."""
-    played: Mapping[str, str] = field(default_factory=dict)
-    """Interpolation between samples, by column of a command; values are those of `interpolation:` of a playback."""
+    replay: Replay = field(repr=False)
+    """How the fitted simulation repeats the first recording."""
+    played: tuple[PlayedCommand, ...] = field(repr=False)
+    """Commands of the first recording."""
 
     @property
     def fits(self) -> bool | None:

@@ -4,13 +4,14 @@ fit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from asrsim.errors import InputError, Problem
+from asrsim.identification.data import PlayedCommand, read_data
 from asrsim.identification.folder import FIT, FitFolder
 from asrsim.identification.problem import read_scenario
+from asrsim.identification.replay import Replay
 from asrsim.identification.result import COMPLETE, Estimate, accepts
 from asrsim.identification.task import Task, Tie
 from asrsim.robot.model import Robot
@@ -28,7 +29,10 @@ class Resumed:
     """Whether a model that does not fit is accepted."""
     explained: float
     """Smallest explained fraction of a channel's variance."""
-    played: Mapping[str, str]
+    replay: Replay
+    """How the fitted simulation repeats the first recording."""
+    played: tuple[PlayedCommand, ...]
+    """Commands of the first recording."""
     robot: Robot
     scenario: Scenario
 
@@ -44,6 +48,9 @@ def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
     Raises InputError if the fit is not complete, or is a fit of another scenario, of other recordings or of other parameters.
     """
     path = fit.folder / FIT
+    if fit.replay is None:
+        hint = "Fit again without --resume"
+        raise InputError("is the fit of an earlier version", file=path, key="replay", hint=hint, code="resume")
     if fit.status != COMPLETE:
         raise InputError(f"the fit is {fit.status}", file=path, key="status", hint="Fit again without --resume", code="resume")
     faults = [
@@ -67,8 +74,10 @@ def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
     if faults:
         raise InputError(faults)
     scenario, _, robot = read_scenario(task)
+    data = read_data(replace(task, experiments=task.experiments[:1], validate=()), scenario, robot)[0]
     explained = min((one["explained"] or 0.0 for one in fit.channels), default=0.0)
     return Resumed(
-        estimates=fit.estimates, ties=fit.ties, misfit=fit.misfit, played=fit.played, robot=robot, scenario=scenario,
+        estimates=fit.estimates, ties=fit.ties, misfit=fit.misfit,
+        replay=fit.replay, played=data.commands, robot=robot, scenario=scenario,
         explained=explained, accepted=bool(fit.misfit) and accepts(explained, accept=accept),
     )  # fmt: skip

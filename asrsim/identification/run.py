@@ -21,6 +21,7 @@ from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, 
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
+from asrsim.identification.replay import replay_of
 from asrsim.identification.result import (
     CHECKED,
     COMPLETE,
@@ -34,6 +35,7 @@ from asrsim.identification.result import (
 from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
+from asrsim.renamed import renamed
 from asrsim.samples import Array
 from asrsim.workers import one_thread
 
@@ -115,6 +117,7 @@ class Watch(Meter):
         self.progress(Progress(self._stage, cost, self.evaluations, elapsed, left))
 
 
+@renamed(seconds="duration")
 def identify(
     scenario: str | Path | Task,
     experiments: Sequence[str | Path] = (),
@@ -123,7 +126,7 @@ def identify(
     stop: Callable[[], bool] | None = None,
     check: bool = False,
     accept: bool = False,
-    seconds: float | None = None,
+    duration: float | None = None,
     **options: Any,
 ) -> Result:
     """Result of fitting parameters to recordings, as `asrsim identify` does, without files.
@@ -139,14 +142,14 @@ def identify(
         check: Compute only the sensitivities at the start.
         accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
             is written.
-        seconds: Time limit of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
+        duration: Longest time of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The simulation diverges at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
-    watch = Watch(progress=progress, seconds=math.inf if seconds is None else seconds)
+    watch = Watch(progress=progress, seconds=math.inf if duration is None else duration)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
         setup = set_up(task, stack, watch)
@@ -216,10 +219,8 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
-        played={
-            c.source: "hold" if c.hold or c.key in problem.playing.staircases else "smooth"
-            for track in problem.tracks for c in track.data.commands
-        },
+        replay=replay_of(problem.tracks[0], final.layout.table(x, 0), replace(final.playing, bandwidth=0.0)),
+        played=problem.tracks[0].data.commands,
     )  # fmt: skip
 
 

@@ -138,7 +138,7 @@ class Track:
     def _begin(self, freed: Collection[str]) -> None:
         """Set the initial state of the scenario, or of the recording where the recording contradicts the scenario.
 
-        A joint whose sensor has a free zero starts at the scenario's position.
+        A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
         """
         sensors = {one.key: one for one in self.channels}
         for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
@@ -154,7 +154,9 @@ class Track:
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
-                shown = {} if f"{channel.key}.offset" in freed else {keys[0]: place}
+                zero = f"{channel.key}.offset" in freed
+                # A position that was copied from a sensor with an unknown zero is unknown, too.
+                shown = {keys[0]: position if zero else place} if measured or not zero else {}
                 shown |= {keys[1]: speed} if moving else {}
                 self.initial |= shown
                 self.uncertain += [key for key in shown if key not in freed]
@@ -220,19 +222,21 @@ class Track:
         return predicted
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
-        initial = {**self.initial, **values}
-        positions, velocities = (
-            {joint: initial[f"{joint}.initial_{what}"] for joint in self.door.joints} for what in ("position", "velocity")
-        )
-        for drive in self.door.drives:
-            # A noisy recording may begin slightly beyond a joint's stop.
-            positions[drive.name] = float(np.clip(positions[drive.name], *drive.joint.stops))
+        starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
+        positions, velocities = ({joint: start[i] for joint, start in starts.items()} for i in range(2))
         commands = {command.key for command in self.data.commands}
         own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))
         return Start(
             parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
             velocities=velocities, motors=self.motors,
         )  # fmt: skip
+
+    def start(self, joint: str, values: Mapping[str, float]) -> tuple[float, float]:
+        """Position and velocity of a link at time 0, rad and rad/s."""
+        initial = {**self.initial, **values}
+        # A noisy recording may begin slightly beyond a joint's stop.
+        stops = next(drive.joint.stops for drive in self.door.drives if drive.name == joint)
+        return float(np.clip(initial[f"{joint}.initial_position"], *stops)), initial[f"{joint}.initial_velocity"]
 
     def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""

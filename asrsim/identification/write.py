@@ -5,30 +5,24 @@ of recorded and predicted channels and residuals.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
-from asrsim.identification.folder import FIT
 from asrsim.identification.parameters import numbers_of, tied
+from asrsim.identification.replay import as_plain
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
 from asrsim.identification.resume import Resumed
-from asrsim.outfile import write_text, written
+from asrsim.identification.scenario import rotors_of_scenario, write_scenario
+from asrsim.outfile import written
 from asrsim.plain import finite_or_none, mapped
 from asrsim.plots.charts import save_charts
 from asrsim.robot.edit import edited_urdf
-from asrsim.robot.model import ActuatorBlock
-from asrsim.robot.mounting import reference_names, sprung_joints
 from asrsim.robot.vary import physical
 from asrsim.samples import Array
-from asrsim.scenario.data import for_joint
-from asrsim.scenario.starter import relocated, robot_key
-from asrsim.signals import Constant
 
-SCENARIO = "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
 """Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
@@ -57,7 +51,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "variant": result.task.variant,
         "overrides": [*result.task.overrides],
-        "played": {**result.played},
+        "replay": as_plain(result.replay),
         "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
@@ -116,95 +110,17 @@ def write_robot(result: Result | Resumed, folder: Path, *, everything: bool = Fa
     mounted = {
         block.joint: block.parameters for block in result.robot.actuators if {block.joint, "*"} & {*result.scenario.actuators}
     }
-    rotors = _rotors_of_scenario(result, changes)
+    rotors = rotors_of_scenario(result, changes)
     in_file = {
         owner: {k: v for k, v in own.items() if k not in mounted.get(owner, {}) and (k != "armature" or owner not in rotors)}
         for owner, own in changes.items()
     }
     edited = edited_urdf(data, result.robot, in_file).rstrip(b"\n") + b"\n"
-    path, scenario = folder / name, folder / SCENARIO
+    path = folder / name
     with written(path, "robot") as stream:
         stream.write(edited.removesuffix(MARK) + MARK)
-    delays: dict[str, float] = {}
-    for block in result.robot.actuators:
-        late = [*_delays(result, block, chosen)]
-        if not late:
-            continue
-        # The scenario has one delay for a joint: that of the most certain reference.
-        delay, own = min(late, key=lambda one: one[1])
-        if any(abs(delay - other) > own + margin for other, margin in late):
-            said.append(f"delays of {block.joint} are not written, since the delays of its references differ")
-        elif delay < 0.0:
-            said.append(f"the delay of {block.joint} is not written, since it is negative: its command was recorded late")
-        elif delay:
-            delays[block.joint] = delay
-    write_text(scenario, _scenario_text(result, changes, delays, path), "fitted scenario")
-    return [path, scenario], said
-
-
-def _delays(result: Result | Resumed, block: ActuatorBlock, chosen: Mapping[str, float]) -> Iterator[tuple[float, float]]:
-    """Delay of each reference of a joint that a delay affects, and half of its interval, s. chosen: identified numbers.
-
-    A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
-    """
-    estimates, signals = {one.key: one for one in result.estimates}, result.scenario.references_of(block.joint)
-    for i, name in enumerate(reference_names(block), start=1):
-        key = f"{block.joint}.reference_{i}.delay"
-        if key in chosen:
-            one = estimates.get(key)
-            yield chosen[key], 0.5 * (one.high - one.low) if one is not None and one.has_interval else 0.0
-        elif key not in estimates and not isinstance(signals.get(name, Constant(value=0.0)), Constant):
-            yield 0.0, 0.0
-
-
-def _rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
-    place of those that it already states."""
-    sprung, given = sprung_joints(result.robot), result.scenario.armature
-    return {
-        owner: float(f"{own['armature']:.9g}")
-        for owner, own in changes.items()
-        if "armature" in own and (owner in sprung or for_joint(given, owner, None) is not None)
-    }
-
-
-def _scenario_text(
-    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], robot: Path
-) -> str:  # fmt: skip
-    """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
-    import yaml
-
-    folder = robot.parent.absolute()
-    data = _as_played(relocated(result.scenario, folder), result.played)
-    data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)
-    data["parameters"] = data.get("parameters") or {}
-    for block in result.robot.actuators:
-        own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
-        if own:
-            data["parameters"].setdefault(block.joint, {}).update(own)
-    if rotors := _rotors_of_scenario(result, changes):
-        data["armature"] = {**result.scenario.armature, **rotors}
-    if delays:
-        effects = data["effects"] = data.get("effects") or {}
-        commands = effects["commands"] = effects.get("commands") or {}
-        for joint, delay in delays.items():
-            before = for_joint(commands, joint, {})
-            commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
-    lines = [
-        "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
-        f"# Intervals and verdicts are in {FIT}.",
-        *(f"# The model does not fit: {text}" for text in result.misfit),
-    ]
-    return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-
-
-def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
-    """Data of a scenario in which playbacks of the fitted columns have the fitted interpolation."""
-    if not isinstance(data, Mapping):
-        return data
-    between = columns.get(data.get("column", "")) if "file" in data else None
-    own = {"interpolation": between} if between else {}
-    return {key: _as_played(value, columns) for key, value in data.items()} | own
+    files, more = write_scenario(result, changes, path)
+    return [path, *files], [*said, *more]
 
 
 def draw(result: Result, folder: Path) -> list[Path]:

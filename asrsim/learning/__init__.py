@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.learning.trial import FixedGain, LearningProblem, learn, zero_phase
+from asrsim.learning.session import LearningSession, learn
+from asrsim.learning.trial import FixedGain, LearningProblem, iterate, zero_phase
 
-__all__ = ["FixedGain", "LearningProblem", "learn", "zero_phase"]
+__all__ = ["FixedGain", "LearningProblem", "LearningSession", "iterate", "learn", "zero_phase"]

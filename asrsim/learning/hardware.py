@@ -131,7 +131,7 @@ def next_input(
         # If the next input cannot be written, the same recording may be given again.
         save_state(folder / STATE, basis, state)
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
-        write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
+        write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --experiment: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
         data: dict[str, object] = {"trials": [trial_data(t, plant.joints) for t in trials], "best": best_of(trials).number}
         if twin is not None:

@@ -70,7 +70,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
         left, before = (np.sqrt(np.nanmean((motion[1] - values) ** 2)) for values in (there, outputs[:, moving]))
         if abs(better.lag - chosen.lag) > OFF and left < BETTER * before:
             message = f"would fit the desired motion {before / left:.2g} times better if its clock were {better.said}"
-            hint = f"If the recording did not start with the motion, give it again with --lag {better.lag:.3g}"
+            hint = f"If the recording did not start with the motion, give it again with --align {better.lag:.3g}"
             findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
     noise = max(fine_noise(column.values[np.isfinite(column.values)]) for column in columns)
     interval = float(np.median(np.diff(measured[0])))
@@ -94,7 +94,7 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
                 f"must contain the link positions of the whole motion, 0 to {plant.time[-1]:.4g} s; it covers {where} on "
                 f"the motion's clock, and {int(missing.any(axis=1).sum())} of {len(plant.time)} samples are missing"
             )
-            hint = f"Record the whole motion without gaps longer than {BRIDGED:g} s; --lag states the offset of its clock"
+            hint = f"Record the whole motion without gaps longer than {BRIDGED:g} s; --align states the offset of its clock"
             raise InputError(message, file=recording.path, hint=hint, code="recording-too-short")
         column[gap] = np.interp(plant.time[gap], plant.time[known], column[known])
         longest = max(longest, inside)

@@ -17,16 +17,19 @@ import numpy as np
 
 from asrsim.kinematics.inverse import Demand
 from asrsim.learning.figure import write_figure
-from asrsim.learning.plant import Plant
+from asrsim.learning.plant import Plant, make_plant
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
 from asrsim.learning.state import State, load_state, save_state, simulation_basis
-from asrsim.learning.trial import LearningResult, Trial, learn
+from asrsim.learning.trial import LearningResult, Trial, iterate
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
+from asrsim.runs.execute import scenarios_of
 from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
+from asrsim.scenario import only_variant
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.starter import relocated
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
@@ -44,7 +47,7 @@ DIGITS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Session:
+class LearningSession:
     """Result of a learning session."""
 
     prepared: PreparedLearning
@@ -58,23 +61,39 @@ class Session:
         return self.prepared.reach(self.result)
 
 
-def run_session(
-    plant: Plant,
-    folder: Path,
+def learn(
+    scenario: str | Path | Scenario,
+    out: str | Path,
     *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
     on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
     resume: bool = False,
     overwrite: bool = False,
     picture: bool = True,
-) -> Session:
-    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json, ilc.png.
+) -> LearningSession:
+    """Learn the inputs that make the joints follow the motion `ilc.trajectory` of a scenario, as `asrsim ilc` does.
 
-    stop: called after each trial; True ends learning with the best trial so far. resume: continue from the folder's state.
-    overwrite: also replace results of another scenario; results of the same scenario are always replaced. on_start receives the
-    problem before the first trial. Raises InputError, SimulationError or OutputError.
+        session = asrsim.learn("arm.yaml", "out/arm")
+        session.result.converged, session.result.inputs
+
+    Args:
+        scenario, variant, overrides, plugins: As in `asrsim.run`.
+        out: Folder for state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json and ilc.png.
+        on_start: Receives the problem before the first trial.
+        on_trial: Receives each trial.
+        stop: Called after each trial; True ends learning with the best trial so far.
+        resume: Continue from the folder's state.
+        overwrite: Also replace results of another scenario; results of the same scenario are always replaced.
+        picture: Draw ilc.png.
+
+    Raises:
+        InputError, SimulationError, OutputError: As in `asrsim.run`; the scenario has no motion to learn.
     """
+    plant, folder = make_plant(only_variant(scenarios_of(scenario, variant, overrides, plugins))), Path(out)
     with owned(folder):
         going_on = resume and (folder / STATE).is_file()
         earlier = _earlier(folder, plant.scenario, overwrite=overwrite or going_on)
@@ -89,14 +108,14 @@ def run_session(
             if on_trial is not None:
                 on_trial(trial)
 
-        result = learn(
+        result = iterate(
             prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=trials, stop=stop
         )  # fmt: skip
         replaced = ""
         if earlier and not going_on:
             plural = "s" * (len(earlier) != 1)
             replaced = f"replaced {len(earlier)} file{plural} of an earlier learning run of this scenario"
-        session = Session(prepared=prepared, result=result, replaced=replaced)
+        session = LearningSession(prepared=prepared, result=result, replaced=replaced)
         _write(session, folder, picture=picture)
         if not picture and folder / PICTURE in earlier:
             remove_ours(folder / PICTURE, KINDS[PICTURE])
@@ -117,7 +136,7 @@ def _earlier(folder: Path, scenario: Scenario, *, overwrite: bool) -> list[Path]
     return files
 
 
-def session_data(session: Session) -> dict[str, Any]:
+def session_data(session: LearningSession) -> dict[str, Any]:
     """Results of a learning session as plain data for JSON."""
     prepared, result = session.prepared, session.result
     scenario = prepared.plant.scenario
@@ -154,7 +173,7 @@ def demand_data(demand: Demand) -> dict[str, Any]:
     return vars(demand) | numbers | {"score": finite_or_none(demand.score)}
 
 
-def _write(session: Session, folder: Path, *, picture: bool) -> None:
+def _write(session: LearningSession, folder: Path, *, picture: bool) -> None:
     prepared, result = session.prepared, session.result
     plant, problem, scenario = prepared.plant, prepared.problem, prepared.plant.scenario
     inputs, desired = folder / INPUTS, folder / DESIRED

@@ -193,7 +193,7 @@ class LearningResult:
         return self.best.inputs
 
 
-def learn(
+def iterate(
     problem: LearningProblem,
     simulate: Simulate,
     settings: Learning,

@@ -17,17 +17,17 @@ from asrsim.live.pace import Pace
 from asrsim.live.publisher import Publisher
 from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
-from asrsim.log.commands import command_topic, encoded
+from asrsim.log.commands import encoded, topic_of
 from asrsim.outfile import write_json
 from asrsim.robot import Robot
 from asrsim.runs.described import LIVE, as_run
 from asrsim.runs.execute import judged, result_metadata
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
-from asrsim.samples import Command, Samples
+from asrsim.samples import Command, HeldWrench, Samples, WrenchCommand
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.run import run_of
+from asrsim.simulation.run import obey, run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary
 
@@ -104,9 +104,10 @@ class Session:
         self.set_speed(settings.speed)
         self.transports: list[Transport] = []
         self._writer: LogWriter | None = None
-        self._unwritten: list[tuple[Command, float]] = []
+        self._unwritten: list[tuple[Command | WrenchCommand, float]] = []
         """Applied commands that are not in the log yet, with their times in s."""
         self._overrides: dict[Target, float | None] = {}
+        self._wrenches: dict[str, HeldWrench] = {}
         self._applied = self._steps_done = 0
         self._publishing = 0.0
         """Time spent publishing, s."""
@@ -237,13 +238,23 @@ class Session:
                 self._applied += 1
                 self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
 
+    def hold(self, wrench: HeldWrench) -> None:
+        """Let a wrench act on a body until the next one for this body. To be called in the run's thread, by an operator's
+        `ask`. Raises InputError as `Simulation.set_wrench`."""
+        if self._wrenches.get(wrench.body) != wrench:
+            command = WrenchCommand(self.simulation.substep, wrench)
+            obey(self.simulation, command)
+            self._wrenches[wrench.body] = wrench
+            self._applied += 1
+            self._unwritten.append((command, self.simulation.time))
+
     # -- log and summary ---------------------------------------------------------------------------------------------
 
     def write(self, samples: Samples) -> None:
         """Write samples of the simulation to the log, with the commands since the last samples. Raises OutputError."""
         if self._writer is not None:
             for command, time in self._unwritten:
-                self._writer.aside(command_topic(), time, encoded(command, time))
+                self._writer.aside(topic_of(command), time, encoded(command, time))
             self._unwritten.clear()
             self._writer.write(samples)
             self._writer.flush()

@@ -13,11 +13,11 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from asrsim.log.cdr import MessageColumn
-from asrsim.log.commands import COMMAND_TOPIC, decoded
+from asrsim.log.commands import COMMAND_TOPICS, decoded
 from asrsim.log.container import COLUMNS_KEY
 from asrsim.log.rows import MESSAGE_HEADER
 from asrsim.log.structure import split_records, stream
-from asrsim.samples import Array, Command
+from asrsim.samples import Array, Command, WrenchCommand
 
 _TIME = MessageColumn("time")
 
@@ -27,7 +27,8 @@ class ColumnReader:
 
     def __init__(self, channels: Iterable[Channel] = ()) -> None:
         self._columns: dict[int, list[tuple[int, MessageColumn]]] = {}
-        self._commands: set[int] = set()
+        self._commands: dict[int, str] = {}
+        """Topics of commands, by number of the channel."""
         for channel in channels:
             self._register(channel)
 
@@ -93,7 +94,7 @@ class ColumnReader:
             row.append((place - 9 - start, length, channel))
         return start, row
 
-    def commands(self, data: bytes) -> Iterator[Command]:
+    def commands(self, data: bytes) -> Iterator[Command | WrenchCommand]:
         """Commands from outside in an uncompressed chunk; they precede its rows."""
         for opcode, place, length in split_records(data):
             if opcode == Opcode.CHANNEL:
@@ -103,11 +104,11 @@ class ColumnReader:
                 if channel in self._columns:
                     return
                 if channel in self._commands:
-                    yield decoded(data[place - 9 + MESSAGE_HEADER.size : place + length])
+                    yield decoded(self._commands[channel], data[place - 9 + MESSAGE_HEADER.size : place + length])
 
     def _register(self, channel: Channel) -> None:
-        if channel.topic == COMMAND_TOPIC:
-            self._commands.add(channel.id)
+        if channel.topic in COMMAND_TOPICS:
+            self._commands[channel.id] = channel.topic
         text = channel.metadata.get(COLUMNS_KEY)
         if text is None:
             return

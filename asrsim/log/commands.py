@@ -8,40 +8,55 @@ from functools import lru_cache
 
 from asrsim.log.cdr import CdrBuilder, CdrTemplate, MessageColumn
 from asrsim.log.topics import Topic
-from asrsim.samples import Command
+from asrsim.samples import Command, HeldWrench, WrenchCommand
 
-COMMAND_TOPIC = "/asrsim/commands"
+COMMAND_TOPIC, WRENCH_TOPIC = "/asrsim/commands", "/asrsim/wrenches"
+"""Topics of references, and of forces and torques on bodies."""
+COMMAND_TOPICS = COMMAND_TOPIC, WRENCH_TOPIC
 
 
 @lru_cache(maxsize=1024)
-def _template(joint: str, reference: str) -> CdrTemplate:
-    builder = CdrBuilder().header().string(joint).string(reference)
+def _template(texts: tuple[str, ...], count: int) -> CdrTemplate:
+    """A message with a header, texts, a substep and `count` numbers."""
+    builder = CdrBuilder().header()
+    for text in texts:
+        builder.string(text)
     # A substep (uint64) has as many bytes as a float64.
-    return builder.float64(MessageColumn("command", "substep")).float64(MessageColumn("command", "value")).build()
+    return builder.numbers([MessageColumn("command")] * (count + 1)).build()
 
 
-def command_topic() -> Topic:
-    """Topic of the commands in a log."""
-    return Topic(name=COMMAND_TOPIC, message="asrsim_msgs/Command", template=_template("", ""), canonical=False)
+def topic_of(command: Command | WrenchCommand) -> Topic:
+    """Topic of a command in a log."""
+    if isinstance(command, Command):
+        name, message, template = COMMAND_TOPIC, "asrsim_msgs/Command", _template(("", ""), 1)
+    else:
+        name, message, template = WRENCH_TOPIC, "asrsim_msgs/Wrench", _template(("",), 9)
+    return Topic(name=name, message=message, template=template, canonical=False)
 
 
-def encoded(command: Command, time: float) -> bytes:
-    """Message of a command that took effect at `time` in s; NaN means that the scenario's value applies again."""
-    template = _template(command.joint, command.reference)
+def encoded(command: Command | WrenchCommand, time: float) -> bytes:
+    """Message of a command that took effect at `time` in s. The value NaN of a reference means that the scenario's value
+    applies again."""
+    texts: tuple[str, ...]
+    if isinstance(command, Command):
+        texts, values = (command.joint, command.reference), [math.nan if command.value is None else command.value]
+    else:
+        wrench = command.wrench
+        texts, values = (wrench.body,), [*wrench.point, *wrench.force, *wrench.torque]
+    template = _template(texts, len(values))
     data = bytearray(template.data)
     nanoseconds = round(time * 1e9)
     struct.pack_into("<iI", data, template.stamps[0], *divmod(nanoseconds, 1_000_000_000))
-    (substep, _), (value, _) = template.floats
-    struct.pack_into("<Q", data, substep, command.substep)
-    struct.pack_into("<d", data, value, math.nan if command.value is None else command.value)
+    struct.pack_into(f"<Q{len(values)}d", data, template.floats[0][0], command.substep, *values)
     return bytes(data)
 
 
-def decoded(data: bytes) -> Command:
-    """Command in a message. Raises ValueError or struct.error if the message is no command."""
+def decoded(topic: str, data: bytes) -> Command | WrenchCommand:
+    """Command in a message of a topic. Raises ValueError or struct.error if the message is no command."""
+    count = 2 if topic == COMMAND_TOPIC else 1
     place = 4 + 8
     texts = []
-    for _ in range(3):  # frame, joint, reference
+    for _ in range(1 + count):  # frame, then joint and reference, or body
         place += -(place - 4) % 4
         (length,) = struct.unpack_from("<I", data, place)
         end = place + 4 + length
@@ -50,5 +65,9 @@ def decoded(data: bytes) -> Command:
         texts.append(data[place + 4 : end - 1].decode())
         place = end
     place += -(place - 4) % 8
-    substep, value = struct.unpack_from("<Qd", data, place)
-    return Command(substep, texts[1], texts[2], None if math.isnan(value) else value)
+    if topic == COMMAND_TOPIC:
+        substep, value = struct.unpack_from("<Qd", data, place)
+        return Command(substep, texts[1], texts[2], None if math.isnan(value) else value)
+    substep, *values = struct.unpack_from("<Q9d", data, place)
+    point, force, torque = (tuple(values[k : k + 3]) for k in (0, 3, 6))
+    return WrenchCommand(substep, HeldWrench(texts[1], force, torque, point))

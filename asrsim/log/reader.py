@@ -18,7 +18,7 @@ from asrsim.log.columns import ColumnReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
 from asrsim.quantities import QUANTITIES
-from asrsim.samples import Array, Command, RunInfo, Samples, concatenate
+from asrsim.samples import Array, Command, RunInfo, Samples, WrenchCommand, concatenate
 
 T = TypeVar("T")
 
@@ -157,7 +157,7 @@ class LogReader:
             if not outside(place):
                 yield place, found
 
-    def commands(self) -> Iterator[Command]:
+    def commands(self) -> Iterator[Command | WrenchCommand]:
         """Commands from outside in a live run, in the order in which they took effect. Raises LogError."""
         reader = ColumnReader(self._structure.channels)
         for _, commands in self._decoded(self._structure.chunks, lambda data: list(reader.commands(data))):

@@ -58,6 +58,10 @@ _FIELDS: dict[str, str] = {
     "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
     "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
     "asrsim_msgs/Command": "std_msgs/Header header\nstring joint\nstring reference\nuint64 substep\nfloat64 value",
+    "asrsim_msgs/Wrench": "\n".join(
+        ["std_msgs/Header header", "string body", "uint64 substep"]
+        + [f"float64 {name}_{axis}" for name in ("point", "force", "torque") for axis in "xyz"]
+    ),
     "asrsim_msgs/LinkState": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in LINK_STATE_FIELDS)]),
     "asrsim_msgs/JointSample": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in SAMPLE_FIELDS)]),
     "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),

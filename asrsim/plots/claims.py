@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim.log import LogReader
 from asrsim.metrics import ExpectationResult
-from asrsim.recordings import Recording
+from asrsim.metrics.expect import RECORDING_OPTIONS
+from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
 from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Expectation
@@ -43,23 +44,45 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     return tuple(claim for claim in scenario.expect if claim.variant in (None, info.variant))
 
 
-def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
-    """Lag that the runs' claims state for each recording, by the path of the recording.
+def claimed_readings(infos: Sequence[RunInfo], paths: Sequence[Path]) -> dict[Path, Mapping[str, Any]]:
+    """Options `lag`, `map` and `rate` that the runs' claims state for each recording, by path.
 
-    Pictures use the same lag as the claims; with another lag the numbers in a picture would contradict the verdicts.
+    Pictures read a recording as the claims do; otherwise the numbers in a picture would contradict the verdicts.
     """
-    found: dict[str, LagChoice] = {}
+    found: dict[Path, Mapping[str, Any]] = {}
+    contents = {path: path.read_bytes() for path in paths if path.is_file()} if any(map(_claims, infos)) else {}
     for info in infos:
-        data = info.resolved.get("scenario", {})
-        claims = (data.get("expect") if isinstance(data, dict) else None) or ()
-        for claim in claims if isinstance(claims, (list, tuple)) else ():
-            options = claim.get("options") if isinstance(claim, dict) else None
-            lag: Any = options.get("lag", "auto") if isinstance(options, dict) else "auto"
-            content = info.attachments.get(str(claim.get("against"))) if lag != "auto" else None
-            for recording in recordings if content is not None else ():
-                if recording.path.is_file() and recording.path.read_bytes() == content:
-                    found.setdefault(str(recording.path), lag)
+        for claim in _claims(info):
+            options: Any = claim.get("options") or {}
+            content = info.attachments.get(str(claim.get("against"))) if options else None
+            for path in (path for path, known in contents.items() if content is not None and known == content):
+                found.setdefault(path, {name: options[name] for name in RECORDING_OPTIONS if name in options})
     return found
+
+
+def _claims(info: RunInfo) -> list[dict[str, Any]]:
+    """Claims of a run, as plain data."""
+    data = info.resolved.get("scenario", {})
+    claims = data.get("expect") if isinstance(data, dict) else None
+    return [claim for claim in claims if isinstance(claim, dict)] if isinstance(claims, (list, tuple)) else []
+
+
+def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
+    """Lag that the runs' claims state for each recording, by the path of the recording."""
+    readings = claimed_readings(infos, [recording.path for recording in recordings])
+    return {str(path): options["lag"] for path, options in readings.items() if options.get("lag", "auto") != "auto"}
+
+
+def claimed_recording(
+    path: Path, infos: Sequence[RunInfo], *, mapping: Sequence[str] | Path | None = None, rate: float | None = None
+) -> Recording:
+    """Recording that is read as the runs' claims say, unless `mapping` or `rate` are given. Raises RecordingError."""
+    joints = [joint.name for joint in infos[0].joints] if infos else None
+    if mapping is None and rate is None:
+        options = claimed_readings(infos, [path]).get(path, {})
+        items = options.get("map") or None
+        mapping, rate = [items] if isinstance(items, str) else items, options.get("rate")
+    return read_recording(path, mapping=mapping, joints=joints, rate=rate)
 
 
 def judge(reader: LogReader) -> tuple[ExpectationResult, ...]:

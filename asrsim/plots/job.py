@@ -14,14 +14,14 @@ from asrsim.metrics import METRICS, ExpectationResult, MetricRow, write_metrics
 from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
-from asrsim.plots.claims import claimed_clocks, judge
+from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import Page, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
 from asrsim.plots.responses import Response, ResponseExperiment, recorded_responses, responses
-from asrsim.recordings import Recording, read_recording
+from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
 
 Progress = Callable[[str, float], None]
@@ -177,13 +177,13 @@ def _beside(path: Path) -> tuple[str, ...]:
 
 def _read_recordings(job: PlotJob, paths: Sequence[Path], runs: Sequence[RunCurves]) -> list[Recording]:
     """Recordings with their columns assigned to joints. Raises InputError with the problems of all files."""
-    joints = [joint.name for joint in runs[0].info.joints] if runs else None
+    infos = [run.info for run in runs]
     mapping = job.mapping if isinstance(job.mapping, Path) else list(job.mapping) if job.mapping else None
     recordings: list[Recording] = []
     problems: list[Problem] = []
     for path in paths:
         try:
-            recordings.append(read_recording(path, mapping=mapping, joints=joints, rate=job.rate))
+            recordings.append(claimed_recording(path, infos, mapping=mapping, rate=job.rate))
         except InputError as error:
             problems += error.problems
     if problems:

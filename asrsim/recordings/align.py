@@ -199,10 +199,10 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
         why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
     else:
         message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
-        periodic = Problem(message, code="lag", hint="Set the lag with --lag if another period is meant")
+        periodic = Problem(message, code="lag", hint="Set the lag with --align if another period is meant")
         exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
         return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)
-    problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
+    problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --align, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
 
 
@@ -251,7 +251,7 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
             "no overlap in time: the simulation lasts from "
             f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
             f"{time_recording[-1] - lag:g} s", code="no-overlap",
-            hint="Align the first samples with --lag start, or set the lag with --lag SECONDS",
+            hint="Align the first samples with --align start, or set the lag with --align SECONDS",
         )  # fmt: skip
     return start, end
 

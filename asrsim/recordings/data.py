@@ -6,13 +6,16 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from asrsim.recordings.reading import ColumnMap
 
 EPOCH = 1e9
 """Times above this value are Unix times (September 2001 and later), s."""
@@ -101,7 +104,7 @@ class Column:
     """One column of a recording, in SI units."""
 
     time: Array
-    """Times (n,), s; all columns of a table share this array."""
+    """Times (n,), s; columns of a table share this array, except late columns."""
     values: Array
     """Values (n,) in `unit`; NaN where the file has no valid number."""
     unit: str
@@ -118,6 +121,8 @@ class Column:
     origin: str = ""
     """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
     "not used: ..." with the reason."""
+    read_as: ColumnMap | None = None
+    """Joint, quantity, unit and conversion with which the column was read."""
 
     @property
     def meaning(self) -> str:

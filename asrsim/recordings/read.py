@@ -230,6 +230,7 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         (meaning.scale != 1.0, f"x {meaning.scale:g}"),
         (meaning.unwrapped, "unwrapped"),
         (meaning.offset, f"{meaning.offset:+g}"),
+        (meaning.late, f"{-meaning.late:+g} s"),
     )
     values = raw.values * unit.factor * meaning.scale
     values[np.abs(values) > LARGEST] = np.nan
@@ -238,9 +239,10 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
-        time=time, values=values + meaning.offset, unit="" if unit.si == "1" else unit.si or quantity, joint=meaning.joint,
-        quantity=meaning.quantity, source=raw.name, conversion="; ".join(text for applies, text in steps if applies),
-        stated=bool(unit.symbol), origin=f"not used: {meaning.origin}" if unused else meaning.origin,
+        time=time - meaning.late if meaning.late else time, values=values + meaning.offset,
+        unit="" if unit.si == "1" else unit.si or quantity, joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
+        conversion="; ".join(text for applies, text in steps if applies), stated=bool(unit.symbol),
+        origin=f"not used: {meaning.origin}" if unused else meaning.origin, read_as=meaning,
     )  # fmt: skip
 
 

@@ -24,10 +24,10 @@ SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*"
-    rf"(?:(?P<joint>[^\[\]*]+(?:\[[^\[\]]*\][^\[\]*\s]*)*)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
-    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?"
+    rf"(?:(?P<joint>[^\[\]*]+(?:\[[^\[\]]*\][^\[\]*\s]*)*)\.)?(?P<name>[^\W\d]\w*)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
+    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?(?:\s+late\s+(?P<late>-?{_NUMBER}))?"
 )
-"""Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
+"""Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02 late 0.003`."""
 _TIME = re.compile(r"time(?:\s*\[(?P<unit>[^\[\]]*)\])?")
 """Pattern of the target of an item for the time, such as `time [ms]`."""
 
@@ -49,9 +49,27 @@ class ColumnMap:
     """Offset added after scaling, SI units."""
     unwrapped: bool = False
     """True: jumps of an angle by a whole turn are removed."""
+    late: float = 0.0
+    """Delay of the column's values behind the recording's clock, s; subtracted from their times."""
     origin: str = "command line"
     text: str = "ignore"
     """Text after `COLUMN=` in an item of `--map`."""
+
+    def corrected(self, *, gain: float = 1.0, offset: float = 0.0, late: float = 0.0) -> ColumnMap:
+        """Meaning whose values are gain * (values - offset), `late` s earlier."""
+        moved = gain * (self.offset - offset)
+        found = replace(self, scale=gain * self.scale, offset=moved, late=self.late + late)
+        return replace(found, text=found._as_text())
+
+    def _as_text(self) -> str:
+        """Text that `parse_meaning` reads as this meaning."""
+        parts = [
+            "" if self.scale == 1.0 else f"{self.scale:.10g}*", f"{self.joint}.{self.quantity}",
+            f" [{self.unit.symbol}]" if self.unit else "", " unwrapped" if self.unwrapped else "",
+            f" {'-' if self.offset < 0.0 else '+'} {abs(self.offset):.10g}" if self.offset else "",
+            f" late {self.late:.10g}" if self.late else "",
+        ]  # fmt: skip
+        return "".join(parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +232,8 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
     """Meaning of a column, from `JOINT.QUANTITY [unit]` or `ignore`. Raises RecordingError.
 
     A minus or factor before the joint scales: `-JOINT.QUANTITY`, `0.01*JOINT.QUANTITY`. The offset comes last, in SI units:
-    `... [deg] - 0.02`. `unwrapped` before the offset removes jumps by whole turns.
+    `... [deg] - 0.02`. `unwrapped` before the offset removes jumps by whole turns. `late 0.003` at the end says that the values
+    are 3 ms behind the recording's clock.
     """
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)
@@ -231,7 +250,7 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
         column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target,
         unit=parse_unit(found["unit"]) if found["unit"] else None, unwrapped=found["unwrapped"] is not None,
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
-        offset=float((found["offset"] or "0").replace(" ", "")),
+        offset=float((found["offset"] or "0").replace(" ", "")), late=float(found["late"] or 0.0),
     )  # fmt: skip
 
 

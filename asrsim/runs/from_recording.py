@@ -278,7 +278,7 @@ def recording_heading(plan: RecordingPlan, files: Files) -> Iterator[str]:
     yield f"Scenario from the recording {files.recording}, written by `asrsim init --experiment`. Units are SI."
     yield f"It plays the recorded commands ({files.commands}) and compares the simulated with the recorded motion."
     yield f"  {command_line('run', files.scenario, files.plugins)}"
-    lag = f"--lag {_exact(plan.lag)!r}"
+    lag = f"--align {_exact(plan.lag)!r}"
     yield f"  asrsim plot {log} --experiment {shlex.quote(files.recording)} {' '.join([lag, *options])}"
     if plan.remarks:
         yield "Assumptions, and peculiarities of the file:"

@@ -48,6 +48,10 @@ class EnergyGuard:
         if self._model is not None:
             self._start = float(self._model.energy(prepared.initial_positions, prepared.initial_velocities))
 
+    def forget_links(self) -> None:
+        """Check the actuators only from now on."""
+        self._model = None
+
     def look(self, state: Array) -> tuple[str, str] | None:
         """Joint with a violated energy balance and a description of the fault; None if there is none. state: (joints,
         columns)."""

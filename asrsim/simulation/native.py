@@ -323,6 +323,8 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
+    # The digest of the compiled code contains values of this function that the code uses, and no results of functions.
+    scheme, memory = _type(Scheme), columns(JointKind)["memory"]
 
     def passed(*given: Any) -> Any:
         """Numba signature and code generator of a call of the C function whose address is the first argument. Arrays are passed
@@ -357,13 +359,11 @@ def _pointers() -> dict[str, Any]:
         return kinds.CPointer(table.dtype)(table, kinds.int64), generate
 
     def find_scheme(typing: Any, table: Any) -> Any:
-        found = _type(Scheme)
-
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-            return builder.bitcast(data, context.get_value_type(found))
+            return builder.bitcast(data, context.get_value_type(scheme))
 
-        return found(table), generate
+        return scheme(table), generate
 
     def find_value(typing: Any, record: Any, column: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -373,11 +373,9 @@ def _pointers() -> dict[str, Any]:
         return kinds.float64(record, kinds.int64), generate
 
     def find_memory(typing: Any, record: Any, kind: Any) -> Any:
-        column = columns(JointKind)["memory"]
-
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             integers = builder.bitcast(arguments[1], ir.IntType(64).as_pointer())
-            place = builder.load(builder.gep(integers, [ir.Constant(ir.IntType(64), column)]))
+            place = builder.load(builder.gep(integers, [ir.Constant(ir.IntType(64), memory)]))
             return builder.gep(builder.bitcast(arguments[0], ir.DoubleType().as_pointer()), [place])
 
         return kinds.CPointer(kinds.float64)(record, kind), generate

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from asrsim.quantities import LIMITS
-from asrsim.samples import Array
+from asrsim.samples import Array, HeldWrench
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JOINT, motor_column
 
@@ -40,6 +40,8 @@ class Snapshot:
     states: Mapping[int, Any]
     """State of each world, by the number of the world."""
     recording: Any = None
+    wrenches: Mapping[str, HeldWrench] = field(default_factory=dict)
+    """Wrenches that the caller holds on bodies, by name of the body."""
 
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:

@@ -64,6 +64,11 @@ class RunRecording:
             other._guard = copy.copy(self._guard)
         return other
 
+    def note_outside_work(self) -> None:
+        """Note that held wrenches do work on the links: the energy balance of the links is no longer checked."""
+        if self.active:
+            self._guard.forget_links()
+
     def take(self, first: int, rows: Array) -> None:
         """Add rows (n, joints, columns); `first`: number of the first row."""
         rows = rows[: max(0, self._last // self._every + 1 - first)]

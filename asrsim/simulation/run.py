@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.compiling import available
 from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
-from asrsim.samples import Command, RunInfo, Samples, concatenate
+from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.observation import Counts
 from asrsim.simulation.prepare import Prepared, prepare
@@ -69,7 +69,7 @@ def simulate(
     keep: bool = True,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
-    commands: Iterable[Command] = (),
+    commands: Iterable[Command | WrenchCommand] = (),
     duration: float | None = None,
     alike: int = 1,
 ) -> Run:
@@ -82,7 +82,7 @@ def simulate(
         keep: Collect all samples in the result.
         progress: Called with the simulated time, s.
         stop: Called every few thousand substeps; the run ends when it returns True.
-        commands: References that are set during the run, in the order of time.
+        commands: References and wrenches that are set during the run, in the order of time.
         duration: Duration in s, instead of the scenario's.
         alike: Number of similar runs, including this run. The loop is compiled if compiling saves time in all of these runs
             together.
@@ -104,7 +104,7 @@ def simulate(
 
 def run_to_end(
     simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
-    commands: Iterable[Command] = (),
+    commands: Iterable[Command | WrenchCommand] = (),
 ) -> Run:  # fmt: skip
     """Result of running a simulation to the end of its scenario's duration; arguments and errors as for `simulate`."""
     status, began = "complete", clock.perf_counter()
@@ -116,7 +116,7 @@ def run_to_end(
                 status = "interrupted"
                 break
             while command is not None and command.substep <= simulation.substep:
-                simulation.set_reference(command.joint, command.reference, command.value)
+                obey(simulation, command)
                 command = next(waiting, None)
             until = simulation.total if command is None else min(simulation.total, command.substep)
             simulation.advance_to(simulation.next_chunk(until))
@@ -127,6 +127,15 @@ def run_to_end(
         error.run = run_of(simulation, "diverged", wall_time=clock.perf_counter() - began, message=str(error))
         raise
     return run_of(simulation, status, wall_time=clock.perf_counter() - began)
+
+
+def obey(simulation: Simulation, command: Command | WrenchCommand) -> None:
+    """Set the reference or the wrench of a command."""
+    if isinstance(command, Command):
+        simulation.set_reference(command.joint, command.reference, command.value)
+    else:
+        wrench = command.wrench
+        simulation.set_wrench(wrench.body, wrench.force, torque=wrench.torque, point=wrench.point)
 
 
 def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:

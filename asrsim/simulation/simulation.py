@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.engines.base import Engine
+from asrsim.errors import InputError
 from asrsim.robot.dynamics import RobotModel
-from asrsim.samples import Array, RunInfo, Samples
+from asrsim.samples import Array, HeldWrench, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.divergence import runaway
@@ -84,6 +85,10 @@ class Simulation:
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
         self._output = sinks, record
+        self._held: dict[str, HeldWrench] = {}
+        """Wrenches that the caller holds on bodies, by name of the body."""
+        self._holding = self.engine
+        """The engine that knows these wrenches."""
         self._numbers: Numbers = {}
         """Parameters of all resets so far."""
         self.recording = self._new_recording(scenario)
@@ -178,6 +183,41 @@ class Simulation:
         held = self._world.set_reference(joint, reference, value)
         return None if value is None else float(held[0])
 
+    def set_wrench(
+        self, body: str, force: Sequence[float], *, torque: Sequence[float] = (0.0, 0.0, 0.0),
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:  # fmt: skip
+        """Let a force and a torque act on a link or a movable object of the world from the next substep on, until the next call
+        for this body.
+
+        Args:
+            body: Name of the link or object.
+            force: Force (3,) in N, world frame; zeros end the action.
+            torque: Torque (3,) in N m, world frame.
+            point: Point (3,) of the body at which the force acts, in the frame of the body, m.
+
+        Raises:
+            InputError: There is no such body, the engine cannot move it, or a value is not finite.
+        """
+        self._world.check_open()
+        engine = self.engine
+        if not engine.holdable:
+            message = f"the engine '{self.scenario.engine}' takes no wrenches"
+            raise InputError(message, key=body, code="wrench", hint="Set `external_torque` on the joints")
+        if body not in engine.holdable:
+            message = f"'{body}' is no link and no movable object"
+            raise InputError(message, choices=engine.holdable, meant=body, code="wrench")
+        wrench = HeldWrench(body, _vector(force, "force"), _vector(torque, "torque"), _vector(point, "point"))
+        held = {**self._held, body: wrench}
+        self._hold({name: one for name, one in held.items() if any((*one.force, *one.torque))})
+        self.recording.note_outside_work()
+
+    def _hold(self, held: Mapping[str, HeldWrench]) -> None:
+        """Let these wrenches act, and no others."""
+        self._holding.hold(())
+        self._held, self._holding = dict(held), self.engine
+        self._holding.hold(tuple(held.values()))
+
     def observe(self) -> Observation:
         """Present state."""
         self._world.check_open()
@@ -207,7 +247,7 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the state and of the recording, for `restore`."""
-        return replace(self._world.snapshot(), recording=self.recording.copy())
+        return replace(self._world.snapshot(), recording=self.recording.copy(), wrenches=self._held)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation. Samples that the sinks have already received are not withdrawn.
@@ -215,6 +255,7 @@ class Simulation:
         Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
         """
         self._world.restore(snapshot)
+        self._hold(snapshot.wrenches)
         self.recording = snapshot.recording.copy()
 
     def reset(
@@ -225,8 +266,8 @@ class Simulation:
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Numbers | None = None,
     ) -> None:
-        """Reset to the start. The simulation gives bitwise the same results as a new simulation, and follows the scenario's
-        references again.
+        """Reset to the start. The simulation gives bitwise the same results as a new simulation, follows the scenario's
+        references again, and holds no wrenches.
 
         Args:
             initial: Start positions (rad, m) by joint, instead of the scenario's.
@@ -242,6 +283,7 @@ class Simulation:
             numbers[owner] = {**numbers.get(owner, {}), **table}
         start = Start(parameters=numbers, positions=initial or {}, velocities=velocities or {}, motors=motors or {})
         self._world.reset(start)
+        self._hold({})
         if parameters is not None:
             self._numbers, self.prepared = numbers, self._world.prepared_of(0)
             self._world.record_as(self.prepared)
@@ -256,3 +298,12 @@ class Simulation:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _vector(values: Sequence[float], name: str) -> tuple[float, float, float]:
+    """Three finite numbers; raises InputError."""
+    found = np.asarray(values, dtype=float)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise InputError(f"must be three finite numbers, not {values}", key=name, code="wrench")
+    x, y, z = found.tolist()
+    return x, y, z

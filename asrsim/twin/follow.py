@@ -87,7 +87,7 @@ class Followed:
 
 def follow(
     scenario: Path, recording: Path, *, bandwidth: float | None = None, mapping: Any = None, rate: float | None = None,
-    lag: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
+    clock_offset: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
     progress: Callable[[float], None] = lambda share: None, stop: Callable[[], bool] = lambda: False,
 ) -> Followed:  # fmt: skip
     """Estimates of a twin that follows a recording of positions and commands.
@@ -98,7 +98,7 @@ def follow(
         recording: Any file that `asrsim.recordings.read_recording` reads.
         bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the rate of steps if that is less.
         mapping, rate: As for `read_recording`.
-        lag: Time by which the clock of the positions is ahead of the clock of the commands, s.
+        clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s.
         variant, overrides: As for `asrsim.run`.
         progress: Receives the finished fraction of the recording.
         stop: Ends the work early when it returns True.
@@ -117,7 +117,7 @@ def follow(
     if not positions:
         message, hint = "has no position of a link: a twin needs link_position", ", ".join(list(read.channels)[:30])
         raise RecordingError(message, file=recording, hint=f"Columns: {hint}", code="twin-positions")
-    stamps = next(iter(positions.values())).time - lag
+    stamps = next(iter(positions.values())).time - clock_offset
     step = round(float(np.median(np.diff(stamps))), 6)
     changes = [f"modes.{joint}={mode}" for joint, mode in plan.modes.items()]
     if step > 1.5 * ready.scenario.step:
@@ -127,7 +127,7 @@ def follow(
     time = np.arange(stamps[0], stamps[-1] + 1e-9, ready.scenario.step)
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():
-        measured[:, names.index(joint)] = resample(column.time - lag, column.values, time)
+        measured[:, names.index(joint)] = resample(column.time - clock_offset, column.values, time)
     notes = [*plan.remarks]
     notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
     ready = ready.with_references(_commands(ready, plan, time, notes))
@@ -188,7 +188,7 @@ def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
         if found is not None and abs(found.seconds) > APART:
             when = "later" if found.seconds > 0.0 else "earlier"
             text = f"its positions follow the commands {abs(found.seconds):.3g} s {when} than in the model"
-            yield f"{drive.name}: {text}: do their clocks differ? --lag {found.seconds:.3g} aligns them"
+            yield f"{drive.name}: {text}: do their clocks differ? --clock-offset {found.seconds:.3g} aligns them"
 
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from queue import SimpleQueue
@@ -15,7 +16,7 @@ from asrsim.errors import AsrsimError
 from asrsim.live.commands import Target
 from asrsim.live.session import Session
 from asrsim.plots.style import unit
-from asrsim.samples import Samples
+from asrsim.samples import Array, HeldWrench, Samples
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.prepare import Numbers
 from asrsim.summary import RunSummary
@@ -27,6 +28,8 @@ from asrsim.viewer.stage import Pull
 from asrsim.viewer.subject import Companion, Subject
 from asrsim.viewer.tuning import tunable, unit_of_number
 
+LONGEST = 0.05
+"""Longest time between two pictures of a slow run, s."""
 SAID = 0.25
 """Time between two updates of the texts, s."""
 NOBODY = "no variant"
@@ -72,9 +75,15 @@ class Desk:
         """References that the user has set, and those that follow the scenario's signals again (None)."""
         self._pushed: set[str] = set()
         """Joints whose external torque is not 0 because of a pull."""
+        self._held: str | None = None
+        """Body on which a wrench is held."""
         self._grip: Grip | None = None
         self._pull: Pull | None = None
         self._said = -1.0
+        self._end = ""
+        """Why the run has ended."""
+        self._written = clock.perf_counter()
+        """Wall-clock time of the last samples, s."""
 
     def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
         """Go on with another run of the same variant. tuned: numbers that the user has changed; news: a text for the user."""
@@ -106,8 +115,7 @@ class Desk:
             with gui.add_folder("Pull", expand_by_default=True):
                 self._spring = gui.add_number("Stiffness, N/m", SPRING, min=0.0, step=1.0)
                 self._limit = gui.add_number("Largest force, N", LIMIT, min=0.0, step=1.0)
-                what = "Not for robots with a floating base" if self._floats else "Drag a link; let go to release it"
-                gui.add_markdown(f"{what}.")
+                gui.add_markdown("Drag a link or an object; let go to release it.")
         on_click(self._pause, self._toggle)
         on_click(step, self._step)
         on_click(reset, self._ask_for)
@@ -225,59 +233,92 @@ class Desk:
     def _ask_for(self, **wish: Any) -> None:
         self.wish = {"tuned": self.tuned, **wish}
 
+    def _free(self, body: str) -> bool:
+        """Whether a body is pulled by a wrench: an object, or a link of a robot with a floating base."""
+        return self._floats or body in self.subject.scene.objects
+
     def _moves(self, grip: Grip) -> bool:
-        """Whether a joint moves the point of a grip."""
-        model = self.session.simulation.model
-        return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.link, grip.point).any())
+        """Whether the point of a grip can move."""
+        simulation = self.session.simulation
+        if self._free(grip.body):
+            return grip.body in simulation.engine.holdable
+        model = simulation.model
+        return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.body, grip.point).any())
 
     def _drag(self, body: str, event: Any) -> None:
         """A user drags a point of a body."""
         latest = self.subject.history.latest
-        if event.phase == "end" or latest is None or self._floats:
+        if event.phase == "end" or latest is None:
             self._grip = None
             return
         target = np.array(event.end_position)
         if event.phase == "start":
-            if body in self.subject.scene.objects:
-                return
             frame = frames_of(self.subject.scene, latest)[body]
             grip = Grip.at(body, frame, np.array(event.start_position), target)
             self._grip = grip if self._moves(grip) else None
+            if self._grip is None:
+                self._news = f"'{body}' cannot be pulled: it stands still, or the engine takes no forces on it"
         elif self._grip is not None:
-            self._grip = Grip(self._grip.link, self._grip.point, target)
+            self._grip = Grip(self._grip.body, self._grip.point, target)
 
     # -- the session's operator -------------------------------------------------------------------------------------
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """Implements `asrsim.live.session.Operator`; also shows the newest sample when a picture is due."""
+        """Implements `asrsim.live.session.Operator`."""
         values = {**self._by_hand}
-        grip, model = self._grip, session.simulation.model
-        if grip is not None and model is not None:
-            order = [session.simulation.joints.index(name) for name in model.joints]
-            positions = session.simulation.observe().link_position[order]
-            torques, self._pull = grip.pulled(model, positions, float(self._spring.value), float(self._limit.value))
-            for joint, torque in torques_by_joint(model, torques).items():
-                values[joint, EXTERNAL_TORQUE] = torque + (self._by_hand.get((joint, EXTERNAL_TORQUE)) or 0.0)
-                self._pushed.add(joint)
+        grip, spring = self._grip, (float(self._spring.value), float(self._limit.value))
+        pull: Pull | None = None
+        if self._held is not None and (grip is None or grip.body != self._held):
+            session.hold(HeldWrench(self._held, (0.0, 0.0, 0.0)))
+            self._held = None
+        if grip is not None and self._free(grip.body):
+            wrench, pull = grip.wrench(self._frame_now(session, grip.body), *spring)
+            session.hold(wrench)
+            self._held = grip.body
+        elif grip is not None:
+            pulled, pull = self._pulled(session, grip, spring)
+            values |= pulled
         elif self._pushed:
-            self._pull = None
             for joint in self._pushed:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
-        if self._page.due():
+        self._pull = pull
+        # A slow run fills its blocks of samples late.
+        if clock.perf_counter() - self._written > LONGEST:
             session.simulation.flush()
-            self._show(session)
+            self._written = clock.perf_counter()
         return values
+
+    def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> tuple[Mapping[Target, float], Pull]:
+        """External torques of a pull on a link, and the pull."""
+        model = session.simulation.model
+        assert model is not None
+        order = [session.simulation.joints.index(name) for name in model.joints]
+        torques, pull = grip.torques(model, session.simulation.observe().link_position[order], *spring)
+        by_joint = torques_by_joint(model, torques)
+        self._pushed |= by_joint.keys()
+        targets = {(joint, EXTERNAL_TORQUE): torque for joint, torque in by_joint.items()}
+        return {target: torque + (self._by_hand.get(target) or 0.0) for target, torque in targets.items()}, pull
+
+    def _frame_now(self, session: Session, body: str) -> Array:
+        """Frame (4, 4) of a body in the world at the present state."""
+        simulation = session.simulation
+        bodies = {name: np.array(pose) for name, pose in simulation.look().scene().bodies.items()}
+        positions = dict(zip(simulation.joints, simulation.observe().link_position.tolist(), strict=True))
+        return self.subject.scene.frames(positions, bodies)[body]
 
     def write(self, samples: Samples) -> None:
         """Implements `asrsim.live.session.Operator`."""
         self.subject.history.write(samples)
+        self._written = clock.perf_counter()
 
     def ended(self, summary: RunSummary) -> None:
         """Say why the run has diverged; a reset starts the next one."""
-        self._page.say(f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again.")
+        self._end = f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again."
+        self._said = -1.0
 
-    def _show(self, session: Session) -> None:
+    def show(self) -> None:
+        """Show the newest sample. Called in a thread of its own."""
         self._welcome()
         latest = self.subject.history.latest
         if latest is None:
@@ -286,10 +327,10 @@ class Desk:
         self._page.draw(latest, pull=self._pull)
         if abs(time - self._said) >= SAID or time < self._said:
             self._said = time
-            self._say_references()
-            self._page.say(self._status(session, time))
+            self._say_references(latest)
+            self._page.say(self._end or self._status(time))
 
-    def _say_references(self) -> None:
+    def _say_references(self, latest: Samples) -> None:
         """Say each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
         changes the number that a user types there."""
         for joint, text in self._present.items():
@@ -297,12 +338,15 @@ class Desk:
             for target in self._sliders:
                 if target[0] == joint and target[1] != EXTERNAL_TORQUE:
                     source = "scenario" if self._by_hand.get(target) is None else "by hand"
-                    parts.append(f"{words_of(target[1])} {self._reference(target):.4g} ({source})")
+                    column, slot = self.session.simulation.prepared.slot_of(*target)
+                    value = float(latest.values[f"reference_{slot}"][-1, column])
+                    parts.append(f"{words_of(target[1])} {value:.4g} ({source})")
             text.content = "Now " + ", ".join(parts)
 
-    def _status(self, session: Session, time: float) -> str:
+    def _status(self, time: float) -> str:
+        session, pull = self.session, self._pull
         pace = "paused" if session.paused else f"{1e3 * session.pace.late:.0f} ms behind"
         parts = [f"**{time:.2f} s**", pace]
-        if self._pull is not None:
-            parts.append(f"pull {np.linalg.norm(self._pull.force):.3g} N")
+        if pull is not None:
+            parts.append(f"pull {np.linalg.norm(pull.force):.3g} N")
         return " · ".join(parts) + (f"\n\n{plain(self._news)}" if self._news else "")

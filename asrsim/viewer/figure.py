@@ -23,7 +23,11 @@ _NAMES = itertools.count()
 
 
 class Figure:
-    """Shapes of a scene on a page, which `place` moves."""
+    """Shapes of a scene on a page, which `place` moves.
+
+    Links that a fixed joint connects share a node. A node is placed in the node of the body before it, so that a joint that
+    turns changes one orientation and no position: a picture of a robot is a few small messages.
+    """
 
     def __init__(
         self, server: viser.ViserServer, scene: RenderScene, *, colour: Colour | None = None, opacity: float | None = None,
@@ -33,20 +37,37 @@ class Figure:
         self.scene, self._server = scene, server
         root = f"/figure_{next(_NAMES)}"
         self._root = server.scene.add_frame(root, show_axes=False)
-        self.bodies: dict[str, viser.FrameHandle] = {}
+        self.nodes: dict[str, viser.FrameHandle] = {}
+        """Nodes by the name of their body: the root, each link that a joint moves, and each object."""
         self.meshes: dict[str, list[tuple[viser.MeshHandle, Colour]]] = {}
         """Meshes of each body, with their own colours."""
-        self._frames: dict[str, Array] = {}
+        self._place_of: dict[str, tuple[Array, Array]] = {}
+        """Position and orientation of each node in the node before it, as sent."""
+        self._tints: Mapping[str, Colour] = {}
+        joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
+        carrier = {scene.model.robot.root.name: scene.model.robot.root.name}
+        self._before: dict[str, str] = {}
+        """Body of the node before each node that is not the first of its tree."""
+        for link, joint in joints.items():
+            carrier[link] = link if joint.moves else carrier[joint.parent]
+            if joint.moves:
+                self._before[link] = carrier[joint.parent]
+        carrier |= {name: name for name in scene.objects if objects}
+        for body in dict.fromkeys(carrier.values()):
+            above = root if body not in self._before else self.nodes[self._before[body]].name
+            # Names of links may contain characters that separate names of nodes.
+            self.nodes[body] = server.scene.add_frame(f"{above}/{len(self.nodes)}", show_axes=False)
+        frames = scene.frames({}, {})
         for number, part in enumerate(scene.parts):
-            if part.body in scene.objects and not objects:
+            if part.body not in carrier:
                 continue
-            if part.body not in self.bodies:
-                # Names of links may contain characters that separate names of nodes.
-                self.bodies[part.body] = server.scene.add_frame(f"{root}/{len(self.bodies)}", show_axes=False)
+            body = carrier[part.body]
+            place = np.linalg.inv(frames[body]) @ frames[part.body]
             own = colour or _bytes(part.colour)
             mesh = server.scene.add_mesh_simple(
-                f"{self.bodies[part.body].name}/{number}", part.mesh.vertices, part.mesh.faces, color=own, opacity=opacity,
-                side="double", cast_shadow=colour is None, receive_shadow=colour is None,
+                f"{self.nodes[body].name}/mesh_{number}", part.mesh.vertices, part.mesh.faces, color=own, opacity=opacity,
+                side="double", cast_shadow=colour is None, receive_shadow=colour is None, position=place[:3, 3],
+                wxyz=quaternions(place[None])[0],
             )  # fmt: skip
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
@@ -56,17 +77,27 @@ class Figure:
         positions: positions (joints,) instead of the links' positions, rad (m).
         """
         frames = frames_of(self.scene, samples, positions)
-        moved = [
-            name for name in self.bodies if name not in self._frames or np.abs(frames[name] - self._frames[name]).max() > MOVED
-        ]
-        if moved:
-            for name, turn in zip(moved, quaternions(np.array([frames[name] for name in moved])), strict=True):
-                self.bodies[name].position, self.bodies[name].wxyz = frames[name][:3, 3], turn
-            self._frames |= {name: frames[name] for name in moved}
+        world = np.eye(4)
+        above = np.array([frames[self._before[name]] if name in self._before else world for name in self.nodes])
+        own = np.array([frames[name] for name in self.nodes])
+        # The inverse of a frame is its transposed rotation.
+        back = above[:, :3, :3].transpose(0, 2, 1)
+        places = (back @ (own[:, :3, 3] - above[:, :3, 3])[:, :, None])[:, :, 0]
+        turns = quaternions(back @ own[:, :3, :3])
+        for name, node, place, turn in zip(self.nodes, self.nodes.values(), places, turns, strict=True):
+            known = self._place_of.get(name)
+            if known is None or np.abs(known[0] - place).max() > MOVED:
+                node.position = place
+            if known is None or np.abs(known[1] - turn).max() > MOVED:
+                node.wxyz = turn
+        self._place_of = dict(zip(self.nodes, zip(places, turns, strict=True), strict=True))
         return frames
 
     def tint(self, colours: Mapping[str, Colour]) -> None:
         """Give bodies a colour; all others get their own colours back."""
+        if colours == self._tints:
+            return
+        self._tints = dict(colours)
         for body, meshes in self.meshes.items():
             for mesh, own in meshes:
                 wanted = colours.get(body, own)
@@ -117,7 +148,7 @@ def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = No
 
 
 def quaternions(frames: Array) -> Array:
-    """Quaternions (n, 4) w, x, y, z of frames (n, 4, 4)."""
+    """Quaternions (n, 4) w, x, y, z of frames (n, 4, 4) or rotations (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     turns: Array = Rotation.from_matrix(frames[:, :3, :3]).as_quat(scalar_first=True)

@@ -20,7 +20,8 @@ MERGED = 32
 
 
 class History:
-    """Samples of a run, in the order of time. A run that goes on adds samples, and old samples are forgotten."""
+    """Samples of a run, in the order of time. A run that goes on adds samples, and old samples are forgotten; other threads may
+    read at any time."""
 
     def __init__(self, joints: Sequence[JointInfo], samples: Samples | None = None) -> None:
         self.joints = tuple(joints)
@@ -55,7 +56,7 @@ class History:
 
     def at(self, time: float) -> Samples | None:
         """The sample nearest to a time in s, which is held before the first and after the last; None without samples."""
-        blocks = [block for block in self._blocks if len(block.time)]
+        blocks = [block for block in tuple(self._blocks) if len(block.time)]
         if not blocks:
             return None
         ends = [float(block.time[-1]) for block in blocks]
@@ -66,7 +67,7 @@ class History:
     def curve(self, joint: str, quantity: str, start: float, end: float) -> tuple[Array, Array]:
         """Times (n,) in s and values (n,) of a joint's quantity, logged or derived; empty if it is not recorded."""
         times, values = [np.empty(0)], [np.empty(0)]
-        for block in self._blocks:
+        for block in tuple(self._blocks):
             inside = slice(*np.searchsorted(block.time, (start, end), side="left").tolist())
             if quantity in block.values:
                 column = block.values[quantity][inside, block.joints.index(joint)]
@@ -85,7 +86,7 @@ class History:
 
     def rows(self, start: float, end: float) -> Samples | None:
         """Samples between two times in s; None without samples."""
-        parts = [_rows(block, slice(*np.searchsorted(block.time, (start, end)).tolist())) for block in self._blocks]
+        parts = [_rows(block, slice(*np.searchsorted(block.time, (start, end)).tolist())) for block in tuple(self._blocks)]
         parts = [part for part in parts if len(part.time)]
         return concatenate(parts) if parts else None
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,6 +25,7 @@ from asrsim.summary import RunSummary
 from asrsim.viewer.desk import Desk
 from asrsim.viewer.history import History
 from asrsim.viewer.page import FRAME, Page
+from asrsim.viewer.painter import Painter
 from asrsim.viewer.subject import Companion, Subject, as_companion
 from asrsim.viewer.tuning import differences, tunable, tuned_scenario
 
@@ -61,12 +63,29 @@ class LiveView:
         self._wish = Wish(variant=first, tuned={}, speed=self._settings.speed)
         self.session: Session | None = None
         """The present run."""
+        self._present: Desk | None = None
+        """Desk of the present run."""
+        self._episodes = 0
+        """Number of runs so far."""
         self._numbers: Numbers = {}
         """Numbers that could be tuned in the run before."""
 
     def run(self, stop: Callable[[], bool]) -> RunSummary | None:
         """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; those of
         later ones are shown on the page, and the run before starts again."""
+        with Painter(self._draw) as painter:
+            summary = self._runs(lambda: stop() or painter.error is not None)
+        if painter.error is not None:
+            raise painter.error
+        return summary
+
+    def _draw(self) -> None:
+        """Show the present run."""
+        with self._page.lock:
+            if self._present is not None:
+                self._present.show()
+
+    def _runs(self, stop: Callable[[], bool]) -> RunSummary | None:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
@@ -79,7 +98,9 @@ class LiveView:
                 self._wish = replace(last, news=f"Not changed: {error}")
                 continue
             session.paused = self._wish.paused
-            desk = self._desk(session, desk, same=desk is not None and last.variant == self._wish.variant)
+            with self._page.lock:
+                same = desk is not None and last.variant == self._wish.variant
+                desk = self._present = self._desk(session, desk, same=same)
             session.operator, self.session, last = desk, session, self._wish
             summary = session.run(stop=partial(_ends, desk, stop))
             if desk.wish is None and summary.status != "diverged":
@@ -94,6 +115,12 @@ class LiveView:
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
             folder = self._out / scenario.variant if len(self._scenarios) > 1 else self._out
+        # The first run replaces what a run of the scenario left in the folder that the user names. Nothing else is lost.
+        if self._out is None or self._episodes:
+            folder = next(path for path in _numbered(folder) if not path.exists())
+        self._episodes += 1
+        if self._episodes > 1:
+            self._tell(f"run {self._episodes} is written to {folder}")
         settings = replace(self._settings, speed=wish.speed)
         return Session(scenario, folder, settings, robot=robot, overwrite=self._overwrite, tell=self._tell)
 
@@ -138,6 +165,12 @@ class LiveView:
         # Another variant has its own parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
         return Wish(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
+
+
+def _numbered(folder: Path) -> Iterator[Path]:
+    """The folder, and folders beside it with the numbers 2, 3, ..."""
+    yield folder
+    yield from (folder.with_name(f"{folder.name}_{number}") for number in itertools.count(2))
 
 
 def _ends(desk: Desk, stop: Callable[[], bool]) -> bool:

@@ -7,6 +7,7 @@ import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from threading import RLock
 from typing import Any
 
 from asrsim.samples import Samples
@@ -33,6 +34,8 @@ class Page:
 
     def __init__(self, server: PageServer) -> None:
         self.server = server.viser
+        self.lock = RLock()
+        """Held while the page is drawn or gets another subject."""
         self.stage: Stage
         self.plots: Plots
         self._drawn = self._plotted = -1.0

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.plots.claims import claimed_clocks
-from asrsim.recordings import read_recording
+from asrsim.plots.claims import claimed_clocks, claimed_recording
 from asrsim.recordings.align import LagChoice, Reader, align_recording, comparable, resample
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, RunInfo, Samples
@@ -27,13 +26,13 @@ def recorded(
         info: Description of the run.
         read: Function (quantities, joints) that returns samples of the run.
         lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if one does.
-        mapping, rate: As for `asrsim.recordings.read_recording`.
+        mapping, rate: As for `asrsim.recordings.read_recording`; without both, as a claim of the run states.
 
     Raises:
         RecordingError: No common joint or quantity, no overlap in time.
     """
     names = [joint.name for joint in info.joints]
-    recording = read_recording(path, mapping=mapping, joints=names, rate=rate)
+    recording = claimed_recording(path, [info], mapping=mapping, rate=rate)
     pairing = match_joints(names, recording)
     claimed = claimed_clocks([info], [recording]) if lag == "auto" else {}
     alignment = align_recording(recording, pairing, read, lag=claimed.get(str(recording.path), lag), infos=info.joints)

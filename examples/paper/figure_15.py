@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
     from asrsim.learning.plant import Plant
-    from asrsim.learning.session import Session
+    from asrsim.learning.session import LearningSession
     from asrsim.samples import Samples
 
 SCENARIO = "ilc_2dof"
@@ -67,18 +67,17 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     return first, _hardware(session)
 
 
-def _session(lab: Lab) -> tuple[Session, Path]:
+def _session(lab: Lab) -> tuple[LearningSession, Path]:
     """Learning session, and log of a run with the learned input."""
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.session import run_session
+    from asrsim.learning import learn
 
-    plant, folder = make_plant(lab.scenario(SCENARIO)), lab.folder / f"{SCENARIO}_learned"
-    session, played = run_session(plant, folder, picture=False, overwrite=True), folder / "played"
+    folder = lab.folder / f"{SCENARIO}_learned"
+    session, played = learn(lab.scenario(SCENARIO), folder, picture=False, overwrite=True), folder / "played"
     asrsim.run(folder / "learned.yaml", out=played)
     return session, played / "log.mcap"
 
 
-def _claims(session: Session, log: Path) -> list[Claim]:
+def _claims(session: LearningSession, log: Path) -> list[Claim]:
     from asrsim.log import open_log
 
     result = session.result
@@ -117,7 +116,7 @@ def _error(samples: Samples) -> float:
     return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))
 
 
-def _hardware(session: Session) -> FigurePart:
+def _hardware(session: LearningSession) -> FigurePart:
     plant, joints = session.prepared.plant, session.prepared.problem.joints
     outputs = [_other(plant, number).outputs(session.result.inputs) for number in range(DRAWS)]
     largest = np.array([np.abs(plant.reference - one).max(axis=0) for one in outputs])
@@ -166,7 +165,7 @@ def _other(plant: Plant, number: int) -> Plant:
     return plant.varied(numbers, draw.uniform(0.0, 0.02))
 
 
-def _figure(session: Session) -> Drawing:
+def _figure(session: LearningSession) -> Drawing:
     from asrsim.learning.figure import learning_charts
     from asrsim.plots.charts import chart_figure
 

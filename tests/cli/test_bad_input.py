@@ -231,7 +231,7 @@ def test_inverse_dynamics_under_references_names_its_new_key(asrsim_command, tmp
 @pytest.mark.parametrize(
     "arguments",
     [
-        "twin step.yaml -e step.yaml --lag nan", "plot out --start=-inf", "plot out --bode --band 1 inf",
+        "twin step.yaml -e step.yaml --clock-offset nan", "plot out --start=-inf", "plot out --bode --band 1 inf",
         "check step.yaml --arg side=left", "check step.yaml --package arm=folder",
     ],
 )  # fmt: skip

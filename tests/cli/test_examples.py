@@ -63,7 +63,7 @@ def test_the_example_of_design_designs_for_the_recorded_arm(asrsim_command):
     recorded = "examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml"
     asrsim_command("init", *shlex.split(recorded))
     (example,) = texts_of_examples("design")
-    done = asrsim_command(*shlex.split(example)[1:], "--seconds", "0.5", "--no-plot")
+    done = asrsim_command(*shlex.split(example)[1:], "--duration", "0.5", "--no-plot")
     assert done.code == 0, done.err
 
 

@@ -40,7 +40,11 @@ def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path
 
 @pytest.mark.parametrize(
     ("shares", "code", "words"),
-    [((1.0,), 0, "the best input"), ((0.5,), 0, "give the recording to --next again"), ((0.5, 0.51), 1, "the best input")],
+    [
+        ((1.0,), 0, "the best input"),
+        ((0.5,), 0, "give the recording to --experiment again"),
+        ((0.5, 0.51), 1, "the best input"),
+    ],
 )
 def test_the_exit_code_of_a_recorded_trial_tells_failed_learning(asrsim_command, lift, tmp_path, shares, code, words):
     """In each trial, the robot moves by a share of the desired motion. There is one update."""
@@ -50,7 +54,7 @@ def test_the_exit_code_of_a_recorded_trial_tells_failed_learning(asrsim_command,
     for share in shares:
         header = "time [s],joint_1.link_position [rad]"
         np.savetxt(tmp_path / "a.csv", np.column_stack([time, share * motion]), delimiter=",", header=header, comments="")
-        done = asrsim_command("ilc", lift, "--next", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1")
+        done = asrsim_command("ilc", lift, "-e", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1")
     assert done.code == code, done.err
     assert words in done.out + done.err
 

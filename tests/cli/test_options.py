@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from asrsim.design import design
 from asrsim.errors import InputError
 
 SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
@@ -15,10 +16,10 @@ CALLS = {
                   "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3},
     ),
     "asrsim.design.run.design": (
-        """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --seconds 3 --after a.csv --robust 2 --seed 7
+        """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --duration 3 --experiment a.csv --robust 2 --seed 7
         --variant soft --set step=0.001""",
-        SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping"], "ties": ["j.a=j.b"], "seconds": 3.0, "after": ["a.csv"],
-                  "robust": 2, "seed": 7},
+        SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping"], "ties": ["j.a=j.b"], "duration": 3.0,
+                  "experiments": ["a.csv"], "robust": 2, "seed": 7},
     ),
     "asrsim.export.export_mjcf": (
         "export a.yaml --out b.xml --knots 9 --timestep 0.002 --fit fit.json --variant soft --set step=0.001 --no-plot",
@@ -26,9 +27,9 @@ CALLS = {
          "overrides": ["step=0.001"], "plot": False},
     ),
     "asrsim.twin.follow.follow": (
-        "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --lag 0.2 --variant soft --set step=0.001",
-        {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "lag": 0.2, "variant": "soft",
-         "overrides": ["step=0.001"]},
+        "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --clock-offset 0.2 --variant soft --set step=0.001",
+        {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "clock_offset": 0.2,
+         "variant": "soft", "overrides": ["step=0.001"]},
     ),
     "asrsim.sweeps.run.study_of": (
         "sweep a.yaml --over j.damping=1:2:3 --design sobol --samples 8 --seed 7 --fit f.json --variant soft --set step=0.001",
@@ -36,7 +37,7 @@ CALLS = {
                    "samples": 8, "seed": 7, "fit": "f.json"}]},
     ),
     "asrsim.plots.job.PlotJob": (
-        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --lag 0.2 --format pdf --bode --band 1 5
+        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --align 0.2 --format pdf --bode --band 1 5
         --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
         {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"], "lag": 0.2,
          "formats": ["pdf"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
@@ -59,3 +60,21 @@ def test_options_reach_the_library(function, monkeypatch, asrsim_command):
     done = asrsim_command(*line.split())
     plain = json.loads(json.dumps(passed, default=str))
     assert {name: plain.get(name) for name in expected} == expected, done.err
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("design a.yaml --limits l.yaml --seconds 3", "--seconds is called --duration now"),
+        ("twin a.yaml -e a.csv --lag=0.2", "--lag is called --clock-offset now"),
+    ],
+)
+def test_an_old_name_of_an_option_works_and_says_the_new_one(asrsim_command, line, said):
+    err = asrsim_command(*line.split()).err
+    assert said in err
+    assert "cannot be read" in err
+
+
+def test_an_old_name_of_a_keyword_works_and_warns(tmp_path):
+    with pytest.warns(DeprecationWarning, match="seconds is called duration now"), pytest.raises(InputError, match=r"l\.yaml"):
+        design("a.yaml", tmp_path / "l.yaml", seconds=3.0)

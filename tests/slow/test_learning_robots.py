@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from asrsim.learning import learn
+from asrsim.learning import iterate
 from asrsim.learning.hardware import next_input
 from asrsim.learning.prepared import learning_model
 from support.lessons import inputs_in, learned, plant_of, play, record
@@ -49,7 +49,7 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
         weak = replace(arm, joints=tuple({**joint, "motor_1_max_torque": limit} for joint, limit in joints))
         plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
         prepared, found = learned(plant)
-        true = learn(
+        true = iterate(
             prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
             law=prepared.law,
         )  # fmt: skip

@@ -111,7 +111,7 @@ def server(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO.format(root=ROOT))
     # At this rate, a node on a busy machine may pause for seconds before its queue drops messages.
-    options = ["--on", "ros", "--domain", str(DOMAIN), "--rate", "200", "-o", tmp_path / "out"]
+    options = ["--on", "ros", "--domain", str(DOMAIN), "--publish-rate", "200", "-o", tmp_path / "out"]
     command = [sys.executable, "-m", "asrsim", "live", path, *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stderr is not None

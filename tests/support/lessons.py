@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from asrsim.learning import learn
+from asrsim.learning import iterate
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
 from asrsim.scenario import load_scenario
@@ -18,7 +18,7 @@ def plant_of(folder, arm, motion, duration, **ilc):
 def learned(plant):
     """(prepared, result) of learning in simulation."""
     prepared = prepare_learning(plant)
-    return prepared, learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+    return prepared, iterate(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
 
 
 def play(robot, plant, inputs):

@@ -29,14 +29,14 @@ def limits(tmp_path):
 def found(tmp_path_factory):
     path = tmp_path_factory.mktemp("design") / "lab.limits.yaml"
     path.write_text(WITHIN + "noise: {link_position: 0.001}\n", encoding="utf-8")
-    return design(SEA, path, variant="soft", free=FREE, seconds=2.0, rounds=1)
+    return design(SEA, path, variant="soft", free=FREE, duration=2.0, rounds=1)
 
 
 @pytest.mark.parametrize(("noise", "every"), [(0.05, 1), (0.2, 4)])
 def test_information_about_a_spring_is_the_sum_of_squared_torques(limits, noise, every):
     text = f"limits: {{joint_1: {{link_position: 0.5}}}}\nnoise: {{elastic_torque_1: {noise}}}\nrate: {1000 / every}\n"
     path = limits(text)
-    found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], seconds=1.0, rounds=0)
+    found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], duration=1.0, rounds=0)
     torque = 200.0 * found.found.motion[0, ::every]
     assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / noise**2, rel=1e-4)
 
@@ -45,7 +45,8 @@ def test_information_of_a_recording_adds_to_that_of_every_motion(limits, tmp_pat
     joint = asrsim.run(SEA, variant="soft", overrides=["duration=0.5"])["joint_1"].link_position
     recording = save(tmp_path / "a.csv", "time [s],joint_1.link_position [rad]", 1e-3 * np.arange(len(joint)), joint)
     plain, more = (
-        design(SEA, limits(), variant="soft", free=FREE[:1], seconds=1.0, rounds=0, after=files) for files in ([], [recording])
+        design(SEA, limits(), variant="soft", free=FREE[:1], duration=1.0, rounds=0, experiments=files)
+        for files in ([], [recording])
     )  # fmt: skip
     gained = [more.intervals[name][0] ** -2 - plain.intervals[name][0] ** -2 for name in ("one step", "chirp")]
     assert gained[0] == pytest.approx(gained[1], rel=1e-5)
@@ -74,7 +75,7 @@ def test_promised_interval_agrees_with_finite_differences_of_runs(limits, tmp_pa
     lab = limits(f"{text}parameters: {{joint_1: {{spring_stiffness: 8}}}}\n")
     lab = lab.rename(tmp_path / "lab.yaml")
     within = limits("limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n")
-    one = design(lab, within, free=["joint_1.spring_stiffness"], seconds=1.0, rounds=1)
+    one = design(lab, within, free=["joint_1.spring_stiffness"], duration=1.0, rounds=1)
     _, scenario, *_ = write_design(one, tmp_path / "excite.csv", plot=False)
     low, high = (
         asrsim.run(scenario, overrides=[f"parameters.joint_1.spring_stiffness={8.0 * np.exp(h)}"])["joint_1"].link_position
@@ -94,12 +95,12 @@ def test_motion_begins_and_ends_at_the_reference_of_the_start(found):
 
 
 def test_same_seed_gives_the_same_motion(found, limits):
-    again = design(SEA, limits(WITHIN + "noise: {link_position: 0.001}\n"), variant="soft", free=FREE, seconds=2.0, rounds=1)
+    again = design(SEA, limits(WITHIN + "noise: {link_position: 0.001}\n"), variant="soft", free=FREE, duration=2.0, rounds=1)
     assert np.array_equal(again.found.motion, found.found.motion)
 
 
 def test_interrupted_design_keeps_the_best_so_far(limits):
-    found = design(SEA, limits(), variant="soft", free=FREE, seconds=1.0, stop=lambda: True)
+    found = design(SEA, limits(), variant="soft", free=FREE, duration=1.0, stop=lambda: True)
     assert found.interrupted
     assert np.abs(found.found.motion).max() > 0.0
 
@@ -128,7 +129,7 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
             {"overrides": ["references=", "initial.joint_1=0.3"]},
             "begins outside this limit, at 0.3",
         ),
-        (WITHIN, {"seconds": 0.2}, "is too short"),
+        (WITHIN, {"duration": 0.2}, "is too short"),
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
         ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper limit"),
@@ -147,10 +148,10 @@ def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
     scenario = scenario.rename(scenario.with_name("lab.yaml"))
     path = limits("limits: {joint_1: {link_position: 1, motor_torque: 5}}\n")
     with pytest.raises(asrsim.InputError, match=r"motor_1_torque reaches .* times its limit") as error:
-        design(scenario, path, free=["joint_1.damping"], seconds=1.0)
+        design(scenario, path, free=["joint_1.damping"], duration=1.0)
     assert error.value.problems[0].key == "limits.joint_1.motor_1_torque"
     assert "initial: equilibrium" in error.value.problems[0].hint
-    assert design(scenario, path, free=["joint_1.damping"], seconds=1.0, rounds=0, overrides=["initial=equilibrium"]).keys
+    assert design(scenario, path, free=["joint_1.damping"], duration=1.0, rounds=0, overrides=["initial=equilibrium"]).keys
 
 
 def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):
@@ -163,7 +164,7 @@ def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):
     def designed(*gains):
         text = "limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n"
         path = limits(f"{text}choose: {{joint_1.controller_1_proportional: {list(gains)}}}\n")
-        return design(scenario, path, free=["joint_1.spring_stiffness"], seconds=1.0, rounds=0)
+        return design(scenario, path, free=["joint_1.spring_stiffness"], duration=1.0, rounds=0)
 
     alone = {gain: designed(gain).intervals["design"] for gain in (5.0, 50.0)}
     chosen = designed(5.0, 50.0)

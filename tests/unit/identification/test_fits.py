@@ -346,7 +346,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
 def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     told = []
     task = task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
-    result = identify(task, seconds=1e-3, progress=told.append)
+    result = identify(task, duration=1e-3, progress=told.append)
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
     assert all(one.verdict != "identified" for one in result.estimates)
@@ -482,9 +482,7 @@ def test_a_played_command_jumps_where_the_recording_does(hold, delay):
     """Large jumps are reported at their samples; near the jumps the played command has the recorded values."""
     time = np.arange(0.0, 1.0, 0.01)
     values = np.where(time > 0.305, 1.0, 0.0) + (0.0 if hold else 0.05 * time)
-    command = PlayedCommand(
-        joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad"
-    )
+    command = PlayedCommand(joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, unit="rad")
     played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
     assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay])
     assert played.jumps(0.4, 0.5).size == 0

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from asrsim.errors import InputError
-from asrsim.learning import FixedGain, LearningProblem, zero_phase
-from asrsim.learning import learn as learn_by
+from asrsim.learning import FixedGain, LearningProblem, iterate, zero_phase
 from asrsim.learning.figure import learning_charts
 from asrsim.learning.state import State, load_state, motion_basis, save_state
 from asrsim.scenario.blocks import Learning
@@ -41,7 +40,7 @@ def static_plant(inputs):
 
 
 def learn(problem, simulate, settings, on_trial=None, **options):
-    return learn_by(problem, simulate, settings, on_trial, law=FixedGain(problem, settings), **options)
+    return iterate(problem, simulate, settings, on_trial, law=FixedGain(problem, settings), **options)
 
 
 def test_without_options_the_update_equals_equation_13_bit_for_bit():

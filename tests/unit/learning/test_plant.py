@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from asrsim.errors import InputError, ScenarioError
+from asrsim.learning import learn
 from asrsim.learning.plant import make_plant
-from asrsim.learning.session import run_session
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
@@ -49,7 +49,7 @@ def holds(scenario, robot=None):
 def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path, initial):
     """An equilibrium at the start depends on the first inputs."""
     chosen = plant(initial=initial)
-    session = run_session(chosen, tmp_path, picture=False)
+    session = learn(chosen.scenario, tmp_path, picture=False)
     scenario = load_scenario(tmp_path / "learned.yaml")[0]
     samples = simulate(scenario).samples
     assert np.array_equal(samples.values["link_position"], session.result.best.outputs)
@@ -70,7 +70,7 @@ def test_playback_of_some_joints_does_not_change_the_others(tmp_path, computed):
         inverse_dynamics=computed,
     )
     chosen = make_plant(scenario)
-    session = run_session(chosen, tmp_path, picture=False)
+    session = learn(chosen.scenario, tmp_path, picture=False)
     replayed = load_scenario(tmp_path / "learned.yaml")[0]
     samples = simulate(replayed).samples
     np.testing.assert_array_equal(samples.values["link_position"][:, [0]], session.result.best.outputs)
@@ -80,7 +80,7 @@ def test_playback_of_some_joints_does_not_change_the_others(tmp_path, computed):
 def test_the_claim_of_a_playback_fails_on_another_robot(tmp_path):
     """The learned error, not the tolerance: with a little more mass the claim no longer holds."""
     chosen = plant()
-    session = run_session(chosen, tmp_path, picture=False)
+    session = learn(chosen.scenario, tmp_path, picture=False)
     (error,) = session.result.best.largest
     scenario = load_scenario(tmp_path / "learned.yaml")[0]
     (claim,) = scenario.expect
@@ -100,10 +100,10 @@ def test_resumed_learning_repeats_an_unbroken_run_bit_by_bit(tmp_path, law, afte
         if len(seen) == after:
             raise KeyboardInterrupt
 
-    whole = run_session(chosen, tmp_path / "whole", picture=False).result
+    whole = learn(chosen.scenario, tmp_path / "whole", picture=False).result
     with pytest.raises(KeyboardInterrupt):
-        run_session(chosen, tmp_path / "cut", on_trial=killed)
-    resumed = run_session(chosen, tmp_path / "cut", on_trial=seen.append, resume=True, picture=False).result
+        learn(chosen.scenario, tmp_path / "cut", on_trial=killed)
+    resumed = learn(chosen.scenario, tmp_path / "cut", on_trial=seen.append, resume=True, picture=False).result
     assert [trial.number for trial in seen] == list(range(len(whole.trials)))
     for ours, theirs in zip(resumed.trials, whole.trials, strict=True):
         assert np.array_equal([ours.inputs, ours.outputs], [theirs.inputs, theirs.outputs])
@@ -117,13 +117,13 @@ def test_learning_is_not_resumed_after_a_file_changed(tmp_path, changed):
     (tmp_path / "part.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
     push = {"joint_1": {"playback": {"file": str(tmp_path / "push.csv"), "column": "torque"}}}
     given = {"robot": tmp_path / "arm.urdf", "external_torques": push, "compiled": False}
-    run_session(plant(**given, ilc={"max_iterations": 1}), tmp_path / "out", picture=False)
+    learn(plant(**given, ilc={"max_iterations": 1}).scenario, tmp_path / "out", picture=False)
     if changed == "the scenario":
         given["gravity"] = [0.0, 0.0, -9.0]
     else:
         (tmp_path / changed).write_text((tmp_path / changed).read_text().replace("0.1", "0.11"))
     with pytest.raises(InputError, match=rf"have changed: [^,]*{changed}\. Delete state"):
-        run_session(plant(**given), tmp_path / "out", resume=True)
+        learn(plant(**given).scenario, tmp_path / "out", resume=True)
 
 
 def test_learning_needs_a_block_ilc_and_a_position_mode():
@@ -150,7 +150,7 @@ def test_a_sliding_joint_is_learned_in_metres(tmp_path):
     slides = tmp_path / "slides.urdf"
     slides.write_text(CUBE.read_text().replace('type="revolute"', 'type="prismatic"'))
     arm = plant(slides, compiled=False, ilc={"law": "auto", "tolerance": 1e-5, "max_iterations": 1})
-    session = run_session(arm, tmp_path / "out", picture=False)
+    session = learn(arm.scenario, tmp_path / "out", picture=False)
     units = {item.what: item.unit for item in session.prepared.demands}
     assert units["motor torque"] == units["spring torque"] == "N"
     assert (units["motor speed"], units["spring deflection"]) == ("m/s", "m")

@@ -79,7 +79,7 @@ def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):
     path = write(tmp_path / "late.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", late=0.3)
     (said,) = take(path, plant).findings
     assert "0.31" in said.message
-    assert "--lag 0.31" in str(said.hint)
+    assert "--align 0.31" in str(said.hint)
     for lag in (0.3, "auto"):
         assert not take(path, plant, lag=lag).findings
     assert not take(write(path, plant, "time [s],joint_1 [rad],joint_2 [rad]"), plant).findings

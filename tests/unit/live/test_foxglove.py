@@ -148,7 +148,7 @@ def test_a_client_of_the_protocol(tmp_path):
     scenario = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
     command = [
         sys.executable, "-m", "asrsim", "live", scenario, "--variant", "soft", "--on", "foxglove", "--port", "0",
-        "--rate", "200", "-o", tmp_path / "out", "--set", "engine=mujoco",
+        "--publish-rate", "200", "-o", tmp_path / "out", "--set", "engine=mujoco",
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stderr is not None

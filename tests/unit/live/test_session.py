@@ -16,7 +16,7 @@ from asrsim.live.pace import Pace
 from asrsim.live.session import Session, Settings
 from asrsim.log import open_log, read_log
 from asrsim.runs.repeat import repeat
-from asrsim.samples import JointInfo
+from asrsim.samples import Command, HeldWrench, JointInfo, WrenchCommand
 from support.paths import EXAMPLES
 
 
@@ -82,6 +82,35 @@ def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
     assert found.identical
     assert found.samples == 401
     assert not found.missing
+
+
+def test_a_wrench_that_an_operator_holds_on_a_box_is_repeated_bit_for_bit(tmp_path):
+    """The operator also holds a wrench on a link, and sets references between."""
+
+    class Hand:
+        def ask(self, session):
+            time = round(session.time, 3)
+            if time < 0.05:
+                session.hold(HeldWrench("box", (2.0 + time, 0.5, 0.0), point=(0.0, 0.0, 0.05)))
+                session.hold(HeldWrench("link_2", (0.0, 0.1, 0.0), torque=(0.0, 0.0, 0.01)))
+            elif time < 0.06:
+                session.hold(HeldWrench("box", (0.0, 0.0, 0.0)))
+            return {("joint_1", "equilibrium_position"): 0.3 if time > 0.02 else None}
+
+        def write(self, samples):
+            pass
+
+    box = {"shape": "box", "size": [0.2, 0.2, 0.2], "mass": 0.5, "friction": 0.1, "position": [2.0, 0.0, 0.1]}
+    scenario = arm(world={"ground": {}, "objects": {"box": box}})
+    session = Session(scenario, tmp_path / "run", Settings(speed=math.inf, duration=0.1))
+    session.operator = Hand()
+    assert session.run(stop=lambda: False).ok
+    log = open_log(tmp_path / "run" / "log.mcap")
+    commands = list(log.commands())
+    assert len(commands) == session.figures()["applied"] > 50
+    assert {type(one) for one in commands} == {Command, WrenchCommand}
+    assert log.read().samples.bodies["box"][-1, 0] > 2.001
+    assert repeat(log.path).identical
 
 
 def test_topics_are_published_half_as_often_by_late_runs(tmp_path, monkeypatch):
@@ -302,7 +331,14 @@ def test_the_command_ends_by_its_duration(asrsim_command, tiny):
 
 @pytest.mark.parametrize(
     "wrong",
-    [("--speed", "fast"), ("--speed", "0"), ("--duration", "-1"), ("--rate", "0"), ("--port", "70000"), ("--on", "pigeon")],
+    [
+        ("--speed", "fast"),
+        ("--speed", "0"),
+        ("--duration", "-1"),
+        ("--publish-rate", "0"),
+        ("--port", "70000"),
+        ("--on", "pigeon"),
+    ],
 )
 def test_wrong_options_are_refused(asrsim_command, tiny, wrong):
     done = asrsim_command("live", tiny.scenario, *wrong)

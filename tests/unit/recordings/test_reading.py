@@ -171,3 +171,23 @@ def test_a_scenario_keeps_the_document_of_what_it_plays(tiny):
     )
     (scenario,) = load_scenario(tiny.scenario)
     assert {"lab.csv", "lab.csv.yaml"} <= set(scenario.attachments)
+
+
+def test_a_late_column_is_read_at_earlier_times_and_played_there(tmp_path):
+    """Other columns keep their times; an offset needs no unit; a correction of a meaning is read back from its text."""
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([TIME, ALPHA, BETA]), delimiter=",", header="time,a,b", comments="", fmt="%.12g"
+    )
+    (tmp_path / "a.csv.yaml").write_text("map: {a: 2*elbow.link_position - 0.5 late 0.004, b: elbow.reference_1 late -0.002}\n")
+    recording = read_recording(tmp_path / "a.csv")
+    late, early = recording.column("elbow", "link_position"), recording.column("elbow", "reference_1")
+    np.testing.assert_allclose(late.time, TIME - 0.004, atol=1e-12)
+    np.testing.assert_allclose(late.values, 2.0 * ALPHA - 0.5, atol=1e-9)
+    np.testing.assert_allclose(early.time, TIME + 0.002, atol=1e-12)
+    assert late.conversion.endswith("-0.5; -0.004 s")
+    np.testing.assert_allclose(Playback(file=tmp_path / "a.csv", column="b").samples[0], TIME + 0.002, atol=1e-12)
+    text = late.read_as.corrected(gain=-1.5, offset=0.25, late=0.001).text
+    assert text == "-3*elbow.link_position + 1.125 late 0.005"
+    again = read_recording(tmp_path / "a.csv", mapping=[f"a={text}"]).column("elbow", "link_position")
+    np.testing.assert_allclose(again.values, -1.5 * (late.values - 0.25), atol=1e-9)
+    np.testing.assert_allclose(again.time, TIME - 0.005, atol=1e-12)

@@ -1,6 +1,8 @@
 """Compiled loop: equal to the plain loop bit for bit, used when it saves time, and never required."""
 
 import os
+import subprocess
+import sys
 from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
@@ -200,6 +202,16 @@ def test_code_that_other_users_can_write_is_not_loaded(tmp_path, monkeypatch, fa
         (code if fault == "writable file" else code.parent).chmod(0o777)
     with pytest.warns(RuntimeWarning, match="other users may have changed"):
         assert cache_file("0") is None
+
+
+def test_other_processes_load_what_one_has_compiled():
+    robot = arm("sea")
+    simulate(make_scenario(robot, 6, compiled=True), robot)
+    kept = kernels()
+    script = "import test_compiled as t; robot = t.arm('sea'); t.simulate(t.make_scenario(robot, 6, compiled=True), robot)"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONHASHSEED": "1"}
+    subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parent, env=environment, check=True)
+    assert kernels() == kept
 
 
 def doubled(value):

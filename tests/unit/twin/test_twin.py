@@ -295,8 +295,8 @@ def test_clocks_that_differ_are_noted_and_aligned(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
     notes = follow(scenario, path).notes
     assert "clocks differ" in notes[0]
-    assert "--lag 0.2" in notes[0]
-    assert not any("clocks" in note for note in follow(scenario, path, lag=0.2).notes)
+    assert "--clock-offset 0.2" in notes[0]
+    assert not any("clocks" in note for note in follow(scenario, path, clock_offset=0.2).notes)
 
 
 def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):

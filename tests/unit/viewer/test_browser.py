@@ -94,7 +94,8 @@ def test_pause_step_reset_and_what_was_done_is_in_a_log_that_repeats(arm, tmp_pa
     until(lambda: view.show.session.operator._by_hand.get(("joint_1", "equilibrium_position")) == -0.4)
     until(lambda: view.show.session.time > 0.5)
     view.close()
-    path = tmp_path / "run" / "soft" / "log.mcap"
+    first, path = (tmp_path / "run" / name / "log.mcap" for name in ("soft", "soft_2"))
+    assert list(open_log(first).commands())[-1].value == 0.25
     commands = list(open_log(path).commands())
     assert {(one.joint, one.reference) for one in commands} == {("joint_1", "equilibrium_position")}
     assert commands[-1].value == -0.4
@@ -118,7 +119,7 @@ def test_a_dragged_link_rests_where_spring_and_pull_balance(tmp_path, browser):
             until(lambda: at_rest(view))
             pull, q, simulation = desk._pull, positions(view), view.show.session.simulation
             grip = desk._grip
-            torque = simulation.model.jacobian(q, grip.link, grip.point)[:3, 0] @ pull.force
+            torque = simulation.model.jacobian(q, grip.body, grip.point)[:3, 0] @ pull.force
             assert abs(torque) > 5e-3
             assert q[0] == pytest.approx(torque / STIFFNESS, abs=1e-6)
             assert np.linalg.norm(pull.force) == pytest.approx(50.0 * np.linalg.norm(pull.target - pull.point), rel=1e-6)
@@ -136,7 +137,7 @@ def test_a_log_is_played_back_with_a_ghost_and_plots(log, browser):
         page.number("Time, s", 0.25)
         until(lambda: player.time == pytest.approx(0.25))
         (companion, ghost), = player._page.stage.ghosts.values()  # fmt: skip
-        until(lambda: ghost.bodies["link_1"].wxyz[0] < 0.9999)
+        until(lambda: ghost.nodes["link_1"].wxyz[0] < 0.9999)
         stiff = read_log(log.parents[1] / "stiff" / "log.mcap").samples
         row = int(np.abs(stiff.time - 0.25).argmin())
         assert companion.history.at(0.25).values["link_position"][0].tolist() == stiff.values["link_position"][row].tolist()

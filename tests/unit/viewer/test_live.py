@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from asrsim.runs.repeat import repeat
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.viewer.pull import Grip
 from support.paths import EXAMPLES
+from validation.models import INSTALLED
 
 SOFT_ARM = EXAMPLES / "scenarios" / "step_2dof.yaml"
 
@@ -60,7 +62,8 @@ def test_a_changed_parameter_starts_a_run_that_its_log_describes(arm, tmp_path, 
     drive = second.simulation.prepared.drives[0]
     assert {**drive.values, "damping": drive.joint.damping}[name] == value
     arm.close()
-    assert repeat(tmp_path / "run" / "soft" / "log.mcap").identical
+    for folder in ("soft", "soft_2"):
+        assert repeat(tmp_path / "run" / folder / "log.mcap").identical
 
 
 def test_a_change_that_is_not_physical_is_said_and_the_run_starts_again(arm):
@@ -98,7 +101,7 @@ def test_a_pull_is_the_force_of_a_spring_up_to_its_limit():
     place = frames["link_2"][:3, 3] + frames["link_2"][:3, :3] @ [0.05, 0.01, 0.0]
     for away, size in ((0.1, 5.0), (1.0, 20.0)):
         target = place + away * np.array([0.6, 0.8, 0.0])
-        torques, pull = Grip.at("link_2", frames["link_2"], place, target).pulled(model, q, 50.0, 20.0)
+        torques, pull = Grip.at("link_2", frames["link_2"], place, target).torques(model, q, 50.0, 20.0)
         np.testing.assert_allclose(pull.force, size * np.array([0.6, 0.8, 0.0]), atol=1e-12)
         # Virtual work: the force on the way of the point is the torques on the way of the joints.
         step = 1e-7 * np.array([0.3, -0.5])
@@ -156,3 +159,41 @@ def test_a_variant_is_a_ghost_that_moves_as_its_scenario_states(arm):
     companion, _ = until(lambda: desk._page.stage.ghosts.get("stiff"))
     run = asrsim.run(SOFT_ARM, variant="stiff").samples
     np.testing.assert_array_equal(companion.history.at(0.3).values["link_position"][0], run.values["link_position"][300])
+
+
+def drag(desk, body, place, target):
+    """What a user does with the mouse: takes a body at a place in the world, and holds the hand at a target."""
+    desk._drag(body, SimpleNamespace(phase="start", start_position=place, end_position=place))
+    desk._drag(body, SimpleNamespace(phase="drag", start_position=place, end_position=target))
+
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+FLOATING = f"""<robot name="satellite"><link name="hull">{INERTIAL}</link><link name="boom">{INERTIAL}</link>
+<joint name="hinge" type="continuous"><parent link="hull"/><child link="boom"/><origin xyz="0 0 0.3"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_mouse_pulls_objects_and_robots_with_a_floating_base(tmp_path, engine):
+    ball = {"shape": "sphere", "size": 0.05, "mass": 0.5, "position": [1.0, 0.0, 0.5]}
+    (tmp_path / "robot.urdf").write_text(FLOATING)
+    wall = {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [2.0, 0.0, 0.5]}
+    scenario = asrsim.make_scenario(
+        tmp_path / "robot.urdf", duration=1.0, gravity=[0, 0, 0], engine=engine, compiled=False, base={"fixed": False},
+        world={"objects": {"ball": ball, "wall": wall}},
+    )  # fmt: skip
+    with asrsim.view(scenario, out=tmp_path / "run") as view:
+        desk = until(lambda: view.show.session and view.show.session.operator)
+        session = view.show.session
+        until(lambda: desk.subject.history.latest)
+        drag(desk, "wall", [2.0, 0.0, 0.5], [2.1, 0.0, 0.5])
+        assert desk._grip is None
+        assert "'wall' cannot be pulled" in desk._news
+        for body in ("ball", "hull"):
+            before = desk.subject.history.latest.bodies[body][-1, :3]
+            drag(desk, body, before, before + np.array([0.0, 0.2, 0.0]))
+            until(lambda body=body, before=before: desk.subject.history.latest.bodies[body][-1, 1] > before[1] + 0.01)
+            assert desk._pull.force[1] > 0.0
+            desk._drag(body, SimpleNamespace(phase="end"))
+            until(lambda: desk._held is None)
+    assert session.figures()["applied"] > 10
+    assert repeat(tmp_path / "run" / "log.mcap").identical

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import asrsim
 from asrsim.cli.app import COMMANDS
@@ -58,8 +59,13 @@ def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflec
     stage.look.colour = "deflection"
     stage.draw(sample)
     frames = stage.subject.scene.model.poses(sample.values["link_position"][0])
-    for name, handle in stage.figure.bodies.items():
-        np.testing.assert_allclose(handle.position, frames[name][:3, 3], atol=1e-12)
+    places = {"": np.eye(4)}
+    for name, node in stage.figure.nodes.items():
+        # A node is placed in the node before it, as its path says.
+        own = np.eye(4)
+        own[:3, :3], own[:3, 3] = Rotation.from_quat(node.wxyz, scalar_first=True).as_matrix(), node.position
+        places[node.name] = places.get(node.name.rpartition("/")[0], np.eye(4)) @ own
+        np.testing.assert_allclose(places[node.name], frames[name], atol=1e-12)
     ((mesh, own), *_) = stage.figure.meshes["link_1"]
     assert tuple(mesh.color) != own
     assert "deflection, rad" in stage.legend()
@@ -128,7 +134,7 @@ def test_a_robot_whose_meshes_are_missing_is_shown_with_a_note(tmp_path):
         assert any("nobody" in note for note in view.show.subject.notes)
         view.show._values["j"] = 0.7
         end = time.monotonic() + 30.0
-        while abs(view.show._page.stage.figure.bodies["arm"].wxyz[0] - np.cos(0.35)) > 1e-9:
+        while abs(view.show._page.stage.figure.nodes["arm"].wxyz[0] - np.cos(0.35)) > 1e-9:
             assert time.monotonic() < end
             time.sleep(0.02)
 

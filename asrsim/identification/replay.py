@@ -1,0 +1,162 @@
+"""How a run repeats a recording as the fit simulated it, and how `asrsim plot` reads the recording as the fit read it: zeros,
+scales and delays of sensors and commands, the clock, and the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from asrsim.identification.data import PlayedCommand
+from asrsim.identification.parameters import CLOCK, JUMP
+from asrsim.identification.track import Playing, Track
+from asrsim.plain import Shape
+from asrsim.recordings.data import Column
+from asrsim.recordings.reading import ColumnMap, parse_meaning
+from asrsim.recordings.units import find_unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesReading:
+    """Corrections of a recorded series: true value = gain * (recorded - offset), `late` s before the recorded time."""
+
+    key: str
+    """`joint.quantity` of the series."""
+    column: str
+    meaning: str
+    """Meaning of the column without the corrections, as in an item of `--map`."""
+    gain: float = 1.0
+    offset: float = 0.0
+    late: float = 0.0
+    """Delay of the values behind the commands, s; of a command: delay with which it acts."""
+    reference: str = ""
+    """Name of a command's reference in the mode of its joint; empty for measured quantities."""
+    interpolation: str = ""
+    """Interpolation between a command's samples, as in `interpolation:` of a playback."""
+    early: Mapping[str, float] = field(default_factory=dict)
+    """How much earlier a command jumped, s, by the time of the sample that shows the jump, s."""
+    error: float = 0.0
+    """RMS of simulated minus recorded values; 0 for commands."""
+
+    @property
+    def corrected(self) -> bool:
+        """Whether the simulated command differs from the recorded values."""
+        return (self.gain, self.offset) != (1.0, 0.0) or any(self.early.values())
+
+    def item(self, late: float) -> str:
+        """Item of `--map` that reads the corrected series, `late` s earlier."""
+        meaning = parse_meaning(self.column, self.meaning).corrected(gain=self.gain, offset=self.offset, late=late)
+        return f"{self.column}={meaning.text}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """A recording as the fit simulated and read it."""
+
+    recording: str
+    """Path of the recording."""
+    lag: float
+    """Time of the recording's clock at time 0 of the simulation, s."""
+    rate: float | None
+    channels: tuple[SeriesReading, ...]
+    commands: tuple[SeriesReading, ...]
+    initial: Mapping[str, Mapping[str, Any]]
+    """Start of each joint that does not start as in the scenario, as under `initial:` of a scenario."""
+
+
+_SERIES: Shape = {
+    "key": str, "column": str, "meaning": str, "gain": float, "offset": float, "late": float, "reference": str,
+    "interpolation": str, "early": {"*": float}, "error": float,
+}  # fmt: skip
+SHAPE: Shape = {
+    "recording": str,
+    "lag": float,
+    "rate": (float, None),
+    "channels": [_SERIES],
+    "commands": [_SERIES],
+    "initial": {"*": object},
+}
+"""Shape of `as_plain`."""
+
+
+def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Replay:
+    """Replay of a recording. values: values of the free parameters for this recording, by key."""
+
+    def corrections(key: str) -> dict[str, float]:
+        return {name: value for name in ("gain", "offset") if (value := values.get(f"{key}.{name}")) is not None}
+
+    early = {time: values.get(f"{JUMP}{number}", 0.0) for number, time in enumerate(track.jumps, start=1)}
+    predicted = track.predict(values, playing, track.data.duration)
+    channels, commands = list[SeriesReading](), list[SeriesReading]()
+    for one, simulated in zip(track.channels, predicted, strict=True):
+        left, gain = simulated - one.values[: len(simulated)], values.get(f"{one.key}.gain", 1.0)
+        late = values.get(CLOCK, 0.0) + values.get(f"{one.key}.delay", 0.0)
+        if one.column is not None and np.isfinite(left).all():
+            error = abs(gain) * float(np.sqrt(np.mean(left**2)))
+            channels.append(_series(one.column, one.joint, one.key, late=late, error=error, **corrections(one.key)))
+    for command in track.data.commands:
+        if command.column is not None:
+            held = command.hold or command.key in playing.staircases
+            own = {time: early[time] for time in command.curve.jumps.tolist() if time in early}
+            commands.append(
+                _series(
+                    command.column, command.joint, command.key, late=values.get(f"{command.key}.delay", 0.0),
+                    reference=command.name, interpolation="hold" if held else "smooth",
+                    early={repr(time): value for time, value in own.items()}, **corrections(command.key),
+                )
+            )  # fmt: skip
+    data = track.data
+    return Replay(
+        recording=str(data.path.absolute()), lag=data.lag, rate=data.rate, channels=tuple(channels), commands=tuple(commands),
+        initial=dict(_starts(track, values)),
+    )  # fmt: skip
+
+
+def _series(column: Column, joint: str, key: str, **corrections: Any) -> SeriesReading:
+    read_as = replace(column.read_as or ColumnMap(quantity=column.quantity), joint=joint)
+    if not column.stated and column.unit:
+        read_as = replace(read_as, unit=find_unit(column.unit))
+    return SeriesReading(key=key, column=column.source, meaning=read_as.corrected().text, **corrections)
+
+
+def played_table(command: PlayedCommand, reading: SeriesReading, late: float) -> str:
+    """CSV with the times on the simulation's clock and the values of a command as the fit played it, `late` s later."""
+    time, values = command.time, command.values
+    for jump, early in ((float(key), value) for key, value in reading.early.items()):
+        # A sample with the value after the jump, at the instant of the jump.
+        place = int(np.searchsorted(command.time, jump - 1e-12))
+        size = dict(zip(command.curve.jumps.tolist(), command.curve.sizes.tolist(), strict=True))[jump]
+        before = float(command.curve.values(np.array([jump - early]))[0])
+        value = command.values[place] if reading.interpolation == "hold" else before + size
+        if early > 1e-9 and command.time[place] - early > command.time[place - 1] + 1e-9:
+            at = int(np.searchsorted(time, jump - early))
+            time, values = np.insert(time, at, jump - early), np.insert(values, at, value)
+        elif early > 1e-9:
+            values = np.where(time == command.time[place - 1], value, values)
+    rows = zip((time + late).tolist(), (reading.gain * (values - reading.offset)).tolist(), strict=True)
+    head = f"time,{command.key}" + (f" [{command.unit}]" if command.unit else "")
+    return "\n".join([head, *(f"{at:.12g},{value:.12g}" for at, value in rows)]) + "\n"
+
+
+def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Start of each joint that does not start as in the scenario."""
+    door = track.door
+    for joint, position, velocity in zip(door.joints, door.positions, door.velocities, strict=True):
+        place, speed = track.start(joint, values)
+        if (place, speed) != (position, velocity) or joint in track.motors:
+            motors = {"motor_positions": track.motors[joint]} if joint in track.motors else {}
+            yield joint, {"position": place, "velocity": speed, **motors}
+
+
+def as_plain(replay: Replay) -> dict[str, Any]:
+    """Plain data of a replay."""
+    return asdict(replay)
+
+
+def from_plain(data: Mapping[str, Any]) -> Replay:
+    """Replay from the data of `as_plain`."""
+    series = {name: tuple(SeriesReading(**one) for one in data[name]) for name in ("channels", "commands")}
+    return Replay(**{**data, **series})

@@ -1,0 +1,198 @@
+"""The scenario that a fit writes: it repeats the first recording with the fitted robot, and claims the error of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from asrsim.identification.folder import FIT
+from asrsim.identification.parameters import tied
+from asrsim.identification.replay import played_table
+from asrsim.identification.result import NO_EFFECT, Result
+from asrsim.identification.resume import Resumed
+from asrsim.outfile import write_text
+from asrsim.plain import mapped
+from asrsim.robot.model import ActuatorBlock
+from asrsim.robot.mounting import reference_names, sprung_joints
+from asrsim.scenario.data import for_joint
+from asrsim.scenario.starter import relative_path, relocated, robot_key
+from asrsim.signals import Constant
+from asrsim.signals.playback import Playback
+
+SCENARIO = "scenario.yaml"
+SLACK = 1.2
+"""Largest error of the fitted scenario that its claims allow, relative to the error of the fit: engines differ slightly."""
+
+
+def write_scenario(
+    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], robot: Path
+) -> tuple[list[Path], list[str]]:
+    """Write the scenario, with the commands that it plays, beside the fitted robot; return paths and remarks.
+
+    changes: fitted numbers by joint or link, and by name.
+    """
+    folder, delays = robot.parent, _delays_by_joint(result)
+    files, shifts = _written_commands(result, delays, folder)
+    write_text(folder / SCENARIO, _scenario_text(result, changes, delays, shifts, robot), "fitted scenario")
+    return [folder / SCENARIO, *files], [*_delays_not_written(result, delays, shifts)]
+
+
+def _delays_by_joint(result: Result | Resumed) -> dict[str, float]:
+    """Delays that the scenario states, s, by joint: a joint has one delay, that of the most certain reference."""
+    found: dict[str, float] = {}
+    for block in result.robot.actuators:
+        late = [*_delays(result, block)]
+        delay, own = min(late, key=lambda one: one[1], default=(0.0, 0.0))
+        if delay > 0.0 and all(abs(delay - other) <= own + margin for other, margin in late):
+            found[block.joint] = delay
+    return found
+
+
+def _delays(result: Result | Resumed, block: ActuatorBlock) -> Iterator[tuple[float, float]]:
+    """Delay of each reference of a joint that a delay affects, and half of its interval, s.
+
+    A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
+    """
+    known = {one.key: one for one in result.estimates}
+    estimates = tied({one.key: one.value for one in result.estimates if one.verdict != NO_EFFECT}, result.ties)
+    signals, free = result.scenario.references_of(block.joint), {*known} | {tie.key for tie in result.ties}
+    for i, name in enumerate(reference_names(block), start=1):
+        key = f"{block.joint}.reference_{i}.delay"
+        if key in estimates:
+            one = known.get(key)
+            yield estimates[key], 0.5 * (one.high - one.low) if one is not None and one.has_interval else 0.0
+        elif key not in free and not isinstance(signals.get(name, Constant(value=0.0)), Constant):
+            yield 0.0, 0.0
+
+
+def _written_commands(
+    result: Result | Resumed, delays: Mapping[str, float], folder: Path
+) -> tuple[list[Path], dict[str, tuple[float, str]]]:
+    """Write the commands that a run plays in the place of the recorded ones; return the files, and by key of the command the
+    delay of its samples, s, and the name of its file.
+
+    Zeros, scales, instants of jumps and delays that `effects` of the scenario cannot state are in the samples.
+    """
+    files, shifts = list[Path](), dict[str, tuple[float, str]]()
+    recorded = {command.key: command for command in result.played}
+    for number, reading in enumerate(result.replay.commands, start=1):
+        joint = reading.key.rpartition(".")[0]
+        late = 0.0 if joint in delays else reading.late
+        signal = result.scenario.references_of(joint).get(reading.reference)
+        if (reading.corrected or late) and isinstance(signal, Playback):
+            files.append(folder / f"command_{number}.csv")
+            write_text(files[-1], played_table(recorded[reading.key], reading, late), "fitted command")
+            shifts[reading.key] = late, files[-1].name
+    return files, shifts
+
+
+def _delays_not_written(
+    result: Result | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
+) -> Iterator[str]:  # fmt: skip
+    """Sentences on estimated delays that no file states."""
+    for joint in dict.fromkeys(one.key.rpartition(".")[0] for one in result.replay.commands):
+        late = [one for one in result.replay.commands if one.key.startswith(f"{joint}.") and one.late]
+        if joint in delays or all(one.key in shifts for one in late):
+            continue
+        negative = all(one.late < 0.0 for one in late)
+        why = "it is negative: its command was recorded late" if negative else "the delays of its references differ"
+        yield f"the delay of {joint} is not written, since {why}, and the scenario does not play the recorded command"
+
+
+def rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
+    place of those that it already states."""
+    sprung, given = sprung_joints(result.robot), result.scenario.armature
+    return {
+        owner: float(f"{own['armature']:.9g}")
+        for owner, own in changes.items()
+        if "armature" in own and (owner in sprung or for_joint(given, owner, None) is not None)
+    }
+
+
+def _scenario_text(
+    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float],
+    shifts: Mapping[str, tuple[float, str]], robot: Path,
+) -> str:  # fmt: skip
+    """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
+    import yaml
+
+    folder = robot.parent.absolute()
+    data = relocated(result.scenario, folder)
+    data["references"] = _as_played(result, data.get("references") or {}, shifts)
+    data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)
+    data["parameters"] = data.get("parameters") or {}
+    for block in result.robot.actuators:
+        own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
+        if own:
+            data["parameters"].setdefault(block.joint, {}).update(own)
+    if rotors := rotors_of_scenario(result, changes):
+        data["armature"] = {**result.scenario.armature, **rotors}
+    if delays:
+        effects = data["effects"] = data.get("effects") or {}
+        commands = effects["commands"] = effects.get("commands") or {}
+        for joint, delay in delays.items():
+            before = for_joint(commands, joint, {})
+            commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
+    if result.replay.initial and not result.scenario.initial_equilibrium:
+        data["initial"] = {**(data.get("initial") or {}), **_starts(result.replay.initial)}
+    if claims := [*_claims(result, shifts, folder)]:
+        data["expect"] = claims
+    lines = [
+        "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
+        f"# Intervals and verdicts are in {FIT}.",
+        *(f"# The model does not fit: {text}" for text in result.misfit),
+    ]
+    return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+
+
+def _as_played(
+    result: Result | Resumed, references: Mapping[str, Any], shifts: Mapping[str, tuple[float, str]]
+) -> dict[str, Any]:  # fmt: skip
+    """References of the scenario, in which playbacks repeat the commands as the fit played them."""
+    found = {joint: {**own} if isinstance(own, Mapping) else own for joint, own in references.items()}
+    for one in result.replay.commands:
+        joint = one.key.rpartition(".")[0]
+        place = joint if joint in found else "*"
+        playback = _playback_of(found.get(place), one.reference)
+        if one.key in shifts:
+            playback = {"file": shifts[one.key][1], "column": one.key}
+        if playback is not None:
+            found[place][one.reference] = {"playback": {**playback, "interpolation": one.interpolation}}
+    return found
+
+
+def _playback_of(references: Any, name: str) -> dict[str, Any] | None:
+    """Keys of the playback of a reference; None if the reference is no playback with keys."""
+    signal = references.get(name) if isinstance(references, Mapping) else None
+    keys = signal.get("playback") if isinstance(signal, Mapping) and len(signal) == 1 else None
+    return {**keys} if isinstance(keys, Mapping) else None
+
+
+def _starts(initial: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Starts of joints with nine digits."""
+    plain: dict[str, Any] = mapped(initial, lambda value: float(f"{value:.9g}") if isinstance(value, float) else value)
+    return plain
+
+
+def _claims(result: Result | Resumed, shifts: Mapping[str, tuple[float, str]], folder: Path) -> Iterator[dict[str, Any]]:
+    """Claims that the run differs from the recording as the fit does, if the run repeats the recording. `asrsim plot` reads the
+    recording as the claims do: with the zeros, scales and delays of its sensors, and on its clock.
+    """
+    replay, signals = result.replay, result.scenario.references_of
+    if not all(isinstance(signals(one.key.rpartition(".")[0]).get(one.reference), Playback) for one in replay.commands):
+        return
+    series = [
+        *((one, one.late) for one in replay.channels),
+        *((one, -shifts.get(one.key, (0.0,))[0]) for one in replay.commands),
+    ]
+    options = {"lag": float(f"{replay.lag:.12g}"), "map": [one.item(late) for one, late in series]}
+    options |= {} if replay.rate is None else {"rate": replay.rate}
+    for one in replay.channels:
+        joint, _, quantity = one.key.rpartition(".")
+        limit = float(f"{SLACK * one.error:.3g}")
+        yield {
+            "joint": joint, "quantity": quantity, "measure": "rmse", "comparison": "<", "value": limit,
+            "against": relative_path(Path(replay.recording), folder), "options": options,
+        }  # fmt: skip

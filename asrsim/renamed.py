@@ -1,0 +1,45 @@
+"""Names of the last version that have changed: they still work in this version, and say so."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+OPTIONS = {
+    "design": {"--seconds": "--duration", "--after": "--experiment"},
+    "identify": {"--time": "--duration"},
+    "ilc": {"--next": "--experiment", "--lag": "--align"},
+    "live": {"--rate": "--publish-rate"},
+    "plot": {"--lag": "--align"},
+    "twin": {"--lag": "--clock-offset"},
+    "view": {"--lag": "--align"},
+}
+"""Options of each command: old and new name."""
+NAMES = {"repeat": "rerun"}
+"""Names of the package `asrsim`: old and new name."""
+
+
+def tell(old: str, new: str) -> str:
+    """Sentence about a name that has changed."""
+    return f"{old} is called {new} now; the next version drops the old name"
+
+
+def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator for a function that still takes keywords by their old names. names: new name of each old name."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def call(*given: P.args, **named: P.kwargs) -> R:
+            for old in names.keys() & named.keys():
+                warnings.warn(tell(old, names[old]), DeprecationWarning, stacklevel=2)
+                named[names[old]] = named.pop(old)
+            return function(*given, **named)
+
+        return call
+
+    return decorate

@@ -1,0 +1,48 @@
+"""Pictures in a thread of their own, so that no picture delays the simulation."""
+
+from __future__ import annotations
+
+import sys
+import time as clock
+from collections.abc import Callable
+from threading import Event, Thread
+
+from asrsim.viewer.page import FRAME
+
+SWITCH = 5e-4
+"""Longest time for which one thread keeps Python's lock while another one waits, s. With Python's own 5 ms, each tick of the
+simulation could wait as long for a picture or a message."""
+SHARE = 0.5
+"""Largest fraction of the time that is spent on pictures."""
+
+
+class Painter:
+    """Calls a function at the page's rate; a context manager that ends the thread."""
+
+    def __init__(self, draw: Callable[[], None]) -> None:
+        self._draw, self._stopped = draw, Event()
+        self._thread = Thread(target=self._work, daemon=True)
+        self.error: BaseException | None = None
+        """Error that ended the thread."""
+
+    def __enter__(self) -> Painter:
+        self._interval = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped.set()
+        self._thread.join()
+        sys.setswitchinterval(self._interval)
+
+    def _work(self) -> None:
+        try:
+            pause = 0.0
+            while not self._stopped.wait(pause):
+                began = clock.perf_counter()
+                self._draw()
+                spent = clock.perf_counter() - began
+                pause = max(FRAME - spent, (1.0 / SHARE - 1.0) * spent)
+        except BaseException as error:
+            self.error = error
