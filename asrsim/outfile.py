@@ -33,6 +33,7 @@ MARKS = {
     "designed scenario": rb"\A# Plays the experiment that `asrsim design` found",
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
     "mjcf": rb"<!-- Made by asrsim export",
+    "package": rb"\A# Made by asrsim export",
     "mesh": rb"\Aasrsim mesh",
     "twin": rb"\A# asrsim twin: ",
     "ranges": rb"\A# Ranges by asrsim export",

@@ -15,6 +15,7 @@ from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file, op
 @command()
 def export(
     scenario: Scenario,
+    program: Annotated[str, option("Program that the file is made for.", "--for", metavar="mujoco|warp|mjx|mjlab")] = "mujoco",
     to: Annotated[str, option("Format of the file.", "--to", metavar="mjcf")] = "mjcf",
     out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(
         "soft.xml"
@@ -32,11 +33,12 @@ def export(
     overrides: Overrides = None,
     plot: Plot = True,
 ) -> Done:
-    """Write the robot with motors and springs as MJCF for plain MuJoCo, without any plugin.
+    """Write the robot with motors and springs as MJCF for MuJoCo, MuJoCo Warp, MuJoCo XLA or mjlab, without any plugin.
 
-    Replays the scenario there, prints and draws the error of each joint, and lists what the file lacks.
+    Replays the scenario there if the program is installed, else in MuJoCo; prints and draws the error of each joint, and lists
+    what the file lacks. What the program would step wrong is refused.
 
-    Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --out soft.xml
+    Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --for mujoco --out soft.xml
     """
     if to != "mjcf":
         raise typer.BadParameter(f"'{to}' is not a known format; choose from: mjcf", param_hint="--to")
@@ -45,9 +47,10 @@ def export(
     from asrsim.export import export_mjcf
 
     found = export_mjcf(
-        scenario, out, variant=variant, overrides=overrides or (), knots=knots, timestep=timestep, fit=fit, plot=plot
-    )
-    good = found.replay.diverged_at is None
+        scenario, out, variant=variant, overrides=overrides or (), program=program, knots=knots, timestep=timestep, fit=fit,
+        plot=plot,
+    )  # fmt: skip
+    replay = found.replay
 
     def text() -> None:
         rows = found.as_dict()["joints"]
@@ -60,10 +63,12 @@ def export(
                 ("spline of the spring", springs, True),
             ]
         )
+        tried = f"; {replay.untried}: not tried in {found.made_for}" if replay.untried else ""
+        say(f"Replayed in {replay.program}{tried}.")
         if found.remarks:
             say("Not in the file:")
         for remark in found.remarks:
             say(f"  {remark}")
         say_written(found.files)
 
-    return Done(data={"ok": good, **found.as_dict()}, text=text, code=int(not good))
+    return Done(data={"ok": found.good, **found.as_dict()}, text=text, code=int(not found.good))

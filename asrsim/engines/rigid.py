@@ -31,11 +31,11 @@ from asrsim.engines.loops import Loops, close_loops, find_columns, find_gamma, f
 from asrsim.errors import Problem, RobotError
 from asrsim.packed import pack
 from asrsim.robot.couplings import couplings_of
+from asrsim.robot.dynamics import robot_model
 from asrsim.robot.loops import paths_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array, HeldWrench
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 
 Numbers = NDArray[Any]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from asrsim.engines.mujoco_library import exact_xml
 from asrsim.export.mjcf import model_of
+from asrsim.export.programs import PROGRAMS, Program
 from asrsim.export.ranges import own_numbers, write_ranges
 from asrsim.export.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
@@ -24,7 +25,10 @@ from asrsim.sweeps.fitted import joint_of, load_fit
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
 
-__all__ = ["Export", "Replay", "export_mjcf"]
+__all__ = ["PROGRAMS", "Export", "Program", "Replay", "export_mjcf"]
+
+APART = 1.0
+"""Largest difference between a program and MuJoCo on the same file, mrad (mm), with which the export succeeds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +39,16 @@ class Export:
     """Paths of the written files; the model is the first file."""
     remarks: tuple[str, ...]
     """Sentences about parts of the scenario that the model lacks."""
+    made_for: str
+    """Name of the program that the files are made for."""
     replay: Replay
     spring_errors: Mapping[str, float]
     """Largest difference between spring laws and their splines, divided by the stiffness, mrad, by joint."""
+
+    @property
+    def good(self) -> bool:
+        """Whether the motion is finite, and the program steps the file as MuJoCo does."""
+        return self.replay.diverged_at is None and self.replay.apart <= APART
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -45,6 +56,10 @@ class Export:
         columns = zip(found.joints, found.rms, np.abs(found.error).max(axis=0), found.units, strict=True)
         return {
             "files": [str(path) for path in self.files],
+            "for": self.made_for,
+            "replayed_in": found.program,
+            "not_tried": found.untried or None,
+            "from_mujoco": found.apart,
             "joints": {
                 name: {"rms": float(rms), "largest": float(largest), "unit": unit, "spring_error": self.spring_errors.get(name)}
                 for name, rms, largest, unit in columns
@@ -56,14 +71,17 @@ class Export:
 
 def export_mjcf(
     scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (),
-    knots: int | None = None, timestep: float | None = None, fit: str | Path | None = None, plot: bool = True,
+    program: str = "mujoco", knots: int | None = None, timestep: float | None = None, fit: str | Path | None = None,
+    plot: bool = True,
 ) -> Export:  # fmt: skip
-    """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
+    """Write a scenario's robot as MJCF for a program, and replay the scenario there.
 
     Args:
         scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As for `asrsim.run`.
+        program: Name of the program that the file is made for, in `asrsim.export.PROGRAMS`: the file has only what this
+            program steps right. The replay is in this program if it is installed, else in MuJoCo.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         timestep: Time step of the model, s; None: half of the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
@@ -71,11 +89,11 @@ def export_mjcf(
         plot: Draw the error.
 
     Raises:
-        ScenarioError: A mode or a spring law that MJCF cannot represent.
+        ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that the program would step wrong.
         SimulationError: MuJoCo cannot load the model.
         OutputError: A file cannot be written.
     """
-    path = Path(out)
+    path, target = Path(out), PROGRAMS.get(program)()
     ready = prepare(scenario, variant=variant, overrides=overrides)
     distribution = None
     if fit is not None:
@@ -99,24 +117,33 @@ def export_mjcf(
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         return f"{folder.name}/{files[-1].name}"
 
-    model = model_of(ready, run, path, mesh_file, knots=knots, timestep=timestep)
+    made = partial(model_of, run=run, path=path, mesh_file=mesh_file, timestep=timestep, constructs=target.constructs)
+    model = made(ready, knots=knots)
     make_folder(path.parent)
     write_text(path, exact_xml(model.spec), "mjcf")
-    result = replay(ready, run, path)
-    files += draw(result, path) if plot else []
-    remarks = list(model.remarks)
+    remarks, ranges = list(model.remarks), None
     if distribution is not None:
         # Models with the values at both ends of an interval need equal numbers of tendons.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
 
         def compiled(values: dict[str, float]) -> Any:
             varied = ready.vary(own_numbers(ready, values))
-            return model_of(varied, run, path, mesh_file, knots=most, timestep=timestep).spec.compile()
+            return made(varied, knots=most).spec.compile()
 
-        files.append(write_ranges(distribution, compiled, path, Path(str(fit))))
+        ranges = write_ranges(distribution, compiled, path, Path(str(fit)))
+        files.append(ranges)
         if not distribution.fits:
             remarks.append("the model of the fit is not shown to fit its recordings: its intervals may be too narrow")
+    files += target.write(path, ready, model.spec.option.timestep, ranges)
+    result = replay(ready, run, path, target)
+    files += draw(result, path) if plot else []
     if result.diverged_at is not None:
-        remarks.append(f"MuJoCo's motion diverges at {result.diverged_at:g} s: take a smaller --timestep")
+        remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --timestep")
+    if result.apart > APART:
+        remarks.append(f"{result.program} moves {result.apart:.3g} mrad (mm) from MuJoCo on the same file: do not use it there")
+    if len(result.time) < len(run["link_position"]):
+        remarks.append(f"the replay has the first {result.time[-1]:g} s of the scenario")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}
-    return Export(files=(path, *files), remarks=tuple(remarks), replay=result, spring_errors=errors)
+    return Export(
+        files=(path, *files), remarks=tuple(remarks), made_for=target.name, replay=result, spring_errors=errors
+    )  # fmt: skip

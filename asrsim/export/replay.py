@@ -1,4 +1,4 @@
-"""The scenario's motion in plain MuJoCo, compared with the motion in asrsim: error of the exported model for each joint."""
+"""The scenario's motion in another program, compared with the motion in asrsim: error of the exported model for each joint."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import SimulationError
-from asrsim.export.mjcf import motor_name, stiffness_name
+from asrsim.export.motors import motor_name, stiffness_name
+from asrsim.export.programs.base import Program
+from asrsim.export.programs.mujoco import Mujoco
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
@@ -23,8 +25,12 @@ from asrsim.simulation.worlds import Worlds
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """The scenario's motion in asrsim and in MuJoCo, at the scenario's steps."""
+    """The scenario's motion in asrsim and in another program, at the scenario's steps."""
 
+    program: str
+    """Name and versions of the other program. MuJoCo stands in for a program that is not installed here."""
+    untried: str
+    """Why the program that the file is made for was not tried; empty if it was."""
     joints: tuple[str, ...]
     units: tuple[str, ...]
     """Unit of each joint's error: mrad or mm."""
@@ -33,11 +39,13 @@ class Replay:
     ours: Array
     """Link positions (n, joints) of asrsim, rad (m)."""
     theirs: Array
-    """Link positions (n, joints) of MuJoCo, rad (m); NaN after a divergence."""
+    """Link positions (n, joints) of the other program, rad (m); NaN after a divergence."""
+    apart: float
+    """Largest difference between the other program and MuJoCo, mrad (mm): a fault of the program, not of the file."""
 
     @property
     def error(self) -> Array:
-        """Positions in MuJoCo minus positions in asrsim (n, joints), mrad (mm)."""
+        """Positions in the other program minus positions in asrsim (n, joints), mrad (mm)."""
         return 1e3 * (self.theirs - self.ours)
 
     @property
@@ -47,7 +55,7 @@ class Replay:
 
     @property
     def diverged_at(self) -> float | None:
-        """Time at which MuJoCo's motion diverges, s; None if the motion does not diverge."""
+        """Time at which the other program's motion diverges, s; None if the motion does not diverge."""
         lost = ~np.isfinite(self.theirs).all(axis=1)
         return float(self.time[int(np.argmax(lost))]) if lost.any() else None
 
@@ -63,35 +71,48 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
     return found
 
 
-def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
-    """Motions in asrsim and in MuJoCo. MuJoCo simulates the model at `path` with the references and the external torques of the
-    scenario; the model delays the references itself.
+def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Program) -> Replay:
+    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. They get the
+    references and the external torques of the scenario; the model delays the references itself.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
     times, step = prepared.scenario.step_times(), model.opt.timestep
     stamps = np.arange(np.ceil(times[-1] / step) + 1.0) * step
     controls, torques = inputs_of(prepared, model, stamps)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    for i in np.flatnonzero(model.actuator_history[:, 0]).tolist():
-        samples = int(model.actuator_history[i, 0])
-        earlier = -step * np.arange(samples, 0.0, -1.0)
-        mujoco.mj_initCtrlHistory(model, data, i, earlier, np.full(samples, controls[0, i]))
     rows = [int(model.joint(stepped.name).qposadr[0]) for stepped in prepared.drives]
-    theirs = np.full((len(stamps), len(rows)), np.nan)
-    for k, stamp in enumerate(stamps):
-        # After a divergence MuJoCo restarts at time 0.
-        if data.time < stamp - 0.5 * step:
-            break
-        theirs[k] = data.qpos[rows]
-        data.ctrl[:], data.qfrc_applied[:] = controls[k], torques[k]
-        mujoco.mj_step(model, data)
+
+    def positions(one: Program, count: int) -> Array:
+        found = one.positions(path, model, _start_of(model, controls), controls[:count], torques[:count])[:, rows]
+        at = times[times <= stamps[count - 1] + 0.5 * step]
+        return np.column_stack([np.interp(at, stamps[:count], own) for own in found.T])
+
+    plain = Mujoco()
+    theirs = exact = positions(plain, len(stamps))
+    untried = program.missing()
+    if not untried and program.name != plain.name:
+        theirs = positions(program, min(len(stamps), program.longest))
+    count = len(theirs)
     return Replay(
+        program=f"{plain.title} ({plain.version()})" if untried else f"{program.title} ({program.version()})", untried=untried,
         joints=tuple(stepped.name for stepped in prepared.drives),
         units=tuple("mm" if stepped.joint.kind == "prismatic" else "mrad" for stepped in prepared.drives),
-        time=times, ours=run["link_position"], theirs=np.column_stack([np.interp(times, stamps, own) for own in theirs.T]),
+        time=times[:count], ours=run["link_position"][:count], theirs=theirs,
+        apart=float(1e3 * np.nanmax(np.abs(theirs - exact[:count]), initial=0.0)),
     )  # fmt: skip
+
+
+def _start_of(model: Any, controls: Array) -> Any:
+    """The start of the model as MjData: its keyframe, with the first controls (n, nu) in the delays."""
+    mujoco = load()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    history = getattr(model, "actuator_history", np.zeros((model.nu, 2)))
+    for i in np.flatnonzero(history[:, 0]).tolist():
+        samples = int(history[i, 0])
+        earlier = -model.opt.timestep * np.arange(samples, 0.0, -1.0)
+        mujoco.mj_initCtrlHistory(model, data, i, earlier, np.full(samples, controls[0, i]))
+    return data
 
 
 def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Array]:
@@ -116,14 +137,14 @@ def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Arr
 
 def charts(found: Replay) -> list[list[Chart]]:
     """Rows of charts, one for each joint: both motions, and their difference."""
-    rows = []
+    rows, title = [], found.program.partition(" (")[0]
     for j, joint in enumerate(found.joints):
         unit = found.units[j]
         both = [
             Line(label="asrsim", x=found.time, y=found.ours[:, j], colour=style.LIGHT, width=style.WIDE),
-            Line(label="MuJoCo", x=found.time, y=found.theirs[:, j], colour=style.VERMILION),
+            Line(label=title, x=found.time, y=found.theirs[:, j], colour=style.VERMILION),
         ]
-        error = Line(label="MuJoCo minus asrsim", x=found.time, y=found.error[:, j], colour=style.PURPLE)
+        error = Line(label=f"{title} minus asrsim", x=found.time, y=found.error[:, j], colour=style.PURPLE)
         rms = f"RMS {found.rms[j]:.3g} {unit}"
         rows.append([
             Chart(head=joint, words="link position", unit=unit.removeprefix("m") if unit != "mm" else "m", lines=both),
@@ -134,4 +155,4 @@ def charts(found: Replay) -> list[list[Chart]]:
 
 def draw(found: Replay, path: Path) -> list[Path]:
     """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
-    return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in plain MuJoCo")
+    return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in {found.program}")

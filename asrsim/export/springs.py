@@ -13,6 +13,8 @@ POINTS = 1001
 """Number of deflections on each side at which a spring law is evaluated."""
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
+LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
+"""The same for springs that are made of linear pieces."""
 FAR = 1e6
 """End of a dead band that no motion reaches, and rest position of a weak spring that produces a nearly constant torque, rad.
 """
@@ -42,9 +44,11 @@ class Spline:
         return np.asarray((u * (stiffness[0] + u * (stiffness[1] + u * stiffness[2]))).sum(axis=-1))
 
 
-def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None) -> Spline:
+def spline_of(
+    law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None, curved: bool = True
+) -> Spline:
     """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first of `KNOTS` with an
-    error below `ERROR`.
+    error below `ERROR`. curved: whether the pieces are cubic, else they are linear.
 
     The error is weighted by one over the stiffness, so that it is a difference of positions under equal torques. limit:
     deflection beyond which the law is constant, rad. An odd law gets pieces that act for positive and negative deflections.
@@ -57,11 +61,12 @@ def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knot
         for sign in (1.0, -1.0)
     }
     odd = bool(np.abs(sides[1.0] - sides[-1.0]).max() <= 1e-9 * np.abs(sides[1.0]).max())
-    for count in KNOTS if knots is None else (knots,):
+    numbers, bound = (KNOTS, ERROR) if curved else (LINE_KNOTS, LINE_ERROR)
+    for count in numbers if knots is None else (knots,):
         positions = edge * np.arange(count + 1) / (count + 1)
-        fits = {sign: _fit(x, y, positions, odd=odd, saturates=saturates) for sign, y in sides.items()}
+        fits = {sign: _fit(x, y, positions, odd=odd, saturates=saturates, curved=curved) for sign, y in sides.items()}
         error = max(error for _, error in fits.values())
-        if error < ERROR:
+        if error < bound:
             break
     pieces = [[-FAR, -FAR, constant / FAR, 0.0, 0.0]] if constant else []
     for sign, (rows, _) in fits.items():
@@ -75,27 +80,32 @@ def spline_of(law: Callable[[float], float], *, reach: float, limit: float, knot
     return Spline(pieces=np.array(pieces), reach=edge, knots=count, error=error)
 
 
-def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool) -> tuple[Array, float]:
-    """Cubic spline of torques y over deflections x >= 0: rows of a knot and the three coefficients of the piece that begins
-    there, and the largest error divided by the stiffness, rad.
+def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved: bool) -> tuple[Array, float]:
+    """Spline of torques y over deflections x >= 0: rows of a knot and the three coefficients of the piece that begins there,
+    and the largest error divided by the stiffness, rad.
     """
     stiffness = np.abs(np.gradient(y, x))
     # In flat parts of a law the stiffness is zero, so a lower bound avoids a division by zero.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    # The curvature of an odd law is zero at zero.
-    powers = [x] if odd else [x, x**2]
-    columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** 3]) / stiffness[:, None]
+    # The pieces that begin at the knots have the power 3 or 1. The curvature of an odd law is zero at zero.
+    last = 3 if curved else 1
+    powers = ([x] if odd else [x, x**2]) if curved else []
+    columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** last]) / stiffness[:, None]
     scale = np.linalg.norm(columns, axis=0)
     factors = np.linalg.lstsq(columns / scale, y / stiffness, rcond=None)[0] / scale
     error = float(np.abs(columns @ factors - y / stiffness).max())
-    cubics = factors[len(powers) :]
-    rows = np.column_stack([knots, *np.zeros((2, len(knots))), cubics])
-    rows[0, 1 : 1 + len(powers)] = factors[: len(powers)]
+    pieces = factors[len(powers) :]
+    rows = np.column_stack([knots, np.zeros((len(knots), 3))])
+    rows[:, last] = pieces
+    rows[0, 1 : 1 + len(powers)] += factors[: len(powers)]
     if saturates:
         # Beyond the last deflection, this piece cancels the slope and the curvature of all others.
-        first, second, _ = rows[0, 1:]
         edge = x[-1]
-        u = edge - knots
-        flat = first + 2.0 * second * edge + 3.0 * cubics @ u**2, second + 3.0 * cubics @ u, cubics.sum()
+        if curved:
+            first, second, _ = rows[0, 1:]
+            u = edge - knots
+            flat = first + 2.0 * second * edge + 3.0 * pieces @ u**2, second + 3.0 * pieces @ u, pieces.sum()
+        else:
+            flat = pieces.sum(), 0.0, 0.0
         rows = np.vstack([rows, [edge, *(-value for value in flat)]])
     return rows, error

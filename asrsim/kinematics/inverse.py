@@ -26,10 +26,9 @@ from asrsim.kinematics.drive_inverse import (
 )
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
-from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
 from asrsim.scenario.starts import start_positions
 

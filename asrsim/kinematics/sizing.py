@@ -22,10 +22,9 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
 from asrsim.robot.balance import balanced
-from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.mounting import drive_of, with_overrides
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
 from asrsim.scenario.starts import start_positions
@@ -226,6 +225,14 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
         proposal |= {one.joint: stronger.pop(one.joint) for one in weak if one.joint in stronger}
         weak = _weak(judged(with_overrides(endless, parameters=proposal)))
     return Sizing(joints=joints, proposal={} if weak else proposal)
+
+
+def weight_warnings(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[Problem, ...]:
+    """Warnings about joints that sag or fall in a valid scenario; arguments as for `sizing`, which takes some time to propose
+    parameters. A robot with closed chains is not checked."""
+    if scenario.loops:
+        return ()
+    return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path)
 
 
 def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:

@@ -7,11 +7,13 @@ positions of all joints are q = N z + c, their velocities N dz, and the torques 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asrsim.robot.model import Robot
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
 
 Array = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ causes at unit velocity.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,37 @@ Array = NDArray[np.float64]
 AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 BASE = 6
 """Degrees of freedom of a floating base."""
+
+
+class Surroundings(Protocol):
+    """What the motion of a robot depends on besides the robot itself, such as a `Scenario`."""
+
+    @property
+    def base_position(self) -> Vector:
+        """Position of the robot's root in the world, m."""
+
+    @property
+    def base_rpy(self) -> Vector:
+        """Orientation of the robot's root, rad."""
+
+    @property
+    def fixed_base(self) -> bool:
+        """Whether the root is fixed."""
+
+    @property
+    def gravity(self) -> Vector:
+        """Gravity in the world's frame, m/s^2."""
+
+
+def robot_model(surroundings: Surroundings, robot: Robot) -> RobotModel:
+    """Rigid-body model of the robot on the base, and under the gravity, of a scenario, without the objects of the world."""
+    return RobotModel(
+        robot,
+        base_position=surroundings.base_position,
+        base_rpy=surroundings.base_rpy,
+        gravity=surroundings.gravity,
+        floating=not surroundings.fixed_base,
+    )
 
 
 class RobotModel:

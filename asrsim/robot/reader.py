@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import Findings
 from asrsim.robot.mechanics import read_mechanics
 from asrsim.robot.model import Robot
@@ -51,7 +52,7 @@ def load_robot(
     """
     robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths, locked=locked)
     if robot.faults:
-        raise RobotError(robot.faults, warnings=robot.warnings)
+        raise RobotError(robot.faults, warnings=warnings_of(robot))
     return robot
 
 

@@ -17,7 +17,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
-from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.loops import Loop, paths_of
 from asrsim.robot.model import UNREAD, is_locked
@@ -54,7 +54,7 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
         robot = robot_of(scenario)
     errors, warnings = check_against_robot(scenario, robot)
     if errors:
-        raise (RobotError if robot.faults else ScenarioError)(errors, warnings=robot.warnings)
+        raise (RobotError if robot.faults else ScenarioError)(errors, warnings=warnings_of(robot))
     return robot, warnings
 
 
@@ -65,15 +65,12 @@ def robot_of(scenario: Scenario) -> Robot:
     )
 
 
-def check_against_robot(
-    scenario: Scenario, robot: Robot | None, *, propose: bool = False
-) -> tuple[list[Problem], list[Problem]]:
+def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[Problem], list[Problem]]:
     """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
 
     Checks that depend on an invalid value are skipped.
 
-    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read. propose: Propose
-    parameters that hold an arm which would fall, which takes some time.
+    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
@@ -90,12 +87,7 @@ def check_against_robot(
             errors += (scenario.placed(problem) for problem in check(scenario, driven))
     if errors or unread:
         return errors, []
-    from asrsim.kinematics.sizing import problems_of_weight, sizing
-
-    warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
-    if scenario.loops:
-        return [], warnings
-    return [], [*warnings, *problems_of_weight(sizing(scenario, changed, propose=propose), changed, scenario.path)]
+    return [], [scenario.placed(problem) for problem in doubts(scenario, changed)]
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
@@ -107,17 +99,6 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
     if problems:
         raise ScenarioError(problems)
     return changed
-
-
-def robot_model(scenario: Scenario, robot: Robot) -> RobotModel:
-    """Rigid-body model of the robot on the scenario's base under the scenario's gravity, without the objects of the world."""
-    return RobotModel(
-        robot,
-        base_position=scenario.base_position,
-        base_rpy=scenario.base_rpy,
-        gravity=scenario.gravity,
-        floating=not scenario.fixed_base,
-    )
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:

@@ -23,6 +23,7 @@ from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTHY, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
+from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
 from asrsim.simulation.shape import RowShape, shape_of
 
@@ -106,8 +107,8 @@ class Core:
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
             if kind.kind == SPRUNG:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
-            if stepping.joint_step is not None:
-                kind.joint_step = self._address(bound_step(stepping.joint_step))
+            if stepping.released:
+                kind.joint_step = self._address(bound_step(released_step))
         self._kinds: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
         """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
         addresses."""

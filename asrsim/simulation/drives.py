@@ -12,13 +12,13 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.quantities import MOST_MOTORS
+from asrsim.registry.steppings import Stepping
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, LinkDamping, Scenario, for_joint
 from asrsim.scenario.starts import start_positions, start_velocities
 from asrsim.simulation.effects import Noise, Sensor
-from asrsim.simulation.steppings import Stepping
 
 EXTERNAL_TORQUE = "external_torque"
 """Name under which callers set the external torque on a link, like a reference."""

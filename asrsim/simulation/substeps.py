@@ -17,6 +17,7 @@ import numpy as np
 
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
+from asrsim.registry.steppings import stepping_called
 from asrsim.robot.couplings import Couplings, uncoupled
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
@@ -25,7 +26,6 @@ from asrsim.scenario.load import MAX_STEPS
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.steppings import stepping_called
 
 SAMPLES = 2000
 """Number of intervals in which the references are sampled."""

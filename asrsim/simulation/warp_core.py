@@ -315,7 +315,7 @@ class WarpCore(Core):
 
 def _check(prepared: Prepared) -> None:
     """Raise InputError for a scenario that Warp cannot run."""
-    if prepared.stepping.joint_step is not None:
+    if prepared.stepping.released:
         message = f"the stepping '{prepared.stepping.name}' has a step of its own, which has no translation to Warp"
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
     if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):

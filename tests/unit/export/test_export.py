@@ -260,7 +260,7 @@ def test_a_step_that_is_too_long_is_reported(tmp_path):
 
 
 def test_a_model_that_mujoco_refuses_is_one_error(tmp_path, monkeypatch):
-    monkeypatch.setattr("asrsim.export.mjcf.TINY", 0.0)
+    monkeypatch.setattr("asrsim.export.motors.TINY", 0.0)
     with pytest.raises(SimulationError, match=r"MuJoCo cannot load the model: .*mjMINVAL"):
         export_mjcf(scenario("sea"), tmp_path / "soft.xml", plot=False)
 

@@ -1,0 +1,22 @@
+"""Constructs of MJCF, of which programs that read MJCF step some and not others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constructs:
+    """Constructs of MJCF that a program steps right."""
+
+    dc_motors: bool = True
+    """DC motors with speed limit, integral action and bristles, and an implicit integrator that knows their limits. Without
+    them, motors are affine actuators and the integrator is Euler's."""
+    curved_springs: bool = True
+    """Tendons whose stiffness is a polynomial. Without them, springs are made of linear pieces."""
+    delays: bool = True
+    """Actuators with a delay."""
+    stiffness_controls: bool = True
+    """Actuators on tendons, whose control is a stiffness."""
+    contacts: bool = True
+    """Contact pairs with elliptic friction cones."""

@@ -1,0 +1,64 @@
+"""What an exported file is made for: the interface of programs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, ClassVar
+
+from asrsim.export.constructs import Constructs
+from asrsim.samples import Array
+from asrsim.simulation.prepare import Prepared
+
+
+class Program(ABC):
+    """A program that reads MJCF."""
+
+    name: ClassVar[str]
+    """Name on the command line."""
+    title: ClassVar[str]
+    """Name in texts."""
+    packages: ClassVar[tuple[str, ...]]
+    """Names of the packages that make the program, as pip knows them; their modules have these names with `_` for `-`."""
+    modules: ClassVar[tuple[str, ...]]
+    """Modules that the program needs here."""
+    constructs: ClassVar[Constructs] = Constructs()
+    longest: ClassVar[int] = 10**9
+    """Largest number of time steps of a replay: a program for thousands of robots takes long for one."""
+
+    def missing(self) -> str:
+        """Why the program cannot be tried here; empty if it is installed."""
+        for module in self.modules:
+            try:
+                if find_spec(module) is None:
+                    return f"{module} is not installed here"
+            except ModuleNotFoundError:
+                return f"{module.partition('.')[0]} is not installed here"
+        return ""
+
+    def version(self) -> str:
+        """Names and versions of the installed packages."""
+        return ", ".join(_versions(self.packages))
+
+    @abstractmethod
+    def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
+        """Positions (n, nq) of the model at `path`, at its time steps, with controls (n, nu) and torques on joints (n, nv).
+
+        model, start: the model and its start as MjModel and MjData. Rows after a divergence are NaN.
+        """
+
+    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
+        """Write what the program needs beside the model at `path`, and return the paths. timestep: of the model, s; ranges:
+        file of the ranges of a fit."""
+        return []
+
+
+def _versions(packages: tuple[str, ...]) -> Iterator[str]:
+    for package in packages:
+        try:
+            yield f"{package} {version(package)}"
+        except PackageNotFoundError:
+            continue
