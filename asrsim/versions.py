@@ -22,11 +22,3 @@ def version(package: str) -> str:
         return installed(package)
     except PackageNotFoundError:
         return ""
-
-
-def numeric_versions() -> dict[str, str]:
-    """Versions of Python, asrsim and the numerical libraries: with other versions, numbers may differ."""
-    from asrsim.engines.mujoco_library import library_version
-
-    found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim"), "mujoco": library_version()}
-    return found | {name: version(name) for name in ("numpy", "pybullet", "numba", "scipy")}

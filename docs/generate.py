@@ -217,7 +217,7 @@ def live_topics() -> str:
 
 def steppings() -> str:
     """Every stepping with its order of convergence."""
-    from asrsim.simulation.steppings import STEPPINGS
+    from asrsim.registry.steppings import STEPPINGS
 
     rows = [(f"`{one.name}`", str(one.order), one.doc) for one in STEPPINGS.values()]
     return markdown_table(("stepping", "order", "what"), rows)

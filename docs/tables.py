@@ -133,7 +133,7 @@ def word_tables() -> dict[str, str]:
     }
 
 
-SAID = ("document", "recordings", "robot", "scenario", "signals")
+SAID = ("document", "recordings", "robot", "scenario", "signals", "starter")
 """Packages of what users write, whose errors and warnings are catalogued."""
 
 

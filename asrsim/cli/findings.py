@@ -12,6 +12,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.plain import mapped
 from asrsim.robot import ActuatorBlock, Robot, read_robot
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
@@ -108,17 +109,20 @@ def scenario_report(path: Path) -> FileReport:
 
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
+    from asrsim.kinematics.sizing import weight_warnings
     from asrsim.scenario import apply_to_robot, check_against_robot
     from asrsim.scenario.signal_checks import undersampled
     from asrsim.simulation.resonance import resonance_doubts
 
     alone = report.kind == "robot"
-    errors, notes = check_against_robot(scenario, robot, propose=True)
+    errors, notes = check_against_robot(scenario, robot)
     if robot is None or errors or scenario.unread:
-        warnings = [*(robot.warnings if robot else ()), *notes]
+        warnings = [*(warnings_of(robot) if robot else ()), *notes]
         return replace(report, errors=tuple(errors), warnings=tuple(warnings))
     changed = apply_to_robot(scenario, robot)
-    warnings = [*map(scenario.placed, changed.warnings), *([] if alone else notes)]
+    warnings = [*map(scenario.placed, warnings_of(changed))]
+    if not alone:
+        warnings += [*notes, *weight_warnings(scenario, changed, propose=True)]
     prepared, unbuildable = _built(scenario, robot, report.path)
     if prepared is not None:
         warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]

@@ -68,7 +68,7 @@ def init(
             raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
         from asrsim.recordings.propose import propose
         from asrsim.recordings.reading import ENDING
-        from asrsim.scenario.starter import write_new
+        from asrsim.starter.robot import write_new
 
         document = out or experiment.with_name(experiment.name + ENDING)
         text, read = propose(experiment, mapping=columns, rate=rate)
@@ -84,7 +84,7 @@ def init(
     if experiment is None:
         if mapping or rate is not None:
             raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
-        from asrsim.scenario.starter import write_starter
+        from asrsim.starter.robot import write_starter
 
         files, notes = write_starter(robot, target, **options)
         return _done(files, notes, [f"wrote {', '.join(map(str, files))}; {run}"])

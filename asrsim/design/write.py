@@ -14,7 +14,7 @@ from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
 from asrsim.samples import Array
-from asrsim.scenario.starter import relocated
+from asrsim.scenario.relocate import relocated
 
 MARK = "# asrsim design: references of an experiment"
 LIMITS = "range of the reference"

@@ -15,12 +15,10 @@ one; in a run that is not staggered v_whole = v. So the damping torque is -C (v 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from asrsim.registry import Registry
 from asrsim.samples import Array, HeldWrench
 
 if TYPE_CHECKING:
@@ -150,29 +148,3 @@ class Engine(Protocol):
     def close(self) -> None:
         """Release the memory and the connections of the engine, if it has any."""
         return
-
-
-@dataclass(frozen=True, kw_only=True)
-class EngineEntry:
-    """A registered engine."""
-
-    make: Callable[..., tuple[Engine, tuple[Any, ...]]]
-    """Function that takes a scenario and a robot, and returns the engine and its warnings. The robot has the scenario's modes
-    and parameters already."""
-    doc: str
-    module: str = ""
-    """Python module that the engine needs; empty if it needs none."""
-    prescribed: bool = False
-    """Whether the scenario's `motion` prescribes the motion of the links."""
-    faster: str = ""
-    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
-
-    @property
-    def available(self) -> bool:
-        """Whether the engine's module is installed."""
-        from importlib.util import find_spec
-
-        return not self.module or find_spec(self.module) is not None
-
-
-ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)

@@ -9,8 +9,8 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.quantities import MOST_MOTORS, each_motor
+from asrsim.robot.dynamics import robot_model
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 

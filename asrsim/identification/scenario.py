@@ -16,7 +16,7 @@ from asrsim.plain import mapped
 from asrsim.robot.model import ActuatorBlock
 from asrsim.robot.mounting import reference_names, sprung_joints
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.starter import relative_path, relocated, robot_key
+from asrsim.scenario.relocate import relative_path, relocated, robot_key
 from asrsim.signals import Constant
 from asrsim.signals.playback import Playback
 

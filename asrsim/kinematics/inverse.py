@@ -26,10 +26,9 @@ from asrsim.kinematics.drive_inverse import (
 )
 from asrsim.quantities import linear_unit
 from asrsim.robot import check_two_motors, drive_of
-from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import LinkDamping, Scenario, for_joint
 from asrsim.scenario.starts import start_positions
 
@@ -155,7 +154,7 @@ class SoftArm:
         moving = [self.robot.joint(name) for name in self.model.joints]
         damping, friction = np.array([[joint.damping, joint.friction] for joint in moving]).T
         rigid = rigid + damping * motion.velocities + friction * np.tanh(motion.velocities / SLOW)
-        rigid = self.model.couplings.fold(rigid)
+        rigid = self.model.couplings.fold(rigid, motion.positions)
         found, demands = [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)

@@ -16,9 +16,8 @@ from asrsim.kinematics.drive_inverse import equilibria_for_loads
 from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
 from asrsim.kinematics.path import JointPath, PoseTrajectory, follow
 from asrsim.robot import drive_of
-from asrsim.robot.dynamics import RobotModel
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import CartesianTask, for_joint
 from asrsim.scenario.starts import start_positions
 from asrsim.signals.base import Signal

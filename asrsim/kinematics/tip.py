@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.kinematics.path import PoseTrajectory
+from asrsim.robot.dynamics import robot_model
 from asrsim.robot.poses import frame
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
-from asrsim.scenario import robot_model
 from asrsim.scenario.starts import start_positions
 
 if TYPE_CHECKING:

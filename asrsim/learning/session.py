@@ -30,7 +30,7 @@ from asrsim.samples import Array
 from asrsim.scenario import only_variant
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.scenario.starter import relocated
+from asrsim.scenario.relocate import relocated
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
     "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",

@@ -13,13 +13,13 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
 from asrsim.robot.findings import LARGEST
 from asrsim.samples import Array
 from asrsim.scenario.digest import input_hashes
-from asrsim.versions import numeric_versions
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant

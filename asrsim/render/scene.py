@@ -13,11 +13,11 @@ import numpy as np
 from asrsim.render.meshes import main_colour, simplified, smooth
 from asrsim.render.urdf import origin_frame, urdf_of
 from asrsim.robot import Robot
+from asrsim.robot.dynamics import robot_model
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.model import Vector
 from asrsim.robot.poses import frame
 from asrsim.samples import Array
-from asrsim.scenario import robot_model
 from asrsim.scenario.data import Scenario
 
 if TYPE_CHECKING:

@@ -1,206 +1,60 @@
 """Repeats the paper's experiments, checks their claims, and writes one page (`asrsim reproduce`).
 
-The experiments are examples (`examples/paper`), one file per figure; this module defines their parts and runs them.
+The experiments are examples (`examples/paper`), one file per figure; `asrsim.reproduce.data` defines their parts.
 """
 
 from __future__ import annotations
 
-import math
-import sys
 import time as clock
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
-from importlib import import_module
+from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from asrsim.errors import AsrsimError, InputError
-from asrsim.metrics.expect import compares
 from asrsim.outfile import make_folder, write_json, write_text, written
-from asrsim.plain import finite_or_none
-from asrsim.runs.examples import examples_folder
+from asrsim.reproduce.data import (
+    Claim,
+    Figure,
+    FigureBound,
+    FigureOutcome,
+    FigurePart,
+    FigurePicture,
+    FigureTable,
+    Origin,
+    Reproduction,
+    above,
+    at_least,
+    at_most,
+    below,
+    figures,
+    near,
+)
+from asrsim.reproduce.page import page
 from asrsim.workers import Lost
 from asrsim.workers.local import Processes
 
-Origin = Literal["paper", "theory", "simulation", "beyond"]
-
-
-@dataclass(frozen=True)
-class FigureBound:
-    """Condition on the measured number of a claim."""
-
-    comparison: str
-    """Comparison operator `==`, `<`, `<=`, `>` or `>=`; `==` holds within `tolerance`."""
-    value: float
-    unit: str = ""
-    tolerance: float = 0.0
-
-    def __str__(self) -> str:
-        sign = "" if self.comparison == "==" else f"{self.comparison} "
-        spread = f" ± {self.tolerance:.3g}" if self.tolerance else ""
-        return f"{sign}{self.value:.6g}{spread}{f' {self.unit}' if self.unit else ''}"
-
-
-below, at_most, above, at_least = (partial(FigureBound, sign) for sign in ("<", "<=", ">", ">="))
-
-
-def near(value: float, tolerance: float, unit: str = "") -> FigureBound:
-    """Condition that a number equals a value within a tolerance."""
-    return FigureBound("==", value, unit, tolerance)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Claim:
-    """Statement about a measured number."""
-
-    text: str
-    """Statement in the words of asrsim's authors."""
-    quantity: str
-    """Name of the measured quantity."""
-    measured: float
-    """Measured number; NaN if it cannot be measured: the claim then does not hold."""
-    bound: FigureBound
-    origin: Origin = "paper"
-
-    @property
-    def holds(self) -> bool:
-        """Whether the measured number satisfies the condition."""
-        return compares(self.measured, self.bound.comparison, self.bound.value, self.bound.tolerance)
-
-    @property
-    def found(self) -> str:
-        """The measured number as text, with unit."""
-        return f"{self.measured:.6g} {self.bound.unit}".strip() if math.isfinite(self.measured) else "not measurable"
-
-
-@dataclass(frozen=True, kw_only=True)
-class FigurePicture:
-    """Picture for the page."""
-
-    name: str
-    """Name of its file, without suffix."""
-    caption: str
-    """Sentence that describes the picture, also for screen readers."""
-    kind: Literal["svg", "png"]
-    data: bytes = field(repr=False)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FigureTable:
-    """Table of numbers beside the claims."""
-
-    caption: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FigurePart:
-    """Part of a figure's section: text, claims, numbers and pictures about one experiment."""
-
-    title: str
-    text: str
-    claims: tuple[Claim, ...] = ()
-    tables: tuple[FigureTable, ...] = ()
-    pictures: tuple[FigurePicture, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
-
-    number: int
-    title: str
-    section: str
-    """Section of the paper."""
-    paper: str
-    """Claim of the paper, in the words of asrsim's authors."""
-    parts: Callable[[Path], tuple[FigurePart, ...]]
-    """Function that runs the experiments, with their logs in a folder. Its first part is the paper's figure; the others extend
-    it.
-    """
-    cost: float = 1.0
-    """Relative duration of the experiments; the figure with the longest duration starts first."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reproduction:
-    """Result of reproducing a figure of the paper."""
-
-    name: str
-    """Number of the figure as text."""
-    parts: tuple[FigurePart, ...] = ()
-    error: str = ""
-    """Reason why the figure could not be run."""
-    seconds: float = 0.0
-    """Wall-clock time, s."""
-
-    @property
-    def figure(self) -> Figure:
-        """Description of the figure and its experiments."""
-        return figures()[self.name]
-
-    @property
-    def claims(self) -> tuple[Claim, ...]:
-        """All claims of the figure."""
-        return tuple(claim for part in self.parts for claim in part.claims)
-
-    @property
-    def holds(self) -> bool:
-        """Whether the figure could be run and every claim holds."""
-        return not self.error and all(claim.holds for claim in self.claims)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Result as data for JSON, without pictures."""
-        figure = self.figure
-        return {
-            "figure": figure.number, "title": figure.title, "section": figure.section, "paper": figure.paper,
-            "holds": self.holds, "error": self.error,
-            "claims": [
-                {"figure": figure.number, "claim": one.text, "origin": one.origin, "quantity": one.quantity, **vars(one.bound),
-                 "measured": finite_or_none(one.measured), "holds": one.holds}
-                for one in self.claims
-            ],
-            "tables": [vars(table) for part in self.parts for table in part.tables],
-            "wall_time": self.seconds,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class FigureOutcome:
-    """Results of all figures."""
-
-    figures: tuple[Reproduction, ...]
-    page: Path
-    seconds: float
-    """Total wall-clock time, s."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether every claim of every figure holds."""
-        return all(figure.holds for figure in self.figures)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Results as data for JSON."""
-        return {
-            "ok": self.holds, "page": str(self.page), "wall_time": self.seconds,
-            "figures": [figure.as_dict() for figure in self.figures],
-        }  # fmt: skip
-
-
-@cache
-def figures() -> dict[str, Figure]:
-    """Figures of `examples/paper` by number (as text). Raises InputError if this installation has no examples."""
-    examples = examples_folder()
-    sys.path.insert(0, str(examples))
-    try:
-        found = [import_module(f"paper.{path.stem}").FIGURE for path in (examples / "paper").glob("figure_*.py")]
-    finally:
-        sys.path.remove(str(examples))
-    return {str(figure.number): figure for figure in sorted(found, key=lambda figure: figure.number)}
+__all__ = [
+    "Claim",
+    "Figure",
+    "FigureBound",
+    "FigureOutcome",
+    "FigurePart",
+    "FigurePicture",
+    "FigureTable",
+    "Origin",
+    "Reproduction",
+    "above",
+    "at_least",
+    "at_most",
+    "below",
+    "figures",
+    "near",
+    "reproduce",
+]
 
 
 def reproduce(
@@ -213,8 +67,6 @@ def reproduce(
     the reason is reported, its claims count as failed, and the other figures continue.
     Raises InputError for unknown figures and OutputError if a file cannot be written.
     """
-    from asrsim.reproduce.page import page
-
     known = figures()
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"no figure is called '{unknown[0]}'", choices=tuple(known), code="unknown-figure")

@@ -8,7 +8,7 @@ from html import escape
 from asrsim import __version__
 from asrsim.report.html import badge, data_address, table
 from asrsim.report.page import build
-from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, Reproduction
+from asrsim.reproduce.data import Claim, FigurePart, FigurePicture, FigureTable, Reproduction
 
 ORIGINS = {
     "paper": "stated in the paper",

@@ -39,8 +39,14 @@ EXCHANGED = 1.5
 GAINS = ("proportional", "integral", "derivative")
 
 
-def robot_doubts(robot: Robot) -> Iterator[Problem]:
-    """Warnings about a robot. The key of a warning about a parameter that a scenario gives is a key of the scenario."""
+def warnings_of(robot: Robot) -> tuple[Problem, ...]:
+    """Warnings about the robot's file, and about links, joints and actuators whose values are probably mistakes. The latter are
+    left out for a file with errors."""
+    return robot.findings if robot.faults else (*robot.findings, *_doubts(robot))
+
+
+def _doubts(robot: Robot) -> Iterator[Problem]:
+    """Warnings about values. The key of a warning about a parameter that a scenario gives is a key of the scenario."""
     for check in ROBOT_CHECKS:
         yield from check(robot)
     for block in robot.actuators:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from asrsim.errors import Problem
+from asrsim.robot.couplings import Couplings, couplings_of
 
 if TYPE_CHECKING:
-    from asrsim.robot.couplings import Couplings
     from asrsim.robot.loops import Loop
 
 Vector = tuple[float, float, float]
@@ -165,7 +165,7 @@ class Joint:
     """Inertia of rotors that moves with the link, kg m^2 (kg): the scenario's `armature`; without it, `rotor_inertia`, but 0
     behind a spring, where the actuator's motors have inertias of their own."""
     start: float | None = None
-    """Position at the start that the file states, rad or m."""
+    """Position at the start that the file states, rad or m; in closed chains, the one that closes them."""
     line: int | None = None
 
     @property
@@ -211,7 +211,7 @@ class Robot:
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
     findings: tuple[Problem, ...] = ()
-    """Warnings of the reader about the text of the file."""
+    """Warnings of the reader about the text of the file; `asrsim.robot.doubts.warnings_of` adds those about its values."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     contact_words: tuple[str, ...] = ()
@@ -228,18 +228,15 @@ class Robot:
         return {joint.name: joint for joint in self.joints}[name]
 
     @cached_property
-    def warnings(self) -> tuple[Problem, ...]:
-        """Warnings about the file, and about links, joints and actuators whose values are probably mistakes."""
-        from asrsim.robot.doubts import robot_doubts
-
-        return self.findings if self.faults else (*self.findings, *robot_doubts(self))
-
-    @cached_property
     def couplings(self) -> Couplings:
         """Couplings of the moving joints."""
-        from asrsim.robot.couplings import couplings_of
-
         return couplings_of(self)
+
+    @cached_property
+    def followers(self) -> frozenset[str]:
+        """Joints that follow another joint: those that mimic one, and those of closed chains but their masters."""
+        couplings, moving = self.couplings, self.moving_joints
+        return frozenset(joint.name for j, joint in enumerate(moving) if couplings.master[j] != j)
 
     @property
     def inertials(self) -> tuple[object, ...]:

@@ -26,21 +26,20 @@ from asrsim.recordings.propose import propose
 from asrsim.recordings.reading import ENDING, is_document, reading_file
 from asrsim.robot import ActuatorBlock, Joint, Robot, with_actuators, with_overrides
 from asrsim.scenario.recording_plan import PlayedRecording, RecordingPlan, make_plan
-from asrsim.scenario.starter import (
+from asrsim.scenario.relocate import relative_path, robot_key
+from asrsim.signals.playback import shifted
+from asrsim.starter.robot import (
     MOUNTED_MODE,
     SCHEMA_FILE,
     Comments,
     Lines,
     mounted,
     moving_robot,
-    relative_path,
-    robot_key,
     scenario_of,
     starter_joint,
     write_new,
     yaml_text,
 )
-from asrsim.signals.playback import shifted
 
 WIDE = 1e4
 """Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
@@ -81,7 +80,7 @@ def write_from_recording(
 
     `mapping` and `rate` are those of `asrsim.recordings.read_recording`. `plugins` are written into the fit file. Without
     `mode`, actuators use the mode of the recorded command. The other arguments are those of
-    `asrsim.scenario.starter.write_starter`.
+    `asrsim.starter.robot.write_starter`.
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """

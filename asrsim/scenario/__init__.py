@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.scenario.check import apply_to_robot, check_against_robot, checked_robot, robot_model
+from asrsim.scenario.check import apply_to_robot, check_against_robot, checked_robot
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import load_scenario, make_scenario, only_variant, read_scenarios, scenario_from_data
 
@@ -15,6 +15,5 @@ __all__ = [
     "make_scenario",
     "only_variant",
     "read_scenarios",
-    "robot_model",
     "scenario_from_data",
 ]

@@ -34,6 +34,9 @@ from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, ScenarioError
+from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.registry.engines import ENGINES
+from asrsim.registry.steppings import stepping_called
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.model import Shape
 from asrsim.samples import TIP, TIP_GOAL
@@ -109,38 +112,13 @@ def _find(node: Node, depth: int) -> dict[str, Node] | None:
     return next((found for item in node.value.values() if (found := _find(item, depth - 1)) is not None), None)
 
 
-def engines() -> tuple[str, ...]:
-    """Names of the registered engines, including engines of other packages."""
-    from asrsim.engines import ENGINES
-
-    return ENGINES.names()
-
-
-def steppings() -> tuple[str, ...]:
-    """Names of the steppings."""
-    from asrsim.simulation.steppings import STEPPINGS
-
-    return tuple(STEPPINGS)
-
-
-def default_engine() -> str:
-    """Engine of a scenario without the key `engine`."""
-    from asrsim import engines
-
-    return engines.default_engine()
-
-
 def prescribes_motion(engine: str) -> bool:
     """Whether the engine prescribes the motion of the links by the key `motion`."""
-    from asrsim.engines import ENGINES
-
     return ENGINES.get(engine).prescribed
 
 
 def released_order(stepping: str) -> bool:
     """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
-    from asrsim.simulation.steppings import stepping_called
-
     return stepping_called(stepping).released
 
 
@@ -538,7 +516,7 @@ class Expectation:
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
     variant: str | None = declare(Text(text="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Choice(engines),
+        Choice(ENGINES.names),
         default=None,
         doc="the engine of the claim, as engines differ in accuracy",
         shown="all",
@@ -555,8 +533,6 @@ class Expectation:
     line: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        from asrsim.quantities import DERIVED, QUANTITIES
-
         if (self.joint is None) == (self.body is None):
             raise ScenarioError("needs the key joint or body", key="", code="expect")
         known = (*QUANTITIES, *DERIVED)

@@ -27,6 +27,8 @@ from asrsim.document.kinds import (
 )
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
+from asrsim.registry.engines import ENGINES, default_engine
+from asrsim.registry.steppings import STEPPINGS
 from asrsim.samples import Array, grid
 from asrsim.scenario.blocks import (
     EFFECTS_BY_JOINT,
@@ -56,9 +58,6 @@ from asrsim.scenario.blocks import (
     World,
     WorldObject,
     Wrench,
-    default_engine,
-    engines,
-    steppings,
 )
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -141,7 +140,10 @@ class Scenario:
         ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
     )
     loops: tuple[LoopClosure, ...] = declare(
-        ListOf(of=block_of(LoopClosure, "loop")), default=(), doc="closed chains of one freedom, such as four-bar fingers"
+        ListOf(of=block_of(LoopClosure, "loop")),
+        default=(),
+        doc="closed chains of one freedom, such as four-bar fingers, beside those of the robot file; between the same links, "
+        "in place of the file's",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -184,14 +186,14 @@ class Scenario:
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
-        Either((Null("auto"), Choice(engines))),
+        Either((Null("auto"), Choice(ENGINES.names))),
         default=None,
         shown="auto",
         field_default=default_engine,
         doc="of the links' motion; `auto`: bullet where it is installed; bench: the links' motion is prescribed",
     )
     stepping: str = declare(
-        Choice(steppings),
+        Choice(tuple(STEPPINGS)),
         default="leapfrog",
         doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
     )

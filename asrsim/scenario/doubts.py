@@ -33,7 +33,10 @@ UNSTABLE = 2.0
 
 
 def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings about a scenario; `robot.warnings` has those about its actuators. robot: with the scenario's changes."""
+    """Warnings about a scenario; `asrsim.robot.doubts.warnings_of` gives those about its actuators.
+
+    robot: with the scenario's changes.
+    """
     for check in DOUBTS:
         yield from check(scenario, robot)
 

@@ -13,8 +13,9 @@ from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped
+from asrsim.registry.engines import default_engine
 from asrsim.samples import TIP
-from asrsim.scenario.blocks import default_engine, names_a_folder, prescribes_motion
+from asrsim.scenario.blocks import names_a_folder, prescribes_motion
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.overrides import Overrides, apply_overrides
 

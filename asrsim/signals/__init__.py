@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from asrsim.registry import Registry
-from asrsim.signals.base import Signal
+from asrsim.signals.base import SIGNALS, Signal
 from asrsim.signals.combine import Delay, Scale, Sum
 from asrsim.signals.parse import parse_signal
 from asrsim.signals.pieces import Constant, MinimumJerk, PulseTrain, Ramp, Step, Waypoints
 from asrsim.signals.playback import Playback
 from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
-SIGNALS: Registry[type[Signal]] = Registry("signal", entry_point_group="asrsim.signals")
 for _signal in (
     Constant, Step, Ramp, Sinusoid, Chirp, Multisine, MinimumJerk, Waypoints, PulseTrain, Playback, Sum, Delay, Scale
 ):  # fmt: skip

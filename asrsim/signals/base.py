@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from asrsim.registry import Registry
 from asrsim.samples import Array
 
 
@@ -23,3 +24,7 @@ class Signal(ABC):
     def jumps(self, start: float, end: float) -> Array:
         """Times in [start, end] at which the value jumps, ascending, s. A jump exactly at `start` is included."""
         return np.empty(0)
+
+
+SIGNALS: Registry[type[Signal]] = Registry("signal", entry_point_group="asrsim.signals")
+"""Kinds of signals by name; `asrsim.signals` adds its own."""

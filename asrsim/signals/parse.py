@@ -9,7 +9,8 @@ from asrsim.document.kinds import Key, Kind, Schema, attempt
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
-from asrsim.signals.base import Signal
+from asrsim.signals.base import SIGNALS, Signal
+from asrsim.signals.pieces import Constant
 
 FORM = "a number, or a mapping with one key, the kind of signal"
 
@@ -20,9 +21,6 @@ class SignalKind(Kind[Signal]):
     text = "signal"
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Signal:
-        from asrsim.signals import SIGNALS
-        from asrsim.signals.pieces import Constant
-
         value = node.value
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Constant(value=block_of(Constant).keys[0].kind.read(node, path, reading))
@@ -66,8 +64,6 @@ class SignalKind(Kind[Signal]):
         return not isinstance(node.value, list)
 
     def part(self, name: str) -> Key | None:
-        from asrsim.signals import SIGNALS
-
         return Key(name="", kind=block_of(SIGNALS.get(name))) if name in SIGNALS else None
 
 
@@ -83,8 +79,6 @@ def block_of(cls: type[Signal]) -> Block[Signal]:
 
 def signal_schema() -> Schema:
     """JSON Schema of a signal, for `#/$defs/signal`."""
-    from asrsim.signals import SIGNALS
-
     shapes: list[Schema] = [{"type": "number", "description": "a constant"}]
     for name in SIGNALS:
         body = block_of(SIGNALS.get(name)).schema()

@@ -17,13 +17,13 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
+from asrsim.registry.steppings import stepping_called
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.run import Run, blame_laws
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.steppings import stepping_called
 
 COMPARED = ("link_position", "link_torque")
 MEASURES = ("position_max", "position_rms", "torque_max", "torque_rms")

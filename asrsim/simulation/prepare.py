@@ -17,12 +17,15 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
-from asrsim.robot.dynamics import RobotModel
+from asrsim.kinematics.sizing import weight_warnings
+from asrsim.registry.steppings import Stepping, stepping_called
+from asrsim.robot.doubts import warnings_of
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, Frame, JointInfo, RunInfo
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant, robot_model
+from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
@@ -33,7 +36,6 @@ from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.resonance import resonance_doubts
-from asrsim.simulation.steppings import Stepping, stepping_called
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
 
@@ -118,6 +120,8 @@ class Prepared:
     """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
+    _latest: list[tuple[object, RobotModel]] = field(default_factory=list, repr=False, compare=False)
+    """Inertials of the latest variant, and its model."""
 
     @property
     def initial_positions(self) -> tuple[float, ...]:
@@ -246,9 +250,18 @@ class Prepared:
         robot, model = varied_robot(self.robot, parameters), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
         if model is not None and robot.inertials != self.robot.inertials:
-            model = robot_model(self.scenario, robot)
-            check_inertia(drives, model)
+            model = self._model_of(robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
+
+    def _model_of(self, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
+        """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
+        for inertials, model in self._latest:
+            if inertials == robot.inertials:
+                return model
+        model = robot_model(self.scenario, robot)
+        check_inertia(drives, model)
+        self._latest[:] = [(robot.inertials, model)]
+        return model
 
     def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
@@ -284,6 +297,7 @@ def prepare(
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
+    weights = weight_warnings(scenario, robot)
     stepping = stepping_called(scenario.stepping)
     drives = make_drives(robot, stepping, scenario)
     if settable:
@@ -320,8 +334,9 @@ def prepare(
         info=info,
         model=model,
         warnings=(
-            *map(scenario.placed, robot.warnings),
+            *map(scenario.placed, warnings_of(robot)),
             *warnings,
+            *weights,
             *engine_warnings,
             *undersampled(scenario, resolution.substeps),
             *resonance_doubts(scenario, drives, model, resolution),

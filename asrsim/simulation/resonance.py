@@ -12,11 +12,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from asrsim.errors import Problem, counted
+from asrsim.registry.steppings import stepping_called
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.steppings import stepping_called
 from asrsim.simulation.substeps import Resolution, link_damping
 
 TOLERATED = 0.1

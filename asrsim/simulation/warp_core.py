@@ -23,8 +23,9 @@ from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTHY, NO_VALUE, RAN_AWAY
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import scheme_of, shape_of, start_of, tables
-from asrsim.simulation.warp_step import LOADS, program
+from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
+from asrsim.simulation.shape import shape_of
+from asrsim.simulation.warp_step import LOADS, law_of, program
 from asrsim.warping.program import loaded_warp
 
 INERTIALS = (
@@ -54,12 +55,13 @@ class WarpCore(Core):
         self.prepared, self.compiled, self._engine = prepared, True, engine
         self.shape = shape_of(prepared.drives)
         self._scheme = scheme_of(prepared)
-        made, actuators = program(prepared.drives)
+        made, laws = program(prepared.drives, self.shape)
         self._program: Any = made.load()
         joints, constants = tables(prepared, self.shape)
-        for k, drive in zip(joints, prepared.drives, strict=True):
-            k.spring_law = actuators.index(drive.actuator) + 1 if drive.actuator is not None else 0
-        kinds = np.array([numbers(joint) for joint in joints])
+        for k, drive, stages in zip(joints, prepared.drives, self.shape.stages, strict=True):
+            law = law_of(drive, stages)
+            k.spring_law = 0 if law is None else laws.index(law) + 1
+        kinds = table_of_kinds(joints, self.shape)
         self.S = np.zeros((worlds, len(kinds), self.shape.state), dtype=np.float32)
         self.P = np.repeat(constants[None].astype(np.float32), worlds, axis=0)
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
@@ -142,6 +144,8 @@ class WarpCore(Core):
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
+        if shape_of(prepared.drives, self.shape) != self.shape:
+            raise SimulationError("stages that do not act at the start cannot be added on Warp: give all worlds one of them")
         _, self.P[world] = tables(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
             raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")
@@ -337,7 +341,7 @@ class WarpCore(Core):
 
 def _check(prepared: Prepared) -> None:
     """Raise InputError for a scenario that Warp cannot run."""
-    if prepared.stepping.joint_step is not None:
+    if prepared.stepping.released:
         message = f"the stepping '{prepared.stepping.name}' has a step of its own, which has no translation to Warp"
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
     if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):

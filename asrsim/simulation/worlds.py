@@ -29,7 +29,7 @@ from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_ch
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
-from asrsim.simulation.quantities import WATCHED, RowColumns, without_energies
+from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
 WARP = "mujoco_warp"
 """Name of the engine of worlds on a device of Warp."""
@@ -167,10 +167,10 @@ class Worlds:
     def record_as(self, prepared: Prepared) -> None:
         """Record the quantities of joints with these parameters; earlier snapshots can no longer be restored."""
         names, watched = self._options
-        self.columns = RowColumns(prepared.drives, self.core.shape.motors, names)
+        self.columns = RowColumns(prepared.drives, self.core.shape, names)
         self.names = self.columns.names
         """Quantities that are recorded."""
-        self._watched = not self.on_warp and (watched or not WATCHED.isdisjoint(self.names))
+        self._watched = not self.on_warp and (watched or any(map(is_watched, self.names)))
         self.core.record(self.columns, watched=self._watched)
         self._absent = np.repeat(self.columns.absent(prepared.drives)[None], self.count, axis=0)
         """Mask (count, joints, columns) of the quantities that the joints of each world do not record."""
@@ -471,7 +471,7 @@ class Worlds:
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
         # A follower is corrected through its master.
-        followers = [bool(drive.joint.mimic) for drive in self.prepared.drives]
+        followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.observer = observer.measured, np.array(observer.gains), engine.coordinates
         try:

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim import __version__
+from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.extras import library
 from asrsim.plugins import check_named
@@ -22,7 +23,6 @@ from asrsim.sweeps.rows import Row, Runner, row_of
 from asrsim.sweeps.store import open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
-from asrsim.versions import numeric_versions
 from asrsim.workers import Lost, cores
 from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes

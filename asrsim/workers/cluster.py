@@ -8,9 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
+from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import SimulationError, listed
 from asrsim.extras import library
-from asrsim.versions import numeric_versions
 from asrsim.workers import Numbered, Pool, Stop, Task, do_items
 
 PATIENCE = 10.0

@@ -24,7 +24,7 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
 
     Inertia: torque per unit acceleration while the other joints rest.
     """
-    from asrsim.scenario import robot_model
+    from asrsim.robot.dynamics import robot_model
 
     run = result.run
     model = robot_model(run.scenario, run.robot)

@@ -7,8 +7,7 @@ Import this file, and write `engine: pendulum` in the scenario.
 
 import numpy as np
 
-from asrsim.engines import ENGINES
-from asrsim.engines.base import EngineEntry
+from asrsim.engines import ENGINES, EngineEntry
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import RobotError
 from asrsim.robot.inertia import inertia_tensor

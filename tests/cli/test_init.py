@@ -10,8 +10,9 @@ import asrsim
 from asrsim.cli.app import app
 from asrsim.errors import OutputError, RobotError, ScenarioError
 from asrsim.robot import load_robot
+from asrsim.robot.doubts import warnings_of
 from asrsim.scenario import check_against_robot, load_scenario
-from asrsim.scenario.starter import SCHEMA_FILE, write_starter
+from asrsim.starter.robot import SCHEMA_FILE, write_starter
 from support.paths import ROOT
 
 URDF = """<robot name="{name}">
@@ -76,7 +77,7 @@ def test_mode_is_that_of_mounted_actuators_and_of_others(tmp_path):
 def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     robot = write_robot(tmp_path, {"name": "weld", "kind": "fixed"})
     robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
-    assert [problem.code for problem in load_robot(robot).warnings] == []
+    assert [problem.code for problem in warnings_of(load_robot(robot))] == []
     with pytest.raises(RobotError, match="no moving joint"):
         write_starter(robot, tmp_path / "start.yaml", actuators={"*": "qbmove"})
     assert not (tmp_path / "start.yaml").exists()

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 import asrsim
-from asrsim.engines import ENGINES
+from asrsim.engines import ENGINES, EngineEntry
 from asrsim.engines import mujoco as mujoco_engine
-from asrsim.engines.base import FRICTION, EngineEntry
+from asrsim.engines.base import FRICTION
 from asrsim.errors import SimulationError
 from asrsim.robot import load_robot
 from asrsim.simulation.accuracy import LIMIT, other_engine

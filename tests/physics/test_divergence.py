@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.engines import ENGINES
-from asrsim.engines.base import DAMPING, TORQUE, EngineEntry
+from asrsim.engines import ENGINES, EngineEntry
+from asrsim.engines.base import DAMPING, TORQUE
 from asrsim.engines.mujoco import MujocoEngine
 from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.signals import Constant

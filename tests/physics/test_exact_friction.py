@@ -5,7 +5,8 @@ import pytest
 
 from asrsim.engines import ENGINES
 from asrsim.engines.base import FRICTION, TORQUE, VELOCITY
-from asrsim.scenario import Scenario, robot_model
+from asrsim.robot.dynamics import robot_model
+from asrsim.scenario import Scenario
 from validation.models import Body, chain
 
 STEP = 1e-5

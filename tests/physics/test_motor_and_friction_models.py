@@ -10,6 +10,7 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError, ScenarioError
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.edit import edited_urdf
 from asrsim.signals import Ramp, Sinusoid
 from asrsim.simulation.prepare import prepare
@@ -374,7 +375,7 @@ def test_invalid_model_parameters_are_refused(joint, block, said):
     ],
 )  # fmt: skip
 def test_implausible_model_parameters_give_a_warning(joint, block, said):
-    assert any(said in str(warning) for warning in robot_with(joint, block).warnings)
+    assert any(said in str(warning) for warning in warnings_of(robot_with(joint, block)))
 
 
 def test_toolbox_stepping_warns_of_models_that_it_lacks():

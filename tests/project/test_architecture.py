@@ -25,28 +25,27 @@ def module_name(path):
 MODULES = {module_name(path): path for path in SOURCES}
 
 
+def imported(path, *, types):
+    """Modules that a file imports, also inside functions. types: also those that it imports for type checkers only."""
+    return tuple(name for name, for_types in _imports(path) if types or not for_types)
+
+
 @cache
-def imported(path, *, everywhere):
-    """Modules that a file imports when it is loaded. everywhere: also inside functions and for type checkers."""
-    return tuple(_imported(list(ast.parse(path.read_text(encoding="utf-8")).body), everywhere))
-
-
-def _imported(waiting, everywhere):
-    while waiting:
-        node = waiting.pop()
+def _imports(path):
+    """Pairs (imported module, whether only type checkers import it) of a file."""
+    nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    checked = [node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    for_types = {id(child) for node in checked for child in ast.walk(node)}
+    found = []
+    for node in nodes:
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [(alias.name, id(node) in for_types) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, ast.unparse(node)
             for alias in node.names:
                 whole = f"{node.module}.{alias.name}"
-                yield whole if whole in MODULES else str(node.module)
-        elif everywhere:
-            waiting += [child for child in ast.walk(node) if isinstance(child, ast.Import | ast.ImportFrom)]
-        elif isinstance(node, ast.If):
-            waiting += [] if "TYPE_CHECKING" in ast.dump(node.test) else [*node.body, *node.orelse]
-        elif isinstance(node, ast.Try):
-            waiting += [*node.body, *node.orelse, *node.finalbody]
+                found.append((whole if whole in MODULES else str(node.module), id(node) in for_types))
+    return found
 
 
 def users_of(library):
@@ -54,7 +53,7 @@ def users_of(library):
     return {
         path.relative_to(PACKAGE).as_posix()
         for path in SOURCES
-        if any(name.split(".")[0] == library for name in imported(path, everywhere=True))
+        if any(name.split(".")[0] == library for name in imported(path, types=True))
     }
 
 
@@ -77,7 +76,7 @@ def cycle(graph):
 
 
 def test_modules_are_imported_without_cycles():
-    graph = {name: {used for used in imported(path, everywhere=False) if used in MODULES} for name, path in MODULES.items()}
+    graph = {name: {used for used in imported(path, types=False) if used in MODULES} for name, path in MODULES.items()}
     assert cycle(graph) == []
 
 
@@ -87,7 +86,7 @@ def test_packages_are_imported_without_cycles():
 
     graph = {}
     for name, path in MODULES.items():
-        used = {home(other) for other in imported(path, everywhere=False) if other in MODULES}
+        used = {home(other) for other in imported(path, types=False) if other in MODULES}
         graph.setdefault(home(name), set()).update(used - {home(name), "asrsim"})
     assert cycle(graph) == []
 
@@ -101,7 +100,7 @@ def test_only_its_engine_imports_pybullet():
 @pytest.mark.parametrize("folder", ["plots", "report", "metrics", "log", "recordings"])
 def test_readers_of_logs_do_not_import_the_simulation(folder):
     for path in sorted((PACKAGE / folder).rglob("*.py")):
-        known = {name for name in imported(path, everywhere=True) if name.startswith(("asrsim.simulation", "asrsim.engines"))}
+        known = {name for name in imported(path, types=True) if name.startswith(("asrsim.simulation", "asrsim.engines"))}
         assert not known, f"{path.relative_to(ROOT)} imports {known}"
 
 
@@ -116,7 +115,7 @@ def test_nothing_outside_imports_the_core_s_inner_files():
     inner = {f"asrsim.simulation.{name}" for name in INNER}
     for name, path in MODULES.items():
         if not name.startswith("asrsim.simulation"):
-            assert not inner.intersection(imported(path, everywhere=True)), name
+            assert not inner.intersection(imported(path, types=True)), name
 
 
 def test_one_module_of_identification_imports_the_simulation():
@@ -124,20 +123,20 @@ def test_one_module_of_identification_imports_the_simulation():
     users = {
         path.stem
         for path in (PACKAGE / "identification").glob("*.py")
-        if any(name.startswith(inner) for name in imported(path, everywhere=True))
+        if any(name.startswith(inner) for name in imported(path, types=True))
     }
     assert users == {"door"}
 
 
 def test_the_library_does_not_import_its_command_line():
     for name, path in MODULES.items():
-        used = {other for other in imported(path, everywhere=True) if other.startswith("asrsim.cli")}
+        used = {other for other in imported(path, types=True) if other.startswith("asrsim.cli")}
         assert not used or name.startswith(("asrsim.cli", "asrsim.__main__")), f"{name} imports {used}"
 
 
 def test_actuators_import_no_engine_and_no_robot():
     for path in sorted((PACKAGE / "actuators").glob("*.py")):
-        used = {name for name in imported(path, everywhere=True) if name.startswith("asrsim.")}
+        used = {name for name in imported(path, types=True) if name.startswith("asrsim.")}
         allowed = (
             "asrsim.actuators",
             "asrsim.errors",

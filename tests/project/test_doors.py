@@ -7,7 +7,7 @@ import pytest
 
 import asrsim
 from asrsim.cli.findings import scenario_report
-from asrsim.engines.base import ENGINES, EngineEntry
+from asrsim.engines import ENGINES, EngineEntry
 from asrsim.engines.rigid import RigidEngine
 from asrsim.errors import SimulationError
 from support.paths import EXAMPLES

@@ -6,6 +6,7 @@ import pytest
 
 import asrsim
 from asrsim.robot import load_robot
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
 from asrsim.scenario import check_against_robot, load_scenario
 from support.paths import EXAMPLES
@@ -27,7 +28,7 @@ def test_every_figure_has_its_scenario():
 def test_robots_load_without_warnings(path):
     robot = load_robot(path)
     plain = ["no-actuators"] if path.stem == "plain_arm" else []
-    assert [warning.code for warning in robot.warnings] == plain
+    assert [warning.code for warning in warnings_of(robot)] == plain
     assert usable_shapes(robot, visuals=True)[1] == ()
     assert "where they come from" in path.read_text()
 

@@ -9,6 +9,7 @@ import yaml
 
 from asrsim.actuators import ACTUATORS
 from asrsim.robot import read_robot
+from asrsim.robot.doubts import warnings_of
 from asrsim.scenario import check_against_robot, load_scenario
 from support.paths import ROOT
 from support.tiny import PENDULUM
@@ -172,7 +173,7 @@ def test_xml(page, code, tmp_path):
     (tmp_path / "robot.urdf").write_text(whole)
     robot = read_robot(tmp_path / "robot.urdf")
     assert not robot.faults
-    assert not [warning for warning in robot.warnings if "unknown" in warning.code]
+    assert not [warning for warning in warnings_of(robot) if "unknown" in warning.code]
 
 
 @pytest.mark.parametrize(("page", "code"), blocks("toml"))

@@ -8,7 +8,7 @@ import time
 import pytest
 
 import asrsim
-from asrsim import versions
+from asrsim.engines import libraries
 from asrsim.errors import SimulationError
 from asrsim.sweeps import make_study
 from asrsim.workers import cluster
@@ -31,10 +31,10 @@ class OtherVersions:
     """Function that returns wrong library versions in this process; a worker unpickles it as the original function."""
 
     def __call__(self):
-        return {**versions.numeric_versions(), "numpy": "1.0"}
+        return {**libraries.numeric_versions(), "numpy": "1.0"}
 
     def __reduce__(self):
-        return getattr, (versions, "numeric_versions")
+        return getattr, (libraries, "numeric_versions")
 
 
 def start(*arguments):

@@ -3,7 +3,7 @@
 import asrsim
 from asrsim.cli.findings import robot_report
 from asrsim.scenario import load_scenario
-from asrsim.scenario.starter import write_starter
+from asrsim.starter.robot import write_starter
 
 ACTUATORS = ("sea", "qbmove", "bavs", "awas_ii")
 

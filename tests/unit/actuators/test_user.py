@@ -17,6 +17,7 @@ from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.plugins import load_plugin_file
 from asrsim.robot import load_robot
+from asrsim.robot.doubts import warnings_of
 from support.paths import ROOT
 from support.three_motors import THREE
 from validation.models import Body, chain, column, run
@@ -74,7 +75,7 @@ def test_example_is_registered_and_its_urdf_finds_it(tmp_path):
     robot = load_robot(urdf)
     values = robot.actuators[0].values()
     assert (values["linear"], values["cubic"], values["max_deflection"], values["motor_2_inertia"]) == (2.0, 25.0, 0.5, 0.1)
-    assert any(problem.code == "unknown-tag" and "<linear>" in str(problem) for problem in robot.warnings)
+    assert any(problem.code == "unknown-tag" and "<linear>" in str(problem) for problem in warnings_of(robot))
 
 
 def test_the_documented_example_passes_the_checker(tmp_path):

@@ -8,14 +8,14 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from asrsim.engines.base import EngineEntry
+from asrsim.engines import EngineEntry
 from asrsim.errors import InputError
 from asrsim.registry import Registry
 from support.paths import ROOT
 
 MODULE = """
 from dataclasses import replace
-from asrsim.engines.base import EngineEntry
+from asrsim.engines import EngineEntry
 
 def make(scenario, robot):
     from asrsim.engines.mujoco import make

@@ -6,10 +6,10 @@ import mujoco
 import pytest
 
 from asrsim.engines import mujoco_library
+from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import Problem
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
-from asrsim.versions import numeric_versions
 
 
 def installed(folder, *names):

@@ -5,7 +5,8 @@ import pytest
 
 from asrsim.kinematics import plan_references, plan_task
 from asrsim.robot import load_robot
-from asrsim.scenario import load_scenario, make_scenario, robot_model
+from asrsim.robot.dynamics import robot_model
+from asrsim.scenario import load_scenario, make_scenario
 from support.paths import EXAMPLES
 
 

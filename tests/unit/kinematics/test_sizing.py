@@ -9,7 +9,7 @@ import pytest
 import asrsim
 from asrsim.kinematics.sizing import problems_of_weight, sizing
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
-from asrsim.scenario.starter import write_starter
+from asrsim.starter.robot import write_starter
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
 

@@ -144,7 +144,8 @@ def test_a_joint_held_by_friction_is_named():
 def figures(monkeypatch):
     """Figures of our own in place of the paper's, by name."""
     own = {}
-    monkeypatch.setattr("asrsim.reproduce.figures", lambda: own)
+    for module in ("asrsim.reproduce", "asrsim.reproduce.data"):
+        monkeypatch.setattr(f"{module}.figures", lambda: own)
     return own
 
 

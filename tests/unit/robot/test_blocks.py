@@ -7,6 +7,7 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
 from asrsim.robot import load_robot, with_overrides
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.numbers import read_number
 from asrsim.robot.tags import parameter_tags
 
@@ -42,7 +43,7 @@ def read_arm(read):
 
 
 def codes(robot):
-    return {problem.code for problem in robot.warnings}
+    return {problem.code for problem in warnings_of(robot)}
 
 
 def errors(read_arm, blocks):
@@ -95,7 +96,7 @@ def test_foreign_plugins_and_references_are_left_alone(read_arm):
         + block()
     )
     assert [entry.joint for entry in robot.actuators] == ["elbow"]
-    assert robot.warnings == ()
+    assert warnings_of(robot) == ()
 
 
 def test_arithmetic_is_evaluated_and_said_to_be_misread(read_arm):
@@ -103,7 +104,7 @@ def test_arithmetic_is_evaluated_and_said_to_be_misread(read_arm):
     value = robot.actuators[0].parameters["spring_a"]
     assert value.value == pytest.approx(1.21e-6, rel=1e-12)
     assert value.text == "1.21*pow(10,-6)"
-    (warning,) = robot.warnings
+    (warning,) = warnings_of(robot)
     assert warning.line == 14
     assert "leading number 1.21" in warning.message
 
@@ -158,7 +159,7 @@ def test_missing_required_tags(read_arm):
     found = errors(read_arm, '<gazebo><plugin name="a" filename="libsea_plugin.so"><joint>elbow</joint></plugin></gazebo>')
     assert "operation_mode" in found["missing-tag"].message
     robot = read_arm(block(required=""))
-    assert [problem.code for problem in robot.warnings] == ["missing-tag"] * 3
+    assert [problem.code for problem in warnings_of(robot)] == ["missing-tag"] * 3
 
 
 @pytest.mark.parametrize(
@@ -169,7 +170,7 @@ def test_missing_required_tags(read_arm):
     ],
 )
 def test_warnings_of_a_block(read_arm, tags, code, says):
-    (warning,) = read_arm(block(tags)).warnings
+    (warning,) = warnings_of(read_arm(block(tags)))
     assert warning.code == code
     assert says in str(warning)
 

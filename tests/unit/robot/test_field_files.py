@@ -5,6 +5,7 @@ import pytest
 import asrsim
 from asrsim.errors import RobotError
 from asrsim.robot import load_robot
+from asrsim.robot.doubts import warnings_of
 from support.tiny import PENDULUM
 
 SPRING = '<gazebo reference="elbow"><springStiffness value="200"/><springReference value="0.1"/></gazebo></robot>'
@@ -138,7 +139,7 @@ def test_a_joint_that_moves_no_mass_is_fixed_with_a_warning(tiny):
     tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     robot = load_robot(tiny.robot)
     assert [joint.name for joint in robot.moving_joints] == ["elbow", "wrist"]
-    told = [problem.key for problem in robot.warnings if problem.code == "massless-joint"]
+    told = [problem.key for problem in warnings_of(robot) if problem.code == "massless-joint"]
     assert told == ["finger_left", "finger_right"]
 
 

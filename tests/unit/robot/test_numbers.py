@@ -11,6 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from asrsim.errors import RobotError
 from asrsim.robot import load_robot, merge_fixed
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.inertia import inertia_tensor, principal_axes
 from asrsim.robot.model import Link
 from asrsim.robot.numbers import plain_number, read_number
@@ -92,7 +93,7 @@ def test_a_number_is_what_c_reads_or_an_error(text):
 )
 def test_an_axis_is_read_as_its_direction(axis, warned, read):
     robot = read(arm(axis=axis))
-    assert ("axis-length" in {problem.code for problem in robot.warnings}) == warned
+    assert ("axis-length" in {problem.code for problem in warnings_of(robot)}) == warned
     assert [math.hypot(*joint.axis) for joint in robot.joints] == pytest.approx([1.0, 1.0], rel=1e-15)
 
 
@@ -120,7 +121,7 @@ def test_shapes_that_cannot_be_made(geometry, words, read):
     with pytest.raises(RobotError, match=re.escape(words)):
         read(text)
     robot = read(text.replace("collision>", "visual>"))
-    (warning,) = [problem for problem in robot.warnings if problem.code == "visual-shape"]
+    (warning,) = [problem for problem in warnings_of(robot) if problem.code == "visual-shape"]
     assert words.partition(";")[0].replace("collision", "visual") in str(warning)
     assert robot.links[1].visuals == ()
 

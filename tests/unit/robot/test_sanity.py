@@ -6,6 +6,7 @@ import pytest
 
 from asrsim.errors import RobotError, ScenarioError
 from asrsim.robot import load_robot, merge_fixed, with_overrides
+from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
@@ -47,7 +48,7 @@ def codes(problems):
 )
 def test_unknown_words_are_told_of_with_the_nearest(old, new, close, tiny):
     robot = changed(tiny, (old, new))
-    (found,) = [problem for problem in robot.warnings if problem.code.startswith("unknown-")]
+    (found,) = [problem for problem in warnings_of(robot) if problem.code.startswith("unknown-")]
     assert found.line == 1 + tiny.robot.read_text().split(new)[0].count("\n")
     assert found.hint == (f"Did you mean {close}?" if close else None)
 
@@ -59,7 +60,7 @@ def test_what_other_programs_add_is_no_slip(tiny):
         ("</robot>", "<drake:collision_filter_group/><transmission><type/></transmission><ros2_control/></robot>"),
         ("</inertial>", "</inertial><contact/>"),
     )
-    assert not [problem for problem in robot.warnings if problem.code.startswith("unknown-")]
+    assert not [problem for problem in warnings_of(robot) if problem.code.startswith("unknown-")]
     assert "contact" in robot.contact_words
 
 
@@ -79,10 +80,10 @@ LEFT_OUT = {
 @pytest.mark.parametrize("case", LEFT_OUT)
 def test_words_with_physics_are_left_out_with_a_number_unless_they_are_neutral(case, tiny):
     acting, neutral, number = LEFT_OUT[case]
-    (found,) = [problem for problem in changed(tiny, ("<dynamics damping", acting)).warnings if problem.code == "left-out"]
+    (found,) = [problem for problem in warnings_of(changed(tiny, ("<dynamics damping", acting))) if problem.code == "left-out"]
     assert number in found.message
     assert found.line == 1 + tiny.robot.read_text().split(acting)[0].count("\n")
-    assert "left-out" not in codes(changed(tiny, (acting, neutral)).warnings)
+    assert "left-out" not in codes(warnings_of(changed(tiny, (acting, neutral))))
 
 
 def test_a_rotor_behind_a_gear_of_several_joints_is_left_out_with_its_number(tiny):
@@ -92,9 +93,9 @@ def test_a_rotor_behind_a_gear_of_several_joints_is_left_out_with_its_number(tin
         "<mechanicalReduction>50</mechanicalReduction>{}</actuator></transmission></robot>"
     )
     inertia = "<motorInertia>1e-4</motorInertia>"
-    (found,) = [one for one in changed(tiny, ("</robot>", transmission.format(inertia))).warnings if one.code == "left-out"]
+    (found,) = [one for one in warnings_of(changed(tiny, ("</robot>", transmission.format(inertia)))) if one.code == "left-out"]
     assert "0.25 kg m^2" in found.message
-    assert "left-out" not in codes(changed(tiny, (inertia, "")).warnings)
+    assert "left-out" not in codes(warnings_of(changed(tiny, (inertia, ""))))
 
 
 def test_a_word_of_many_joints_is_warned_of_once_with_its_largest_value(read):
@@ -107,7 +108,7 @@ def test_a_word_of_many_joints_is_warned_of_once_with_its_largest_value(read):
         for i, value in enumerate((0.01, 0.3, 0.02))
     )
     robot = read(f'<robot name="r">{links}{joints}</robot>')
-    (found,) = [problem for problem in robot.warnings if problem.code == "left-out"]
+    (found,) = [problem for problem in warnings_of(robot) if problem.code == "left-out"]
     assert (found.key, "0.3 N m/rad" in found.message, "2 other places" in found.message) == ("j1.dynamics", True, True)
 
 
@@ -153,14 +154,14 @@ DOUBTED = {
 def test_values_that_are_probably_mistakes_get_warnings(case, tiny):
     sound, doubted, fine = DOUBTED[case]
     code, text = case.split()[0], tiny.robot.read_text()
-    assert code not in codes(changed(tiny, (sound, fine)).warnings)
+    assert code not in codes(warnings_of(changed(tiny, (sound, fine))))
     tiny.robot.write_text(text)
-    (found,) = [problem for problem in changed(tiny, (sound, doubted)).warnings if problem.code == code]
+    (found,) = [problem for problem in warnings_of(changed(tiny, (sound, doubted))) if problem.code == code]
     assert found.line is not None
 
 
 def test_an_unusual_parameter_is_named_by_its_plugin_and_tag(tiny):
-    warnings = changed(tiny, (SPRING_K, "<spring_k>1.1e5<")).warnings
+    warnings = warnings_of(changed(tiny, (SPRING_K, "<spring_k>1.1e5<")))
     assert [problem.key for problem in warnings if problem.code == "unusual-value"] == ["elbow_drive.spring_k"]
 
 
@@ -179,17 +180,19 @@ def with_qbmove(tiny, tags):
 )
 def test_exchanged_values_of_a_spring_are_doubted(a, k, doubted, tiny):
     tags = f"<spring_a1>{a}</spring_a1><spring_k1>{k}</spring_k1><spring_a2>{a}</spring_a2><spring_k2>{k}</spring_k2>"
-    found = [problem for problem in with_qbmove(tiny, tags).warnings if problem.code == "exchanged-values"]
+    found = [problem for problem in warnings_of(with_qbmove(tiny, tags)) if problem.code == "exchanged-values"]
     assert [one.key for one in found] == (["drive.spring_a1, spring_k1, spring_a2, spring_k2"] if doubted else [])
 
 
 def test_a_tag_that_the_block_has_is_not_suggested(tiny):
     text = tiny.robot.read_text()
     tags = "<spring_k1>0.02</spring_k1><spring_k3>0.02</spring_k3>"
-    (found,) = [one for one in with_qbmove(tiny, tags).warnings if one.code == "unknown-tag"]
+    (found,) = [one for one in warnings_of(with_qbmove(tiny, tags)) if one.code == "unknown-tag"]
     assert found.hint == "Did you mean <spring_k2>?"
     tiny.robot.write_text(text)
-    (found,) = [one for one in with_qbmove(tiny, f"<spring_k2>0.02</spring_k2>{tags}").warnings if one.code == "unknown-tag"]
+    (found,) = [
+        one for one in warnings_of(with_qbmove(tiny, f"<spring_k2>0.02</spring_k2>{tags}")) if one.code == "unknown-tag"
+    ]
     assert "spring_k" not in (found.hint or "")
 
 
@@ -212,14 +215,14 @@ def test_a_link_and_a_joint_may_share_a_name():
 def test_a_slider_has_no_usual_stiffness(tiny):
     """What lifts a carriage is no stiffness of a joint that turns."""
     robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ("<spring_k>10<", "<spring_k>1.1e5<"))
-    assert "unusual-value" not in codes(robot.warnings)
+    assert "unusual-value" not in codes(warnings_of(robot))
 
 
 def test_an_inertia_that_is_rounding_is_zero(tiny):
     """iCub's links have moments of -5e-20 kg m^2, as CAD wrote them; -1e-3 is a mistake (tests of bad input)."""
     robot = changed(tiny, (INERTIA, 'ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-18" iyz="0" izz="0"'))
     assert (0.0,) * 6 in [link.inertia for link in robot.links]
-    assert "zero-inertia" in codes(robot.warnings)
+    assert "zero-inertia" in codes(warnings_of(robot))
 
 
 @pytest.mark.parametrize("value", ["1e308", "1e13", "-1e300", "1e-308", "5e-324"])
@@ -295,7 +298,7 @@ def test_a_passive_spring_is_read(tiny):
     robot = load_robot(tiny.robot)
     joint = robot.joint("elbow")
     assert (joint.spring_stiffness, joint.spring_reference) == (200.0, -0.26)
-    assert codes(robot.warnings) == {"no-actuators"}
+    assert codes(warnings_of(robot)) == {"no-actuators"}
     assert merge_fixed(robot).robot.joint("elbow").spring_stiffness == 200.0
 
 
@@ -311,7 +314,7 @@ def test_a_passive_spring_is_read(tiny):
 )
 def test_a_misused_spring_is_told_of(end, code, tiny):
     robot = changed(tiny, ("</robot>", end))
-    assert code in codes(robot.warnings)
+    assert code in codes(warnings_of(robot))
 
 
 @pytest.mark.parametrize("text", ["", "x", "1_0", "nan", "inf", "1e300", "\u0661"])
@@ -327,7 +330,7 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
         '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
     )
     robot = changed(tiny, ("</robot>", second + gazebo(*SPRING, joint="wrist")))
-    (problem,) = [one for one in robot.warnings if one.code == "mimic-limits"]
+    (problem,) = [one for one in warnings_of(robot) if one.code == "mimic-limits"]
     assert problem.key == "wrist"
     told = asrsim_command("check", tiny.robot).out
     assert "passive spring, 200 N m/rad to -0.26 rad: wrist" in told

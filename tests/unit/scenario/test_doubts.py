@@ -3,7 +3,9 @@
 import pytest
 import yaml
 
+from asrsim.kinematics.sizing import weight_warnings
 from asrsim.robot import load_robot
+from asrsim.robot.doubts import warnings_of
 from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
 from asrsim.scenario.signal_checks import undersampled
 
@@ -49,7 +51,8 @@ def warned(tiny, more):
     robot = load_robot(scenario.robot)
     errors, warnings = check_against_robot(scenario, robot)
     assert not errors
-    warnings += map(scenario.placed, apply_to_robot(scenario, robot).warnings)
+    changed = apply_to_robot(scenario, robot)
+    warnings += [*map(scenario.placed, warnings_of(changed)), *weight_warnings(scenario, changed)]
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given

@@ -8,7 +8,7 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
-from asrsim.scenario.starter import relocated
+from asrsim.scenario.relocate import relocated
 from asrsim.signals import Constant, Ramp, Step
 from support.bags import ramp_bag
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from asrsim.errors import InputError
-from asrsim.simulation.released import released_step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """An integration scheme: its constants, and optionally a separate function that advances a joint."""
+    """An integration scheme and its constants."""
 
     name: str
     order: int
@@ -25,10 +24,9 @@ class Stepping:
     """Whether velocities belong to half steps. Then the first kick lasts half a step, damping and controllers use an
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
     velocities are converted to whole steps."""
-    joint_step: Callable[..., None] | None = None
-    """Function that advances a joint instead of `asrsim.simulation.kernel.advance`, in a stepping that is not staggered."""
     released: bool = False
-    """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""
+    """Whether joints behave as in the released toolbox: its own order of a step (`asrsim.simulation.released`), no substeps,
+    motors that start at 0, not passive."""
 
 
 STEPPINGS: Mapping[str, Stepping] = {
@@ -53,7 +51,6 @@ STEPPINGS: Mapping[str, Stepping] = {
             implicitness=0.0,
             first_drift=0.0,
             staggered=False,
-            joint_step=released_step,
             released=True,
             doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
         ),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -14,17 +13,19 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.document.kinds import File, walk
-from asrsim.document.node import node_from_data
-from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import plain_scalar
 from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, UnresolvedSpringError, listed
+from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
 from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
-from asrsim.scenario.data import SCENARIO, Scenario
+from asrsim.robot.doubts import warnings_of
+from asrsim.scenario.check import nothing_moves
+from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data
+from asrsim.scenario.relocate import robot_key
 from asrsim.scenario.schema import schema_text
+from asrsim.simulation.prepare import prepare
 
 STEP = 0.3
 """Step of the starter's position references, rad."""
@@ -272,16 +273,6 @@ def mounted(robot: Robot, joints: Collection[str], parameters: Mapping[str, Mapp
     }
 
 
-def robot_key(robot: Path, folder: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Any:
-    """Value of the key `robot` of a scenario file in `folder`."""
-    file = relative_path(robot, folder)
-    if not arguments and not packages:
-        return file
-    paths = {name: relative_path(path, folder) for name, path in (packages or {}).items()}
-    parts = {"arguments": dict(arguments or {}), "packages": paths}
-    return {"file": file, **{key: part for key, part in parts.items() if part}}
-
-
 def write_starter(
     robot: Path, out: Path, *, mode: int | None = None, actuators: Mapping[str, str] | None = None, force: bool = False,
     arguments: Mapping[str, str] | None = None, packages: Mapping[str, Path] | None = None,
@@ -302,7 +293,11 @@ def write_starter(
         robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or ("*" in given and not joint.mimic)),
+        given=tuple(
+            joint.name
+            for joint in loaded.moving_joints
+            if joint.name in given or ("*" in given and joint.name not in loaded.followers)
+        ),
     )
     bare = _sized(bare, _rotors(bare))
     for fastest in FASTEST if given else FASTEST[:1]:
@@ -335,13 +330,11 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
 
     loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
     """
-    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
-
     for _ in range(ROUNDS if starter.given else 0):
         # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
         starter = _sized(starter, strengthened(starter.scenario(folder), starter.robot, fastest=fastest))
     found = sizing(starter.scenario(folder), starter.robot)
-    notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
+    notes = [*warnings_of(loaded), *problems_of_weight(found, starter.robot)]
     if starter.given:
         notes = [problem for problem in notes if problem.key != loaded.name]
     lasts, damped = calming(starter.scenario(folder), starter.robot)
@@ -349,7 +342,9 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
         message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
         hint = "`link_damping` in the scenario damps it" if starter.given else f"`link_damping: {damped}` would damp it"
         notes.append(Problem(message, file=loaded.path, hint=hint, code="swings-on"))
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
+    held = {one.joint for one in found.joints} == {
+        joint.name for joint in starter.robot.moving_joints
+    } - starter.robot.followers
     starter = replace(
         starter,
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
@@ -360,8 +355,6 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
 
 def _runnable(starter: Starter, loaded: Robot, folder: Path) -> Starter:
     """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
-    from asrsim.simulation.prepare import prepare
-
     try:
         for scenario in starter.scenarios(folder):
             prepare(scenario, loaded)
@@ -388,8 +381,6 @@ def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Sta
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
     """Robot in a file. Raises RobotError if the robot cannot be read, or has no moving joint."""
-    from asrsim.scenario.check import nothing_moves
-
     robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
     if not robot.moving_joints:
         raise RobotError([nothing_moves(robot)])
@@ -419,27 +410,3 @@ def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: b
             stack.enter_context(written(path, "schema", replace=force)).write(text.encode())
         if schema is not None:
             stack.enter_context(written(schema, "schema")).write(schema_text().encode())
-
-
-def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:
-    """Copy of a scenario's data for a file in another folder: with changed paths, and without name, variant and claims."""
-    root = node_from_data({key: value for key, value in scenario.resolved.items() if key not in ("name", "variant", "expect")})
-    reading = DocumentReading(base=scenario.path.parent if scenario.path else Path(), files=scenario.attachments)
-    paths: dict[int, object] = {
-        id(node): relative_path(reading.locate(str(node.value), folder=kind.folder), folder)
-        for _, kind, node in walk(SCENARIO, root)
-        if isinstance(kind, File) and node.value is not None
-    }
-    # Robot and packages are not among the attachments.
-    return {
-        **root.plain(paths),
-        "robot": robot_key(scenario.robot, folder, scenario.xacro_arguments, scenario.package_paths),
-    }
-
-
-def relative_path(target: Path, folder: Path) -> str:
-    """Path of `target` relative to `folder`, with forward slashes; absolute where no relative path exists."""
-    try:
-        return Path(os.path.relpath(target, folder)).as_posix()
-    except ValueError:
-        return target.absolute().as_posix()

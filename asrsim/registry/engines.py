@@ -1,0 +1,64 @@
+"""Registry of the physics engines. The module of an engine is imported only when the engine is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from asrsim.registry import Registry
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineEntry:
+    """A registered engine."""
+
+    make: Callable[..., tuple[Any, tuple[Any, ...]]]
+    """Function that takes a scenario and a robot, and returns an `asrsim.engines.Engine` and its warnings. The robot has the
+    scenario's modes and parameters already."""
+    doc: str
+    module: str = ""
+    """Python module that the engine needs; empty if it needs none."""
+    prescribed: bool = False
+    """Whether the scenario's `motion` prescribes the motion of the links."""
+    faster: str = ""
+    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
+
+    @property
+    def available(self) -> bool:
+        """Whether the engine's module is installed."""
+        return not self.module or find_spec(self.module) is not None
+
+
+ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)
+
+
+def _make(name: str, scenario: Any, robot: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Engine and warnings by the function `make` of the engine's module, which is imported only now."""
+    made: tuple[Any, tuple[Any, ...]] = import_module(f"asrsim.engines.{name}").make(scenario, robot)
+    return made
+
+
+ENGINES.add(
+    "bullet",
+    EngineEntry(
+        make=partial(_make, "bullet"),
+        doc="PyBullet, with contacts; the default where it is installed",
+        module="pybullet",
+        faster="mujoco",
+    ),
+)
+ENGINES.add(
+    "mujoco", EngineEntry(make=partial(_make, "mujoco"), doc="MuJoCo, many times faster; contacts are softer", module="mujoco")
+)
+ENGINES.add(
+    "bench", EngineEntry(make=partial(_make, "bench"), doc="a test bench: the links' motion is prescribed", prescribed=True)
+)
+
+
+def default_engine() -> str:
+    """Name of the engine for a scenario without an engine: PyBullet if it is installed, else MuJoCo."""
+    return "bullet" if ENGINES.get("bullet").available else "mujoco"
