@@ -283,6 +283,8 @@ class Scenario:
     """Paths of the invalid keys that `read_scenarios` left out."""
     as_read: Scenario | None = field(default=None, compare=False, repr=False)
     """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
+    states_engine: bool = field(default=False, compare=False, repr=False)
+    """Whether the engine was stated, and not chosen for the scenario."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Line in the file for each dotted key, for messages of later checks."""
 
