@@ -16,6 +16,7 @@ from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.observation import Counts
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recording import Sink
@@ -62,7 +63,7 @@ def blame_laws() -> Iterator[None]:
 
 @blame_laws()
 def simulate(
-    scenario: Scenario | Prepared,
+    scenario: Scenario | Plan | Prepared,
     robot: Robot | None = None,
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
@@ -76,7 +77,7 @@ def simulate(
     """Result of a run of one scenario.
 
     Args:
-        scenario: The scenario, or a prepared scenario.
+        scenario: The scenario, or an examined or prepared scenario.
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
         keep: Collect all samples in the result.

@@ -24,10 +24,11 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import WATCHED, RowColumns, without_energies
 
 WARP = "mujoco_warp"
@@ -88,11 +89,12 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Prepared,
+        scenario: str | Path | Scenario | Plan | Prepared,
         count: int,
         *,
         variant: str | None = None,
         overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (),
         names: Sequence[str] | None = None,
         watched: bool = True,
         compiled: bool | None = None,
@@ -106,7 +108,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`, which also explains variant, overrides and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, plugins and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -123,9 +125,10 @@ class Worlds:
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
-            scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-            if engine is not None:
-                scenario = replace(scenario, engine=links_engine(engine) or scenario.engine)
+            if not isinstance(scenario, Plan):
+                scenario = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
+            if engine is not None and (other := links_engine(engine)):
+                scenario = scenario.on(engine=other) if isinstance(scenario, Plan) else replace(scenario, engine=other)
             scenario = prepare(scenario)
         elif engine not in (None, WARP, scenario.scenario.engine):
             raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+from asrsim.scenario import apply_to_robot, load_scenario, only_variant
+from support.examined import checked_robot
 
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
 AXES = ("0 1 0", "1 0 0", "0 1 0.3", "0 0 1", "1 0 1")
