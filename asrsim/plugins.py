@@ -7,8 +7,8 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Iterable, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
 
@@ -92,6 +92,18 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     for actuator in found:
         ACTUATORS.add(actuator.name, actuator, replace=True)
     return tuple(found)
+
+
+@contextmanager
+def blame_laws() -> Iterator[None]:
+    """Convert exceptions of a user's law to an ActuatorError with file and line."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        fault = law_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:

@@ -109,7 +109,7 @@ def scenario_report(path: Path) -> FileReport:
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, only the robot's own warnings are reported."""
     from asrsim.simulation.examine import findings
-    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.prepare import build
 
     alone = report.kind == "robot"
     plan, errors, warnings = findings(scenario, robot, propose=not alone)
@@ -119,7 +119,7 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
         plan = replace(plan, warnings=tuple(map(scenario.placed, warnings_of(plan.robot))))
     report = replace(report, robot=plan.robot, step=scenario.step, warnings=plan.warnings)
     try:
-        prepared = prepare(plan)
+        prepared = build(plan)
         prepared.make_engine().close()
     except AsrsimError as error:
         # Springs that are too stiff for any substep, and bodies that the engine rejects.

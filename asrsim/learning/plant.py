@@ -100,7 +100,7 @@ def make_plant(scenario: Scenario) -> Plant:
     Raises ScenarioError if the block is missing, or a joint's mode has no position reference.
     """
     from asrsim.simulation.examine import examine
-    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.prepare import build
 
     learning = scenario.learning
     if learning is None:
@@ -143,6 +143,6 @@ def make_plant(scenario: Scenario) -> Plant:
         },
     )  # fmt: skip
     return Plant(
-        scenario=scenario, robot=plan.source, learning=learning, prepared=prepare(played), joints=joints, time=time,
+        scenario=scenario, robot=plan.source, learning=learning, prepared=build(played), joints=joints, time=time,
         reference=reference,
     )  # fmt: skip

@@ -16,10 +16,11 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
+from asrsim.plugins import blame_laws
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.run import Run, blame_laws
+from asrsim.simulation.prepare import Prepared, Start, build
+from asrsim.simulation.run import Run
 from asrsim.simulation.simulation import Simulation
 
 COMPARED = ("link_position", "link_torque")
@@ -101,7 +102,7 @@ def certify(
     if a finer run fails.
     """
     scenario, stepping = plan.scenario, plan.stepping
-    comparison = Comparison([prepare(_finer(plan, run, finer)) for finer in (1, 2, 4)])
+    comparison = Comparison([build(_finer(plan, run, finer)) for finer in (1, 2, 4)])
     for time in comparison:
         if progress is not None:
             progress("finer steps", time)
@@ -171,10 +172,10 @@ def cross_check(
     names = [joint.name for joint in run.robot.moving_joints]
     contacts, finding, note = not scenario.world.empty, "", ""
     same = _finer(plan, run, 1)
-    own = prepare(same)
+    own = build(same)
     found = np.full((len(names), len(MEASURES)), np.nan)
     try:
-        repeated = prepare(same.on(engine=other))
+        repeated = build(same.on(engine=other))
         version = repeated.info.metadata["engine_version"]
         found = _differences(own, repeated, other, progress)
     except DivergenceError as error:

@@ -12,7 +12,7 @@ from typing import Any
 
 from asrsim.errors import InputError, Problem, RobotError, ScenarioError
 from asrsim.kinematics.sizing import weight_warnings
-from asrsim.plugins import load_plugin_files
+from asrsim.plugins import blame_laws, load_plugin_files
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.model import Robot
@@ -50,6 +50,7 @@ class Plan:
         return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario))
 
 
+@blame_laws()
 def examine(
     scenario: str | Path | Scenario | Plan,
     robot: Robot | None = None,

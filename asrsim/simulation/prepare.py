@@ -17,6 +17,7 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.plugins import blame_laws
 from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
@@ -267,13 +268,20 @@ def prepare(
     plugins: Sequence[str | Path] = (),
     settable: bool = False,
 ) -> Prepared:
-    """Build the actuators and the engine of a scenario; raises RobotError, ScenarioError or UnresolvedSpringError.
-
-    robot, variant, overrides, plugins: as for `examine`. The number of substeps is chosen for the scenario's references and
-    for all values in its `reference_ranges`. settable: whether callers may set all references within the limits of the robot;
-    the scenario then gets these limits as `reference_ranges`.
-    """
+    """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. Raises RobotError,
+    ScenarioError or UnresolvedSpringError."""
     plan = examine(scenario, robot, variant=variant, overrides=overrides, plugins=plugins)
+    return build(plan, settable=settable)
+
+
+@blame_laws()
+def build(plan: Plan, *, settable: bool = False) -> Prepared:
+    """Build the actuators and the engine of an examined scenario. Raises UnresolvedSpringError, and errors of the engine.
+
+    The number of substeps is chosen for the scenario's references and for all values in its `reference_ranges`. settable:
+    whether callers may set all references within the limits of the robot; the scenario then gets these limits as
+    `reference_ranges`.
+    """
     planned, drives = plan.scenario, plan.drives
     if settable:
         # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.

@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 
 from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.plain import finite_or_none
+from asrsim.plugins import blame_laws
 from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.prepare import Prepared, Start
-from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
+from asrsim.simulation.run import Run, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
 from asrsim.summary import Collector
