@@ -71,7 +71,6 @@ QUANTITIES: dict[str, Quantity] = {
         ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity("winding_loss", "J", r"$E_R$", "heat of the motors' windings since the start", apart=True),
-        Quantity("hysteresis_loss", "J", r"$E_h$", "energy lost in the springs' hysteresis since the start", apart=True),
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: error of the energy balance"
         ),

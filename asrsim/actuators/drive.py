@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators.electric import Electric, electric_of
-from asrsim.actuators.hysteresis import HysteresisConstants, hysteresis_of
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import MOTOR_PARAMETERS
+from asrsim.actuators.stages import STAGES
 from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
@@ -45,9 +45,11 @@ class Drive:
         return self.values.get("max_deflection", math.inf)
 
     @cached_property
-    def hysteresis(self) -> HysteresisConstants | None:
-        """Constants of the springs' hysteresis; None without hysteresis."""
-        return hysteresis_of(self.values) if self.mode.spring else None
+    def stages(self) -> Mapping[str, tuple[Any, ...]]:
+        """Constants at each motor of the stages that act, by name of the stage; None at motors where a stage does not act."""
+        motors = range(1, self.actuator.motors + 1) if self.mode.spring else ()
+        found = {one.name: tuple(one.constants(self.values, i, self.mode) for i in motors) for one in STAGES.loaded()}
+        return {name: own for name, own in found.items() if any(one is not None for one in own)}
 
     @property
     def dynamic_motors(self) -> int:

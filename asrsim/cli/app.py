@@ -140,21 +140,21 @@ def main() -> None:
 
 def _call() -> int:
     from asrsim.cli.console import complain
-    from asrsim.cli.interrupt import INTERRUPTED, like_an_interruption
+    from asrsim.cli.interrupt import INTERRUPTED, interruptible
 
-    try:
-        with like_an_interruption():
+    with interruptible() as interrupted:
+        try:
             app()
-    except SystemExit as end:
-        # Typer prints nothing for an interrupted command.
-        if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+        except SystemExit as end:
+            # Typer prints nothing for an interrupted command.
+            if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+                complain("asrsim: aborted")
+            return end.code if isinstance(end.code, int) else int(end.code is not None)
+        except (KeyboardInterrupt, Exception) as error:
+            if isinstance(error, Exception) and not interrupted():
+                return _report_error(error)
             complain("asrsim: aborted")
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        complain("asrsim: aborted")
-        return INTERRUPTED
-    except Exception as error:
-        return _report_error(error)
+            return INTERRUPTED
     return 0
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -14,23 +15,45 @@ from asrsim.cli.console import complain
 INTERRUPTED = 130
 """Exit code of a command ended by SIGINT, as in shells."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+AGAIN = 0.3
+"""Time after which KeyboardInterrupt is raised again if nothing handles it, s."""
 
 
 @contextmanager
-def like_an_interruption() -> Iterator[None]:
-    """Context manager under which SIGTERM raises KeyboardInterrupt, so that files are closed and child processes are ended."""
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Context manager under which SIGTERM acts like Ctrl-C, so that files are closed and child processes are ended. Gives a
+    function that tells whether such a signal has arrived.
+
+    Compilers' callbacks and some libraries' imports swallow exceptions, and may fail later because of it. KeyboardInterrupt is
+    therefore raised until it arrives.
+    """
+    timer = getattr(signal, "SIGALRM", None)
+    arrived = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
+        nonlocal arrived
+        handled = sys.exc_info()[1]
+        while handled is not None and not isinstance(handled, KeyboardInterrupt):
+            handled = handled.__context__
+        arrived = True
+        if timer is not None:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        # Files are closed while the exception is handled: the timer does not disturb it.
+        if number != timer or handled is None:
+            raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
+        yield lambda: arrived
         return
-    signal.signal(signal.SIGTERM, interrupt)
+    numbers = [number for number in (*SIGNALS, timer) if number is not None and signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, interrupt) for number in numbers}
     try:
-        yield
+        yield lambda: arrived
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if timer is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Interruption:
@@ -64,8 +87,10 @@ class Interruption:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.requested or not self._polled:
-            # A compiler callback may swallow the exception: then the next call of `stop` ends the run.
             self.requested = True
+            outer = self._before[number]
+            if callable(outer):
+                outer(number, frame)
             raise KeyboardInterrupt
         self.requested = True
         if self._message:

@@ -45,6 +45,17 @@ KEYS = {
 DOCUMENTS = (".yaml", ".yml", ".json")
 """Endings of files whose kind is detected by their keys."""
 
+LFS = b"version https://git-lfs.github.com/spec/"
+"""Beginning of the text that Git has in the place of a file that Git LFS stores (Git LFS specification, version 1)."""
+
+
+def lfs_pointer(start: bytes, wanted: str) -> Problem | None:
+    """Problem if a file is a pointer of Git LFS in the place of the wanted file; None otherwise. start: its first bytes."""
+    if not start.startswith(LFS):
+        return None
+    message = f"is a pointer of Git LFS, not the {wanted}: the file itself was not fetched"
+    return Problem(message, code="lfs-pointer", hint="`git lfs pull` in its repository fetches it")
+
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:
     """Kind of a file by its ending, else by its keys; None if both are unknown. root: Root node, if already read."""

@@ -131,12 +131,13 @@ class _Statics:
     def pulls(self, positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
         columns, (drives, references, efforts) = [*self.springs], zip(*self.springs.values(), strict=True)
-        place = self.couplings.expand(positions)[..., columns]
+        q = self.couplings.expand(positions)
+        place = q[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return self.couplings.fold(found)
+        return self.couplings.fold(found, q)
 
 
 @np.errstate(all="ignore")
@@ -274,7 +275,7 @@ def weight_warnings(scenario: Scenario, robot: Robot, *, propose: bool = False) 
     parameters. A robot with closed chains is not checked."""
     names = _sagging(scenario, robot)
     blocks = [block for block in robot.actuators if block.joint in names]
-    if not blocks or scenario.loops or surely_held(scenario, robot, blocks):
+    if not blocks or robot.loops or surely_held(scenario, robot, blocks):
         return ()
     return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path)
 
@@ -345,7 +346,8 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
     inertia, moving = _carried(robot), robot.moving_joints
-    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    places = robot.couplings.expand([*start_positions(scenario, robot).values()])
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving], places).tolist()
     damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):

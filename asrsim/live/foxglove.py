@@ -5,24 +5,19 @@ from __future__ import annotations
 import json
 import secrets
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import InputError
+from asrsim.live.mailbox import Mailbox
 from asrsim.live.origin import OriginProxy
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
 from asrsim.log.topics import schema_name, schema_text
 
-WAITING, WAITING_BYTES = 5000, 1 << 24
-"""Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. Of more messages,
-the oldest are dropped and counted."""
-LARGEST_MESSAGE = 1 << 20
-"""Largest size of a message in bytes. A decoded message takes up to a hundred times as much memory."""
 MOST = 1000
 """Largest number of channels that clients may advertise, and of latched topics that wait to be sent again."""
 
@@ -37,12 +32,7 @@ class FoxgloveTransport:
 
         # Keep a reference to the context: the channels exist only as long as their context.
         self._context = context = Context()
-        self._messages: deque[tuple[int, bytes]] = deque()
-        self._size = 0
-        """Sum of the sizes of the waiting messages, bytes."""
-        self._lock = Lock()
-        self._lost: Counter[tuple[int, str]] = Counter()
-        """Number of dropped messages, by the number of their input topic and the reason."""
+        self._mailbox = Mailbox()
         self._subscribed: deque[str] = deque(maxlen=MOST)
         """Latched topics with new subscribers."""
         self._advertised: dict[tuple[int, int], int] = {}
@@ -96,18 +86,8 @@ class FoxgloveTransport:
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
         """Queue a client's message."""
         number = self._advertised.get((client.id, client_channel_id))
-        if number is None:
-            return
-        with self._lock:
-            if len(data) > LARGEST_MESSAGE:
-                self._lost[number, f"a message of more than {LARGEST_MESSAGE} bytes"] += 1
-                return
-            self._messages.append((number, bytes(data)))
-            self._size += len(data)
-            while len(self._messages) > WAITING or self._size > WAITING_BYTES:
-                oldest, dropped = self._messages.popleft()
-                self._size -= len(dropped)
-                self._lost[oldest, "more messages than the run can take"] += 1
+        if number is not None:
+            self._mailbox.put(number, bytes(data))
 
     # -- called by the simulation's thread --------------------------------------------------------------------------
 
@@ -122,14 +102,7 @@ class FoxgloveTransport:
         while self._subscribed:
             channel, message = self._latched[self._subscribed.popleft()]
             channel.log(message)
-        with self._lock:
-            lost, self._lost = self._lost, Counter()
-            messages, self._messages, self._size = self._messages, deque(), 0
-        for (number, why), count in lost.items():
-            for _ in range(count):
-                yield Received(number, fault=why)
-        while messages:
-            yield decoded(*messages.popleft())
+        return self._mailbox.take(decoded)
 
     def close(self) -> None:
         """Implements `Transport.close`."""
@@ -137,9 +110,9 @@ class FoxgloveTransport:
         self._server.stop()
 
 
-def decoded(inlet: int, data: bytes) -> Received:
+def decoded(inlet: int, data: bytes, sent: float = 0.0) -> Received:
     """Content of a message in JSON; invalid JSON gives a message with a fault."""
     message, missing = None, {"position": (), "effort": (), "velocities": ()}
     with suppress(ValueError, TypeError, RecursionError):
         message = json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields}))
-    return received(inlet, message)
+    return received(inlet, message, sent=sent)

@@ -13,10 +13,12 @@ from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Event, Lock, Thread
 from typing import Any
 
 from asrsim.errors import InputError
 from asrsim.extras import install
+from asrsim.live.mailbox import Mailbox
 from asrsim.live.transport import Access, Interface, Received, Tell, received
 
 DEPTH = 300
@@ -25,6 +27,9 @@ message: with 1000 kept messages, a reliable subscriber that takes no messages s
 """
 MOST = 1000
 """Largest number of messages that a subscription keeps, and that one call takes from it."""
+UNREAD = 0.02
+"""Time after which a thread takes the waiting messages in place of the simulation, s. A subscription limits their number, but
+not their bytes; the mailbox does."""
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
 LOCAL = (
@@ -99,8 +104,12 @@ class RosTransport:
             for number, inlet in enumerate(interface.inlets)
             if (kind := message_type(inlet.message))
         ]
-        self._unsent = 0
+        self._kinds = {number: kind for number, kind, _ in self._subscriptions}
+        self._unsent, self._mailbox, self._lock, self._closed = 0, Mailbox(), Lock(), Event()
         self._look()
+        self._taken = clock.monotonic()
+        self._thread = Thread(target=self._empty, daemon=True)
+        self._thread.start()
         reach = "the network" if access.network else "this machine"
         left = f" (without topics of {', '.join(sorted(missing))}, which are not installed here)" if missing else ""
         tell(f"ros: node {self._node.get_fully_qualified_name()}, domain {self._context.get_domain_id()}, {reach}{left}")
@@ -120,13 +129,35 @@ class RosTransport:
         """Implements `Transport.poll`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
-        for number, kind, subscription in self._spoken_to:
-            for _ in range(MOST):
-                taken = subscription.handle.take_message(kind, False)
-                if taken is None:
-                    break
-                message, about = taken
-                yield received(number, message, sent=1e-9 * about["source_timestamp"])
+        self._take()
+        return self._mailbox.take(self._decoded)
+
+    def _take(self) -> None:
+        """Move the waiting messages of all subscriptions to the mailbox."""
+        with self._lock:
+            for number, kind, subscription in self._spoken_to:
+                for _ in range(MOST):
+                    taken = subscription.handle.take_message(kind, True)
+                    if taken is None:
+                        break
+                    data, about = taken
+                    self._mailbox.put(number, data, sent=1e-9 * about["source_timestamp"])
+            self._taken = clock.monotonic()
+
+    def _empty(self) -> None:
+        """Take messages while the simulation takes none, such as in a long step."""
+        while not self._closed.wait(UNREAD):
+            if clock.monotonic() - self._taken > UNREAD:
+                self._take()
+
+    def _decoded(self, inlet: int, data: bytes, sent: float) -> Received:
+        from rclpy.serialization import deserialize_message
+
+        try:
+            message = deserialize_message(data, self._kinds[inlet])
+        except Exception:  # rclpy raises errors of many types
+            message = None
+        return received(inlet, message, sent=sent)
 
     def _look(self) -> None:
         """Find the topics with subscribers, and the topics with publishers."""
@@ -136,6 +167,8 @@ class RosTransport:
 
     def close(self) -> None:
         """Implements `Transport.close`."""
+        self._closed.set()
+        self._thread.join()
         self._node.destroy_node()
         self._context.try_shutdown()
 

@@ -54,6 +54,13 @@ class RawColumn:
     """Joint that the file states, as JointState messages do."""
     quantity: str | None = None
     """Quantity that the message type implies."""
+    file: str = ""
+    """Name, without its ending, of the column's file, if several files in a folder make the recording."""
+
+    @property
+    def header(self) -> str:
+        """Name of the column in its own file."""
+        return self.name.removeprefix(f"{self.file}/") if self.file else self.name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,6 +125,8 @@ class Column:
     """Conversion of the numbers: "deg -> rad, x 0.0174533", "rad assumed"; "" for none."""
     stated: bool = False
     """True if the file or the mapping states the unit, False if it is assumed."""
+    target: str = ""
+    """Meaning that a mapping may give to a column about which the user is asked, such as `reference_1 [unit]`."""
     origin: str = ""
     """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
     "not used: ..." with the reason."""

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.confined import ConfinedError, run_confined
+from asrsim.document.file import lfs_pointer
 from asrsim.errors import InputError, Problem, RecordingError, similar_file
 from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.recordings.folders import FOLDER, joined
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.sheets import read_excel, read_json
 from asrsim.recordings.text import read_text
@@ -63,14 +65,13 @@ for _name, _reader in {
     READERS.add(_name, _reader)
 
 
-LFS = b"version https://git-lfs.github.com/spec/"
-"""Beginning of the text that Git has in the place of a file that Git LFS stores (Git LFS specification, version 1)."""
-
-
 def content_of(path: Path, reading: Reading) -> Content:
     """Content of the file, read by the reader of its format. Raises RecordingError."""
     try:
         name = format_of(path)
+        if name == FOLDER:
+            endings = {suffix for kind in READERS for suffix in READERS.get(kind).suffixes}
+            return joined(path, lambda file: content_of(file, reading), endings)
         reader = READERS.get(name)
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
         return replace(found, format=name)
@@ -83,16 +84,13 @@ def format_of(path: Path) -> str:
     if not path.exists():
         raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
     if path.is_dir():
-        if not (path / "metadata.yaml").is_file():
-            raise RecordingError("is a folder without metadata.yaml; a ROS 2 bag has one", code="no-bag")
-        return "bag"
+        return "bag" if (path / "metadata.yaml").is_file() else FOLDER
     with path.open("rb") as stream:
         start = stream.read(512)
     if not start:
         raise RecordingError("the file is empty", code="empty", hint="Expected a header and rows of numbers")
-    if start.startswith(LFS):
-        message = "is a pointer of Git LFS, not the recording: the file itself was not fetched"
-        raise RecordingError(message, code="lfs-pointer", hint="`git lfs pull` in its repository fetches it")
+    if (pointer := lfs_pointer(start, "recording")) is not None:
+        raise RecordingError([pointer])
     readers = {name: READERS.get(name) for name in READERS}
     # JSON may have blanks before and between its first characters.
     heads = start, b"".join(start.split())

@@ -8,7 +8,7 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, RecordingError
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.names import KINDS
+from asrsim.recordings.words import TAKEN, UNIT_KINDS, one_of
 
 
 def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str]:
@@ -33,10 +33,16 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
     mode: Control mode of the run, which decides whether the reference is a position or a torque; None: not checked.
     """
     quantity = str(column.quantity)
-    if quantity == "reference_1" and mode in MODES:
-        wanted = KINDS[MODES[mode].units[0]]
-        if column.unit and KINDS.get(column.unit) != wanted:
-            how = "is" if column.stated else "is, by its name,"
+    if quantity == "reference_1" and column.unit:
+        kind = UNIT_KINDS.get(column.unit, column.unit)
+        kind = "torque" if prismatic and kind == "force" else kind  # modes of a torque take a force there
+        wanted = UNIT_KINDS[MODES[mode].units[0]] if mode in MODES else ""
+        how = "is" if column.stated else "is, by its name,"
+        if kind == "force" or kind not in TAKEN:
+            why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode takes it"
+            hint = f"Give what its numbers are: --map '{column.source}={joint}.reference_1 [unit]', or =ignore"
+            return Problem(f"{how} a command of {one_of([kind])}, but {why}", key=column.source, hint=hint, code="wrong-unit")
+        if wanted and kind != wanted:
             message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
             return Problem(message, key=column.source, code="wrong-unit")
     # Second references and second motors may have any unit (the adjuster of AwAS-II moves in m).

@@ -58,7 +58,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
             doubt = "" if " assumed" not in column.conversion else "; ? the file states no unit"
             yield _line(f"  {_yaml({column.source: target})}", column.origin + doubt)
     for column in recording.asked:
-        target = f"{column.joint or 'JOINT'}.QUANTITY [{_unit(column) or 'unit'}]"
+        target = f"{column.joint or 'JOINT'}.{column.target}".replace("[unit]", f"[{_unit(column) or 'unit'}]")
         yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
     if others := [column.source for column in columns if not (column.quantity or column.question)]:
         yield f"# not used: {', '.join(others)}"

@@ -16,14 +16,18 @@ import numpy as np
 from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
+from asrsim.recordings.commands import command_unit
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
+from asrsim.recordings.folders import require_one_recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import KNOWN, DoubtError, command_unit, find_raw, joint_of, meaning_of, stated_unit, within_joint
+from asrsim.recordings.names import KNOWN, find_raw, meaning_of, stated_unit, within_joint
+from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
-from asrsim.recordings.units import Unit, fits
+from asrsim.recordings.units import Unit, fits, split_header
+from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
 
 _TURNS = 20.0
@@ -106,6 +110,7 @@ def _recording(
     meanings = _meanings(raw, _explicit(raw, reading, joints), reading, joints)
     with np.errstate(over="ignore", invalid="ignore"):
         columns = [in_si(column, time, meaning) for column, time, meaning in zip(raw, times, meanings, strict=True)]
+    require_one_recording(raw, columns)
     columns = _without_repeats(columns, findings)
     findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
@@ -160,15 +165,15 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
 def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
     """Unit stated by the mapping or the file; an empty unit where neither states it."""
     stated = None if one is None else one.unit
-    return stated or stated_unit(raw.name) or Unit("", "", 1.0)
+    return stated or stated_unit(raw.header) or Unit("", "", 1.0)
 
 
 def _meanings(
     raw: Sequence[RawColumn], explicit: Mapping[int, ColumnMap], reading: Reading, joints: Sequence[str] | None
 ) -> Iterator[ColumnMap]:
     """Meaning of each column, by its mapping, or else by the file or the column's name."""
-    names = [re.sub(r"(#\d+)+$", "", column.name) for column in raw]
-    uses = Counter(names)
+    names = [re.sub(r"(#\d+)+$", "", column.header) for column in raw]
+    uses = Counter((column.file, name) for column, name in zip(raw, names, strict=True))
     for i, (column, name) in enumerate(zip(raw, names, strict=True)):
         if i in explicit:
             yield explicit[i]
@@ -180,10 +185,13 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 if joints and quantity and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts from 0 fits only a robot that does so
-                if quantity and uses[name] > 1:
+                if quantity and joints and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
+                    raise DoubtError("the file has several joints without their names")
+                if quantity and uses[column.file, name] > 1:
                     raise DoubtError("several columns have its name")
             except DoubtError as doubt:
-                yield ColumnMap(origin=f"asked: {doubt}")
+                owner = column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0]
+                yield ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target)
                 continue
             origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
             yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
@@ -199,10 +207,10 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
         place = re.search(r"\[(\d+)\]$", name)
         return raw.joint or joint_of(int(place[1]) if place else None, joints, indexed=True), raw.quantity
     if raw.joint is None:
-        joint, quantity = meaning_of(name, unit, joints)
+        joint, quantity = meaning_of(name, unit, joints, raw.file)
     else:  # the file states the joint, so the array index is not a joint number
         name = re.sub(r"(?:\[[^\]]*\]|\(\d+\)|(?<=[a-z])\d+)$", "", name)
-        joint, quantity = raw.joint, meaning_of(within_joint(name), unit, [raw.joint])[1]
+        joint, quantity = raw.joint, meaning_of(within_joint(name), unit, [raw.joint], raw.file)[1]
     if quantity is None or unit is not None:
         return joint, quantity
     values = raw.values[np.isfinite(raw.values)]
@@ -222,7 +230,7 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     quantity = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
     # The unit of a reference depends on the mode, unless its name states what it commands.
     if meaning.quantity in ("reference_1", "reference_2"):
-        quantity = command_unit(raw.name) if meaning.scale == 1.0 else ""
+        quantity = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
     assumed = quantity or ("SI" if meaning.quantity in ("reference_1", "reference_2") else "")
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
@@ -238,10 +246,12 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         good = np.isfinite(values)
         values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
+    one = "1" if meaning.quantity in ("reference_1", "reference_2") else ""
     return Column(
         time=time - meaning.late if meaning.late else time, values=values + meaning.offset,
-        unit="" if unit.si == "1" else unit.si or quantity, joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
+        unit=one if unit.si == "1" else unit.si or quantity, joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
         conversion="; ".join(text for applies, text in steps if applies), stated=bool(unit.symbol),
+        target=meaning.text if meaning.origin.startswith("asked") else "",
         origin=f"not used: {meaning.origin}" if unused else meaning.origin, read_as=meaning,
     )  # fmt: skip
 
@@ -255,10 +265,14 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     def rank(column: Column) -> int:
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
+    def order(column: Column) -> tuple[int, bool]:
+        """Rank; of the commands of one joint, a position stands before the torque or current of a controller inside."""
+        return rank(column), column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
+
     owner: dict[tuple[str | None, str], Column] = {}
     problems: list[Problem] = []
     result = {column.source: column for column in columns}
-    for column in sorted(columns, key=rank):
+    for column in sorted(columns, key=order):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
         message = f"is a second column for {column.meaning}, beside '{first.source}'"
@@ -277,11 +291,13 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
 def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
     """Questions about ambiguous columns, each with the option that answers it."""
     asked = [column for column in columns if column.question]
+    commands = [column for column in asked if "command" in column.question]
     propose = f"`asrsim init --experiment {path.name}` writes a document with all questions, for you to complete"
     if asked:
-        first = asked[0]
-        message = f"not used, since {first.question}" + (" (and similar)" if len(asked) > 1 else "")
-        hint = f"If it is a quantity of a joint: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
+        first = (commands or asked)[0]
+        reasons = dict.fromkeys(one.question for one in commands or asked[:1])
+        message = f"not used, since {listed([*reasons], 4, '; ')}" + (" (and similar)" if len(asked) > len(reasons) else "")
+        hint = f"If it is a quantity of a joint: --map '{first.source}={first.joint or 'JOINT'}.{first.target}'; {propose}"
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []

@@ -185,7 +185,9 @@ def reading_file(path: Path) -> Path | None:
 def modified(path: Path) -> tuple[int, int]:
     """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches notice changes by them."""
     beside = reading_file(path)
-    return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
+    files = [path, *path.iterdir()] if path.is_dir() else [path]
+    latest = max((file.stat().st_mtime_ns for file in files if file.exists()), default=0)
+    return latest, beside.stat().st_mtime_ns if beside else 0
 
 
 def load_reading(path: Path) -> Reading:

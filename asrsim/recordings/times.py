@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError, counted, listed
 from asrsim.plain import one_or_more
 from asrsim.recordings.data import EPOCH, LARGEST, Content, RawColumn, RawTable, unique
-from asrsim.recordings.names import find_raw, tokens_of
+from asrsim.recordings.folders import require_one_time
+from asrsim.recordings.names import find_raw
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
+from asrsim.recordings.words import tokens_of
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
@@ -51,7 +53,8 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
             faults += error.problems
             continue
         if timed.columns:
-            columns = tuple(replace(one, name=unique(prefix + one.name, seen)) for one in timed.columns)
+            where = f"{timed.columns[0].file}/".removeprefix("/") + prefix
+            columns = tuple(replace(one, name=unique(where + one.name, seen)) for one in timed.columns)
             tables.append(replace(timed, columns=columns))
     if not tables:
         message = "has only a time column; expected a time and at least one signal"
@@ -60,6 +63,7 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
     findings += [replace(one, message=f"table is not read: {one.message}", code="unread") for one in faults]
     first = min((table.zero + round(table.time[0] * 1e9) for table in tables if table.zero), default=0)
     tables = [replace(table, time=table.time + (table.zero - first) * 1e-9) if table.zero else table for table in tables]
+    require_one_time(tables)
     return replace(content, tables=tuple(tables))
 
 

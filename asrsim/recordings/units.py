@@ -97,6 +97,8 @@ _HEADERS = tuple(
         rf"{_NAME}(?P<unit>(?!min$)[^_\s()\[\]]{{2,}}|[°º])",  # q1_deg, but not q_min or q [1]
         # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
         rf"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*){_GAP}(?P<unit>[mNAV])",
+        # cmd_A, tau_des_N; in cmd_m, the letter may mean motor.
+        rf"(?P<name>(?:.*[_\s./])?(?:ref|cmd|command|des|desired|target|setpoint|goal)\d*){_GAP}(?P<unit>[NAV])",
         rf"(?P<name>(?:.*[_\s./])?(?:t|time)\d*){_GAP}(?P<unit>s|h|min)",  # time_s, t in min
         r"(?P<name>.+)_(?P<unit>m?deg|mrad|rad|rpm)(?P<rest>_?\d+|\[\d+\])",  # q_deg_1, q_deg[0]
     )

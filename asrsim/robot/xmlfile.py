@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
 from lxml import etree
 
-from asrsim.document.file import mistaken
+from asrsim.document.file import lfs_pointer, mistaken
 from asrsim.errors import Problem, RobotError, similar_file
 from asrsim.robot.mending import mended
 
@@ -138,7 +139,9 @@ def _malformed(path: Path, data: bytes, reason: str, line: int | None) -> RobotE
     text = data.splitlines()[line - 1].decode(errors="replace") if line and line <= len(data.splitlines()) else ""
     spaced = _SPACED_TAG.search(text)
     hint = f"Names of tags have no spaces: write <{re.sub(' +', '_', spaced[1])}>" if spaced else None
-    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, hint=hint, code="malformed-xml")
+    malformed = Problem(f"XML is not well-formed: {reason}", file=path, line=line, hint=hint, code="malformed-xml")
+    pointer = lfs_pointer(data, "robot")
+    problem = other or malformed if pointer is None else replace(pointer, file=path)
     return RobotError([problem])
 
 

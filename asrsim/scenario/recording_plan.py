@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import RecordingError
+from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import condense
@@ -92,8 +93,11 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     }
     _require_units(robot, recording, columns)
     slides = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
-    # A name such as `tau_cmd` says torque, which is a force on a prismatic joint.
-    columns = {key: replace(c, unit="N") if key[0] in slides and c.unit == "N m" else c for key, c in columns.items()}
+    # A name such as `tau_cmd` or `pos_cmd` says torque or angle, which are a force and a path on a prismatic joint.
+    columns = {
+        key: replace(c, unit=PRISMATIC_UNITS.get(c.unit, c.unit)) if key[0] in slides and not c.stated else c
+        for key, c in columns.items()
+    }
     remarks = [*filter(None, (_beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))]
     modes: dict[str, int] = {}
     played: list[PlayedRecording] = []

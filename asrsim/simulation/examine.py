@@ -18,7 +18,7 @@ from asrsim.robot.doubts import warnings_of
 from asrsim.robot.model import Robot
 from asrsim.samples import JointInfo
 from asrsim.scenario import load_scenario, only_variant
-from asrsim.scenario.check import misfits, robot_of
+from asrsim.scenario.check import loop_warnings, misfits, robot_of
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.overrides import Overrides
@@ -112,7 +112,7 @@ def findings(
         return None, tuple(errors), warnings_of(source)
     warnings = [
         *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot),
-        *weight_warnings(scenario, robot, propose=propose),
+        *loop_warnings(scenario, robot), *weight_warnings(scenario, robot, propose=propose),
     ]  # fmt: skip
     plan = Plan(
         scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, warnings=tuple(warnings)

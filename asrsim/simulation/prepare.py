@@ -120,6 +120,8 @@ class Prepared:
     """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
+    _latest: list[tuple[object, RobotModel]] = field(default_factory=list, repr=False, compare=False)
+    """Inertials of the latest variant, and its model."""
 
     @property
     def initial_positions(self) -> tuple[float, ...]:
@@ -248,9 +250,18 @@ class Prepared:
         robot, model = varied_robot(self.robot, parameters), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
         if model is not None and robot.inertials != self.robot.inertials:
-            model = robot_model(self.scenario, robot)
-            check_inertia(drives, model)
+            model = self._model_of(robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
+
+    def _model_of(self, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
+        """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
+        for inertials, model in self._latest:
+            if inertials == robot.inertials:
+                return model
+        model = robot_model(self.scenario, robot)
+        check_inertia(drives, model)
+        self._latest[:] = [(robot.inertials, model)]
+        return model
 
     def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""

@@ -89,7 +89,8 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        while not stop():
+        # `stop` is first called after the first run is built: only until then Ctrl-C also ends a compilation.
+        while desk is None or not stop():
             try:
                 session = self._session(self._wish)
             except AsrsimError as error:

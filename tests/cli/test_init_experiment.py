@@ -204,7 +204,7 @@ def test_a_scenario_reads_the_recording_as_the_given_document_states(tmp_path, m
 
 def test_a_command_without_unit_is_stated_as_assumed(tmp_path):
     made, _ = make(tmp_path, lab(tmp_path))
-    assert made.recording.channels["q1_ref"].conversion == "SI assumed"
+    assert made.recording.channels["q1_ref"].conversion == "rad assumed"
     assert "q1_ref: joint_1.reference_1" in (text := (tmp_path / "lab.csv.yaml").read_text())
     assert "no unit" in next(line for line in text.splitlines() if "q1_ref" in line)
 

@@ -6,6 +6,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -201,6 +203,27 @@ def test_ctrl_c_during_compilation_ends_the_command():
     with Interruption():
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timers")
+def test_ctrl_c_that_a_library_swallows_is_raised_again_but_not_while_files_are_closed():
+    from asrsim.cli.interrupt import AGAIN, interruptible
+
+    closed = []
+
+    def work():
+        try:
+            with suppress(BaseException):
+                signal.raise_signal(signal.SIGINT)
+            time.sleep(20 * AGAIN)
+        finally:
+            time.sleep(2 * AGAIN)
+            closed.append(True)
+
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        work()
+    assert closed
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
 
 
 @pytest.mark.parametrize("place", ["asrsim.robot", "at the end"])

@@ -6,9 +6,11 @@ python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ro
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
+import time
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +18,9 @@ from xml.etree import ElementTree
 import pytest
 
 from asrsim.errors import InputError
-from asrsim.live.ros import fast_dds, load_rclpy
+from asrsim.live.mailbox import LARGEST_MESSAGE, WAITING_BYTES
+from asrsim.live.ros import RosTransport, fast_dds, load_rclpy
+from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
 from support.paths import ROOT
@@ -146,6 +150,39 @@ def listening(process):
     owned = {str(path.readlink()) for path in Path(f"/proc/{process.pid}/fd").iterdir()}
     lines = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
     return {line[1].split(":")[0] for line in lines if f"socket:[{line[9]}]" in owned}
+
+
+@pytest.mark.slow
+def test_waiting_messages_are_limited_by_their_bytes():
+    """Messages of 1 MB while the simulation takes none, as in a long step."""
+    rclpy = pytest.importorskip("rclpy")
+    from rclpy.context import Context
+    from std_msgs.msg import Float64MultiArray
+
+    interface = Interface("/asrsim", (), (LiveTopic("/go", "std_msgs/Float64MultiArray"),))
+    transport, context = RosTransport(interface, Access(domain=DOMAIN), lambda text: None), Context()
+    with fast_dds(network=False):
+        rclpy.init(context=context, domain_id=DOMAIN)
+        node = rclpy.create_node("user", context=context, use_global_arguments=False)
+    publisher = node.create_publisher(Float64MultiArray, "/go", 5)
+    limit = time.monotonic() + 30
+    while not publisher.get_subscription_count() and time.monotonic() < limit:
+        time.sleep(0.05)
+    transport.poll()
+    size = LARGEST_MESSAGE // 8 - 100
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for number in range(400):
+        publisher.publish(Float64MultiArray(data=[float(number)] * size))
+        time.sleep(0.02)
+    received = list(transport.poll())
+    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    node.destroy_node()
+    context.try_shutdown()
+    transport.close()
+    assert received[-1].values == [399.0] * size
+    assert sum(not one.fault for one in received) <= WAITING_BYTES / (8 * size)
+    assert {one.fault for one in received} == {"", "more messages than the run can take"}
+    assert grown < 200e6
 
 
 @pytest.mark.slow

@@ -9,15 +9,21 @@ import os
 import random
 import re
 import resource
+import runpy
 import shutil
 import signal
 import struct
+import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -217,7 +223,7 @@ LOGS = (
     "render {} --out new --frames 2",
     "twin step.yaml -e {} --out new",
     "plot base/log.mcap -e {} --out new",
-    "plot {} --metrics-only --out new",
+    "plot {} --joint elbow --quantity spring_energy --out new",
 )
 KINDS = {
     "urdf": Kind(
@@ -227,8 +233,7 @@ KINDS = {
             "check {}",
             "run step.yaml --no-plot --out new",
             "init {} --out new.yaml",
-            "export step.yaml --out new.xml",
-            "render step.yaml",
+            "export step.yaml --set modes=6 --out new.xml",
         ),
     ),
     "xacro": Kind(
@@ -245,7 +250,7 @@ KINDS = {
         commands=(
             "check {}",
             "run {} --no-plot --out new",
-            "export {} --out new.xml",
+            "export {} --set modes=6 --out new.xml",
             "sweep {} --over elbow.damping=[0.1,0.2] --out new --workers 1 --no-plot",
         ),
     ),
@@ -266,11 +271,15 @@ KINDS = {
         ),
     ),
     "csv": Kind(file="lab.csv", damage=in_text, commands=RECORDING[:3]),
-    "reading": Kind(file="lab.csv.yaml", damage=in_text, commands=tuple(one.format("lab.csv") for one in RECORDING[:3])),
+    "reading": Kind(file="read.csv.yaml", damage=in_text, commands=tuple(one.format("read.csv") for one in RECORDING[:3])),
     "json": Kind(file="lab.json", damage=in_json, commands=RECORDING[:3]),
     "jsonl": Kind(file="lab.jsonl", damage=in_text, commands=RECORDING[:2]),
     "npz": Kind(file="lab.npz", damage=in_archive, commands=RECORDING[:2]),
-    "npy": Kind(file="lab.npy", damage=in_arrays, commands=RECORDING[:1]),
+    "npy": Kind(
+        file="lab.npy",
+        damage=in_arrays,
+        commands=("plot base/log.mcap -e {} --map lab_1=time[s] --map lab_2=elbow.link_position[rad] --out new",),
+    ),
     "xlsx": Kind(file="lab.xlsx", damage=in_archive, commands=RECORDING[:2]),
     "ods": Kind(file="lab.ods", damage=in_archive, commands=RECORDING[:2]),
     "mat": Kind(file="lab.mat", damage=in_bytes, commands=RECORDING[:2]),
@@ -313,7 +322,7 @@ KINDS = {
         file="base/summary.json",
         damage=in_json,
         commands=(
-            "run step.yaml --no-plot --out base",
+            "run step.yaml --no-plot --overwrite --out base",
             "report base --out new.html",
             "plot base --out new",
         ),
@@ -321,7 +330,9 @@ KINDS = {
     "messages": Kind(file="message.json", damage=in_json, commands=("messages",)),
     "trajectory": Kind(file="trajectory.json", damage=in_json, commands=("messages",)),
     "limits": Kind(
-        file="limits.yaml", damage=in_text, commands=("design step.yaml --limits limits.yaml --duration 0.5 --out new",)
+        file="limits.yaml",
+        damage=in_text,
+        commands=("design step.yaml --free elbow.damping --limits limits.yaml --seconds 0.5 --no-plot --out new.csv",),
     ),
 }
 
@@ -354,13 +365,13 @@ def made(folder: Path) -> Path:
         step + "gravity: [0, 0, -9.81]\nstep: 0.001\nsubsteps: 2\nseed: 3\nlog_rate: 500\ninitial: {elbow: 0.1}\n"
         "parameters: {elbow: {spring_k: 20, mot_J: 0.01}}\nlink_damping: {elbow: {ratio: 0.2, inertia: 0.01}}\n"
         "effects: {commands: {elbow: {delay: 0.01, noise: 0.001}}, sensors: {elbow: {rate: 200, quantum: 0.001}}}\n"
-        "external_torques: {elbow: {sum: [{pulse: {start: 0.1, end: 0.2, height: 0.5}}, "
+        "external_torques: {elbow: {sum: [{pulse_train: {high: 0.5, width: 0.05, period: 0.1}}, "
         "{sinusoid: {amplitude: 0.1, frequency: 2}}]}}\n"
-        "world: {plane: {}, objects: {ball: {shape: sphere, size: 0.05, mass: 0.1, position: [0.5, 0.5, 0.5]}}}\n"
+        "world: {ground: {}, objects: {ball: {shape: sphere, size: 0.05, mass: 0.1, position: [0.5, 0.5, 0.5]}}}\n"
         "expect: [{joint: elbow, quantity: link_position, measure: maximum, comparison: <, value: 1}]\n"
         "variants: {soft: {parameters: {elbow: {spring_k: 5}}}, stiff: {}}\n"
     )
-    motion = "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.1}}}, tolerance: 1.0e-9, max_iterations: 2}\n"
+    motion = "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.1}}}, tolerance: 6.0e-5, max_iterations: 2}\n"
     (folder / "learn.yaml").write_text("robot: robot.urdf\nduration: 0.25\n" + motion)
     time_s = np.arange(150) / 500.0
     table = pd.DataFrame(
@@ -368,24 +379,30 @@ def made(folder: Path) -> Path:
     )
     table.to_csv(folder / "lab.csv", index=False)
     table.to_csv(folder / "signal.csv", index=False)
-    (folder / "lab.csv.yaml").write_text(
+    table.to_csv(folder / "read.csv", index=False)
+    (folder / "read.csv.yaml").write_text(
         "time: {column: 'time [s]', unit: s}\nseparator: ','\nheader: 1\nwindow: [0, 0.25]\nmissing: -9999\n"
-        "map: {'elbow.link_position [rad]': '-1*elbow.link_position [rad] - 0.01'}\n"
+        "map: {'elbow.link_position [rad]': '-1*elbow.link_position [rad] - 0.01', "
+        "'elbow.reference_1 [rad]': 'elbow.reference_1 [rad]'}\n"
     )
     plain = table.rename(columns=lambda name: name.split(" ")[0])
     (folder / "lab.json").write_text(json.dumps({name: list(plain[name]) for name in plain}))
     plain.to_json(folder / "lab.jsonl", orient="records", lines=True)
     np.savez(folder / "lab.npz", **{name: plain[name].to_numpy() for name in plain})
-    np.save(folder / "lab.npy", plain.to_records(index=False))
+    np.save(folder / "lab.npy", plain.to_numpy())
     savemat(
-        folder / "lab.mat", {"time": time_s, "lab": {"time": time_s, "q1": 0.1 * time_s, "position": np.outer(time_s, [1, 2])}}
+        folder / "lab.mat",
+        {
+            "time": time_s,
+            "lab": {"time": time_s, "q1": 0.1 * time_s, "q1_ref": 0.3 * time_s, "position": np.outer(time_s, [1, 2])},
+        },
     )
     if_possible(lambda: plain.to_parquet(folder / "lab.parquet"))
     write_books(folder, table)
     if_possible(lambda: write_bag(folder / "lab.bag", time_s))
     (folder / "played.yaml").write_text(
         "robot: robot.urdf\nduration: 0.2\nreferences: {elbow: {equilibrium_position: "
-        "{recorded: {file: signal.csv, column: 'elbow.reference_1 [rad]'}}}}\n"
+        "{playback: {file: signal.csv, column: 'elbow.reference_1 [rad]'}}}}\n"
     )
     draws = {
         "keys": ["elbow.damping", "elbow.spring_k"],
@@ -401,7 +418,7 @@ def made(folder: Path) -> Path:
     points = '{"positions": [0.5], "velocities": [0.1], "time_from_start": {"sec": 0, "nanosec": 5000000}}'
     later = points.replace("5000000", "9000000")
     (folder / "trajectory.json").write_text('{"joint_names": ["elbow"], "points": [' + points + ", " + later + "]}")
-    (folder / "limits.yaml").write_text("elbow: {position: [-0.5, 0.5], velocity: 2, torque: 5}\n")
+    (folder / "limits.yaml").write_text("limits: {elbow: {link_position: [-0.5, 0.5], link_velocity: 9, deflection: 0.6}}\n")
     for line in (
         "run step.yaml --no-plot -q --out base", "ilc learn.yaml --no-plot -q --out learned",
         "sweep step.yaml --over elbow.damping=[0.1,0.2] --out study --workers 1 --no-plot -q",
@@ -559,8 +576,10 @@ def _child(folder: Path, line: str, output: Path) -> None:
         if line == "messages":
             code = _messages()
         else:
+            import asrsim.confined
             from asrsim.cli.app import main
 
+            asrsim.confined.subprocess = SimpleNamespace(run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
             sys.argv = ["asrsim", *line.split()]
             try:
                 main()
@@ -573,6 +592,48 @@ def _child(folder: Path, line: str, output: Path) -> None:
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
+        os._exit(code)
+
+
+def _forked(command: list[str], **request: Any) -> object:
+    """Stand-in for `subprocess.run` of a confined script: this process forks instead of importing its libraries anew.
+
+    The script has the limits that it has in a process of its own, beside the memory of this process.
+    """
+    *_, seconds, memory, script = command
+    own = resource.getpagesize() * int(Path("/proc/self/statm").read_text().split()[0])
+    with tempfile.TemporaryFile() as question, tempfile.TemporaryFile() as answer:
+        question.write(request["input"])
+        question.seek(0)
+        child = os.fork()
+        if child == 0:
+            _script(script, int(float(seconds)) + 1, int(memory) + own, question.fileno(), answer.fileno())
+        _, status = os.waitpid(child, 0)
+        code = os.waitstatus_to_exitcode(status)
+        if code == -signal.SIGALRM:
+            raise subprocess.TimeoutExpired(command, float(seconds))
+        answer.seek(0)
+        return SimpleNamespace(returncode=code, stdout=answer.read())
+
+
+def _script(script: str, seconds: int, memory: int, question: int, answer: int) -> None:
+    """Run the confined script in this process, which then ends."""
+    code = 1
+    try:
+        for stream, number in ((question, 0), (answer, 1), (os.open(os.devnull, os.O_WRONLY), 2)):
+            os.dup2(stream, number)
+        sys.stdin, sys.stdout = os.fdopen(0), os.fdopen(1, "w", closefd=False)
+        sys.stderr = os.fdopen(2, "w", closefd=False)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(seconds)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, resource.RLIM_INFINITY))
+        runpy.run_path(script, run_name="__main__")
+        code = 0
+    except SystemExit as end:
+        code = int(bool(end.code))
+    finally:
+        with suppress(BaseException):
+            sys.stdout.flush()
         os._exit(code)
 
 

@@ -18,7 +18,8 @@ from support.paths import ROOT
 pytest.importorskip("foxglove")
 
 from asrsim.errors import InputError
-from asrsim.live.foxglove import LARGEST_MESSAGE, WAITING, WAITING_BYTES, FoxgloveTransport, decoded
+from asrsim.live.foxglove import FoxgloveTransport, decoded
+from asrsim.live.mailbox import LARGEST_MESSAGE, WAITING, WAITING_BYTES
 from asrsim.live.origin import origin_of
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log

@@ -1,13 +1,17 @@
 """What columns are by their names alone: certain ones are taken, doubtful ones are asked about, whatever stands beside them."""
 
+import random
+import re
+
 import numpy as np
 import pytest
 
 from asrsim.actuators import MODES
+from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 from asrsim.recordings.matching import wrong_unit
 from asrsim.recordings.units import split_header
-from asrsim.robot import load_robot
+from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario.recording_plan import make_plan
 
 TIME = np.arange(40) * 0.01
@@ -54,7 +58,7 @@ def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path, name):
     assert f"--map '{name}=" in str(problem.hint)
 
 
-@pytest.mark.parametrize("name", ["current", "temperature", "pwm", "voltage_V", "status", "velocity_command"])
+@pytest.mark.parametrize("name", ["current", "temperature", "pwm", "voltage_V", "status", "command_valid"])
 def test_what_no_joint_has_is_not_asked_about(tmp_path, name):
     recording = read(tmp_path, ["q1", name])
     assert recording.channels[name].quantity is None
@@ -160,12 +164,14 @@ def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path):
 
 COMMANDS = {
     "N m": ["knee_tau_des", "knee_effort_command", "torque_cmd_knee", "desiredTorque_knee", "knee.torque_setpoint", "tau_ref",
-            "knee_motor_torque_cmd", "knee.command.effort", "/knee_effort_controller/command",
+            "moment_ref",             "knee_motor_torque_cmd", "knee.command.effort", "/knee_effort_controller/command",
             "/knee/effort_controller/cmd/data"],
-    "A": ["knee_current_cmd", "target_current_knee", "cur_des", "knee_motor_current_setpoint"],
+    "A": ["knee_current_cmd", "target_current_knee", "cur_des", "knee_motor_current_setpoint", "i_des",
+          "knee_cmd_A"],
     "V": ["knee_voltage_command", "volts_cmd", "cmdVoltage", "motor_voltage_ref"],
     "N": ["force_command_knee"],
-    "": ["knee_cmd", "q_des_knee", "/knee/desired/positions", "position_setpoint", "/knee/effort_interface/position_command"],
+    "": ["knee_cmd"],
+    "rad": ["q_des_knee", "/knee/desired/positions", "position_setpoint", "/knee/effort_interface/position_command"],
 }  # fmt: skip
 """Names of commands by the unit of the kind that they state."""
 
@@ -181,12 +187,14 @@ def test_a_command_of_another_kind_than_the_mode_takes_is_not_compared(tmp_path,
     recording = read(tmp_path, [name, "knee_pos"], ["knee"])
     for mode, fitting in {0: "N m", 1: "", 4: "N m", 6: "", 7: "V", 8: "A"}.items():
         refused = wrong_unit(recording.channels[name], "knee", prismatic=unit == "N", mode=mode)
-        assert (refused is None) == (unit in ("", fitting) or (unit, fitting) == ("N", "N m"))
+        fits = {"N": "N m", "rad": ""}.get(unit, unit)
+        assert (refused is None) == (unit == "" or fitting == fits)
 
 
 @pytest.mark.parametrize(
     "name",
-    ["cmd_eff", "moment_ref", "theta_des", "i_des", "u_cmd", "v_ref", "cmd [rad/s]", "q_ref [rpm]", "tau_des [rad]",
+    ["cmd_eff", "theta_des", "u_cmd", "knee_des_vel", "knee_dq_des", "knee_pwm_cmd", "tau_d_knee",
+     "cmd [%]", "v_ref", "cmd [rad/s]", "q_ref [rpm]", "tau_des [rad]",
      "current_ref [V]"],
 )  # fmt: skip
 def test_a_command_of_a_doubtful_kind_is_asked_about(tmp_path, name):
@@ -213,3 +221,88 @@ def test_a_mapped_command_keeps_the_kind_of_its_name(tmp_path):
     assert mapped.channels["knee_tau_des"].unit == "N m"
     stated = read_recording(tmp_path / "lab.csv", mapping=["knee_tau_des=knee.reference_1 [deg]"], joints=["knee"])
     assert stated.channels["knee_tau_des"].unit == "rad"
+
+
+SPOKEN = {
+    "rad": ["pos", "position", "angle", "q"], "N m": ["tau", "torque", "effort", "moment"],
+    "A": ["current", "cur", "i", "iq"], "V": ["voltage", "volts"],
+    "velocity": ["vel", "velocity", "dq", "speed", "qd"], "PWM": ["pwm", "duty"], "acceleration": ["acc", "ddq"],
+    "one of": ["u", "v", "theta", "eff"],
+}  # fmt: skip
+"""Words of this test by the unit of the command that they mean; the last four rows can be played by no mode, or are unclear."""
+OWNERS = ["knee", "left_knee", "LeftElbow", "hip2", "j", "joint_1", "torque_arm", "current_joint", "ankle_pitch"]
+
+
+def composed(draw: random.Random, word: str, joint: str, extra: str) -> str:
+    """Name of a command: joint, kind, a word for a command and perhaps another word, in any order and any style."""
+    order = draw.choice(["cmd", "ref", "des", "desired", "command", "target", "setpoint", "goal"])
+    parts = [word, order] if draw.random() < 0.5 else [order, word]
+    style = draw.choice(["_", ".", " ", "/", "camel", "glued"])
+    if style == "glued" and len(word) > 1:
+        parts = ["".join(parts)]
+    parts += [extra] if extra else []
+    parts = [joint, *parts] if draw.random() < 0.6 else [*parts, joint]
+    if style == "camel":
+        humps = [hump for part in parts for hump in part.split("_")]
+        return humps[0].lower() + "".join(hump[:1].upper() + hump[1:] for hump in humps[1:])
+    name = {"glued": "_"}.get(style, style).join(parts)
+    return name.upper() if draw.random() < 0.15 else name
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_kind_of_a_composed_command_is_kept_or_asked_about(tmp_path, seed):
+    draw = random.Random(seed)
+    joints = draw.sample(OWNERS, 3)
+    wanted: dict[str, tuple[str, str, bool]] = {}
+    for _ in range(120):
+        unit = draw.choice([*SPOKEN])
+        joint, extra = draw.choice(joints), draw.choice(["", "", "", "filtered", "motor", "link", "out"])
+        wanted[composed(draw, draw.choice(SPOKEN[unit]), joint, extra)] = unit, joint, extra in ("filtered", "out")
+    kept = []
+    for name, (unit, joint, strange) in wanted.items():
+        column = read(tmp_path, [name], joints).channels[name]
+        if column.quantity is None:
+            assert column.question, f"{name}: {column.origin}"
+            kept.append(strange or unit not in ("rad", "N m", "A", "V"))
+        else:
+            assert (column.quantity, column.unit, column.joint) == ("reference_1", unit, joint), name
+            kept.append(True)
+    assert np.mean(kept) > 0.9  # asking is always true, but most names are plain
+
+
+def test_a_question_about_a_command_states_kind_and_map(tmp_path):
+    recording = read(tmp_path, ["knee_pos", "knee_des_vel", "knee_pwm_cmd"], ["knee"])
+    (problem,) = [one for one in recording.findings if one.code == "asked"]
+    assert str(problem.key) == "knee_des_vel, knee_pwm_cmd"
+    assert "a velocity" in problem.message
+    assert "a PWM duty" in problem.message
+    assert "--map 'knee_des_vel=knee.reference_1 [unit]'" in str(problem.hint)
+
+
+@pytest.mark.parametrize(("name", "mapping"), [
+    ("elbow_force_cmd", []), ("elbow_cmd_N", []), ("elbow_des_vel", ["elbow_des_vel=elbow.reference_1"]),
+    ("elbow_pwm_cmd", ["elbow_pwm_cmd=elbow.reference_1"]), ("elbow_x", ["elbow_x=elbow.reference_1 [%]"]),
+])  # fmt: skip
+def test_a_command_that_no_mode_takes_is_not_played(tmp_path, tiny, name, mapping):
+    read(tmp_path, [name, "elbow_pos"])
+    recording = read_recording(tmp_path / "lab.csv", mapping=mapping or None, joints=["elbow"])
+    with pytest.raises(RecordingError, match=re.escape(f"--map '{name}=elbow.reference_1 [unit]'")):
+        make_plan(load_robot(tiny.robot), recording, step=0.001)
+
+
+def test_a_position_that_is_mapped_as_a_command_stays_a_position(tmp_path, tiny):
+    read(tmp_path, ["elbow_pos_des", "elbow_pos"])
+    recording = read_recording(tmp_path / "lab.csv", mapping=["elbow_pos_des=elbow.reference_1"], joints=["elbow"])
+    plan = make_plan(with_overrides(load_robot(tiny.robot), modes={"*": 4}), recording, step=0.001)
+    assert [block.mode for block in plan.robot.actuators] == [6]
+
+
+def test_of_two_commands_of_a_joint_the_position_is_played(tmp_path):
+    recording = read(tmp_path, ["knee_i_cmd", "knee_q_cmd"], ["knee"])
+    assert recording.column("knee", "reference_1").source == "knee_q_cmd"
+    assert [one.key for one in recording.findings if one.code == "second-column"] == ["knee_i_cmd"]
+
+
+def test_a_joint_of_one_letter_is_found(tmp_path):
+    recording = read(tmp_path, ["j_reference_1", "j_pos", "kPos"], ["j", "k"])
+    assert [column.meaning for column in recording.channels.values()] == ["j.reference_1", "j.link_position", "k.link_position"]

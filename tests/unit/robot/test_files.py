@@ -72,6 +72,7 @@ def test_external_document_type_is_not_loaded(read):
         ("", "malformed-xml"),
         ("<robot>", "malformed-xml"),
         ("no xml at all", "malformed-xml"),
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "lfs-pointer"),
         ("<robot name='r'><link name='a'></robot>", "malformed-xml"),
         ("<robot>" + "<x>" * 5000 + "</x>" * 5000 + "</robot>", "malformed-xml"),
         ("<sdf version='1.6'/>", "not-a-urdf"),

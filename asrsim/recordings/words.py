@@ -1,0 +1,125 @@
+"""Words in the names of columns: their spellings, and the physical kinds that they state."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+
+def _table(rows: Mapping[str, str]) -> dict[str, str]:
+    """Meaning of each spelling, from spellings by meaning."""
+    return {spelling: meaning for meaning, spellings in rows.items() for spelling in spellings.split()}
+
+
+class DoubtError(Exception):
+    """The meaning of a column is ambiguous, and the user is asked; the message is the reason."""
+
+    target = "QUANTITY [unit]"
+    """Meaning that a mapping may give to the column."""
+
+
+class CommandDoubtError(DoubtError):
+    """The kind of a command is ambiguous, or no operation mode takes it."""
+
+    def __init__(self, message: str, target: str = "reference_1 [unit]") -> None:
+        super().__init__(message)
+        self.target = target
+
+
+REFERENCE = "reference"
+"""Word for all spellings that mean a command."""
+WORDS = _table({
+    "position": "q qpos pos positions angle angles", "velocity": "dq qdot qvel vel velocities speed",
+    "torque": "tau torques effort efforts", "motor": "hub mot hubangle", "deflection": "defl", "external": "ext",
+    "elastic": "el spring", "equilibrium": "eq",
+    REFERENCE: "references ref refs cmd cmds command commands commanded des desired target targets setpoint setpoints goal "
+    "demand demanded",
+    "current": "currents cur curr amps", "voltage": "voltages volt volts",
+    "": "joint joints axis link measured meas actual data value values val angular state states controller controllers "
+    "interface topic",
+    "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
+})  # fmt: skip
+"""Word for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?" for words that
+suggest a quantity of a joint, but may mean something else."""
+KINDS = _table({
+    "position": "position equilibrium", "velocity": "velocity velo omega rpm rps", "torque": "torque moment moments trq",
+    "force": "force forces", "current": "current i iq amp ampere amperes", "voltage": "voltage",
+    "PWM duty": "pwm pwms duty dutycycle", "acceleration": "acceleration accelerations acc accel ddq qddot", "power": "power",
+    "stiffness": "stiffness stiff",
+})  # fmt: skip
+"""Physical kind of a command for each word that states one; `i` and `iq` are currents beside a word for a command only."""
+LETTERS = {
+    "u": ("voltage", "torque", "current", "force", "PWM duty"), "v": ("voltage", "velocity"), "w": ("velocity", "power"),
+    "id": ("current",), "theta": ("position",), "th": ("position",), "phi": ("position",), "eff": ("torque",),
+    "load": ("torque", "force"), "qd": ("position", "velocity"), "rate": ("velocity",), "rotation": ("position",),
+    "enc": ("position",), "encoder": ("position",), "x": ("position",), "p": ("position", "power"), "f": ("force",),
+    "t": ("torque",), "m": ("torque",), "a": ("acceleration", "current"),
+}  # fmt: skip
+"""Kinds that a letter or word in the name of a command may mean. With a unit that fits one of them, it means that kind."""
+UNIT_KINDS = {
+    "rad": "position", "m": "position", "N m": "torque", "N": "force", "A": "current", "V": "voltage", "rad/s": "velocity",
+    "m/s": "velocity", "rad/s^2": "acceleration", "m/s^2": "acceleration", "W": "power", "1": "PWM duty",
+    "N m/rad": "stiffness", "N/m": "stiffness",
+}  # fmt: skip
+"""Kind of a command by its SI unit; a number without unit, such as a percentage, is the duty of a PWM."""
+KIND_UNITS = {
+    "position": "rad",
+    "torque": "N m",
+    "force": "N",
+    "current": "A",
+    "voltage": "V",
+    "velocity": "rad/s",
+    "PWM duty": "1",
+}
+"""SI unit of a command by its kind, for kinds that a column's name may state."""
+TAKEN = ("position", "torque", "force", "current", "voltage")
+"""Kinds of commands that an operation mode takes; a force only on a prismatic joint."""
+
+
+def one_of(kinds: Sequence[str]) -> str:
+    """Kinds as text, such as `a torque or an acceleration`."""
+    return " or ".join(f"a{'n' if kind[:1] in 'aeiou' else ''} {kind}" for kind in kinds)
+
+
+def spaced(name: str) -> str:
+    """Name with blanks between the words that upper case marks: `kneeTauDes` gives `knee Tau Des`."""
+    text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name)
+    return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
+
+
+def tokens_of(name: str) -> list[str]:
+    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
+    return [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", spaced(name))]
+
+
+def spellings_of(tokens: Sequence[str]) -> list[str]:
+    """Words of a name as it spells them; words that it writes together, as in `tauref`, are parted."""
+    return [part for token in tokens for part in _parts(token)]
+
+
+def words_of(tokens: Sequence[str]) -> list[str]:
+    """Words of a name in one spelling each, without words that have no effect on the meaning."""
+    return [word for part in spellings_of(tokens) if (word := WORDS.get(part, part))]
+
+
+def kind_of_word(spelling: str) -> str:
+    """Kind that a word in the name of a command states; "" for a word that states none for certain."""
+    return KINDS.get(spelling) or KINDS.get(WORDS.get(spelling, ""), "")
+
+
+def is_known(spelling: str) -> bool:
+    """Whether a spelling is a word, or words written together, with a meaning in the name of a column."""
+    return any(part in WORDS or part in KINDS or part in LETTERS for part in _parts(spelling))
+
+
+@lru_cache(maxsize=8192)
+def _parts(token: str) -> tuple[str, ...]:
+    """Words that a token writes together, as `tauref` or `cmdpos`: a word for a command and one of a kind."""
+    if token in WORDS:
+        return (token,)
+    for word in (spelling for spelling, meant in WORDS.items() if meant == REFERENCE):
+        for other in (token.removeprefix(word), token.removesuffix(word)):
+            if other != token and (kind_of_word(other) or other in LETTERS):
+                return (other, word)
+    return (token,)
