@@ -128,12 +128,13 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
 
     def pulls(positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        place = couplings.expand(positions)[..., columns]
+        q = couplings.expand(positions)
+        place = q[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return couplings.fold(found)
+        return couplings.fold(found, q)
 
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
@@ -301,7 +302,8 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
     inertia, moving = _carried(robot), robot.moving_joints
-    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    places = robot.couplings.expand([*start_positions(scenario, robot).values()])
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving], places).tolist()
     damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):

@@ -180,6 +180,7 @@ def build_scenario(
 ) -> Scenario:
     """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
     keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
+    stated = keys["engine"] is not None
     keys["engine"] = keys["engine"] or default_engine()
     wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
@@ -197,7 +198,7 @@ def build_scenario(
     }
     scenario = Scenario(
         **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
-        lines=lines,
+        lines=lines, states_engine=stated,
     )  # fmt: skip
     reading.problems += map(scenario.placed, wrong)
     return replace(scenario, as_read=scenario)

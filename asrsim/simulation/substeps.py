@@ -90,16 +90,18 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Rob
     # An engine without dynamics prescribes the motion of the links: springs need no substeps.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
+    places = couplings.expand(_configurations(drives))
     if model is not None:
-        configurations = _configurations(drives)
-        masses = model.mass_matrix(configurations)
-        loads = couplings.fold_sizes(loads) + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
+        masses = model.mass_matrix(places)
+        held = couplings.fold_sizes(loads, places) + np.abs(model.gravity_torques(places))
+        loads = np.max(np.atleast_2d(held), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    # The spring of a follower moves all that its master moves.
-    inertias, loads = inertias[couplings.master] / couplings.ratio**2, loads[couplings.master] / np.abs(couplings.ratio)
+    # The spring of a follower moves all that its master moves; one that hardly moves has a share of it.
+    ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
+    inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    return _resolve(scenario, drives, couplings, masses, [_reachable_stiffness(*row, interval) for row in rows])
+    return _resolve(scenario, drives, couplings, places, masses, [_reachable_stiffness(*row, interval) for row in rows])
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
@@ -197,9 +199,11 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
 
 
 def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, masses: Array, stiffness: Sequence[float]
-) -> Resolution:
-    """Numbers of substeps. masses: mass matrices (m, n, n) in the relevant configurations; stiffness: of each joint in N m/rad.
+    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, places: Array, masses: Array,
+    stiffness: Sequence[float],
+) -> Resolution:  # fmt: skip
+    """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of
+    each joint in N m/rad.
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """
@@ -216,8 +220,8 @@ def _resolve(
         for drive, k in zip(drives, limited, strict=True)
     ]
     dampers = [_bound(drive, "damping_bound") for drive in drives]
-    rate = _fastest(masses, couplings.fold_gains(dampers))[0]
-    omega, shape = _fastest(masses, couplings.fold_gains(gains))
+    rate = _fastest(masses, couplings.fold_gains(dampers, places))[0]
+    omega, shape = _fastest(masses, couplings.fold_gains(gains, places))
     group = couplings.master == int(np.argmax(np.abs(shape)))
     frequency, column = math.sqrt(omega), int(np.argmax(np.where(group, gains, -1.0)))
     stiffest = drives[column].name
@@ -233,7 +237,7 @@ def _resolve(
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
-        mobilities = (mobilities[couplings.master] * couplings.ratio**2).tolist()
+        mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
         fading = max(STEEPEST * max(growths), rate)
@@ -251,7 +255,7 @@ def _resolve(
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
     dampings = [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)]
-    decay = h * _fastest(masses, couplings.fold_gains(dampings))[0]
+    decay = h * _fastest(masses, couplings.fold_gains(dampings, places))[0]
     frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
     rates = max(max(frequencies) / MOTOR_TARGET, max(motor_growths) / FADING)
     motor_substeps = 1 if stepping.released else scenario.motor_substeps or _count(rates * h)
@@ -304,9 +308,10 @@ def _implicitness(decay: float, least: float) -> float:
 
 
 def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
-    """Largest eigenvalue of M^-1 diag(gains) over the mass matrices, and the eigenvector of this eigenvalue."""
+    """Largest eigenvalue of M^-1 diag(gains) over the mass matrices (m, n, n) with gains (n,) or (m, n), and the eigenvector of
+    this eigenvalue."""
     root = np.sqrt(gains)
-    values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(masses) * root)
+    values, vectors = np.linalg.eigh(root[..., :, None] * np.linalg.inv(masses) * root[..., None, :])
     largest = int(values[:, -1].argmax())
     return float(values[largest, -1]), vectors[largest, :, -1]
 

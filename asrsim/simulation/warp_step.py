@@ -274,13 +274,32 @@ def _access(made: Program, actuator: Any, stages: Sequence[type[Stage]], number:
 
 
 KERNELS = """
+@wp.func
+def stop_of(q: float, v: float, low: float, high: float, h: float):
+    # MuJoCo's stops act on joints beyond them only, so an impact would be late by a part of a step. A joint that would pass its
+    # stop within this step counts as just beyond, and keeps the velocity that takes it to the stop; one at its stop keeps none.
+    gap, speed, near = high - q, v, wp.vec2(low, q - 1.0e-6)
+    if q - low < gap:
+        gap, speed, near = q - low, -v, wp.vec2(q + 1.0e-6, high)
+    if gap > 0.0 and gap < 1.0e-4:
+        return near, wp.vec2(0.0, -1.0 / h)
+    if gap > 0.0 and speed * h > gap:
+        return near, wp.vec2(0.0, -(1.0 - gap / (h * speed)) / h)
+    if gap <= 0.0:
+        # Beyond its stop a joint returns slowly, so that it does not rebound.
+        return wp.vec2(low + 1.0e-6, high - 1.0e-6), wp.vec2(-0.2 / (h * h), -1.0 / h)
+    return wp.vec2(low, high), wp.vec2(0.0, -1.0 / h)
+
+
 @wp.kernel
 def load_joints(
     s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
     sizes: wp.array(dtype=int), inputs: wp.array(dtype=float), lengths: wp.array(dtype=float), pieces: wp.array(dtype=int),
     which: wp.array2d(dtype=int), done: wp.array(dtype=int), ran: wp.array(dtype=int), freedoms: wp.array(dtype=int),
     loads: wp.array(dtype=float), force: wp.array2d(dtype=float), armature: wp.array2d(dtype=float),
-    friction: wp.array2d(dtype=float),
+    friction: wp.array2d(dtype=float), coordinates: wp.array(dtype=int), stops: wp.array(dtype=float),
+    qpos: wp.array2d(dtype=float), qvel: wp.array2d(dtype=float), ranges: wp.array2d(dtype=wp.vec2),
+    references: wp.array2d(dtype=wp.vec2),
 ):
     w, j = wp.tid()
     joints, rows, columns = sizes[0], sizes[1], sizes[2]
@@ -296,6 +315,10 @@ def load_joints(
     force[w, freedom] = loads[i * 4]
     armature[w, freedom] = loads[i * 4 + 1]
     friction[w, freedom] = loads[i * 4 + 2]
+    joint = int(stops[j * 4 + 2])
+    limits, reference = stop_of(qpos[w, coordinates[j]], qvel[w, freedom], stops[j * 4], stops[j * 4 + 1], stops[j * 4 + 3])
+    ranges[w, joint] = limits
+    references[w, joint] = reference
 
 
 @wp.kernel
