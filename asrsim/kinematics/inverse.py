@@ -154,7 +154,7 @@ class SoftArm:
         moving = [self.robot.joint(name) for name in self.model.joints]
         damping, friction = np.array([[joint.damping, joint.friction] for joint in moving]).T
         rigid = rigid + damping * motion.velocities + friction * np.tanh(motion.velocities / SLOW)
-        rigid = self.model.couplings.fold(rigid)
+        rigid = self.model.couplings.fold(rigid, motion.positions)
         found, demands = [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)

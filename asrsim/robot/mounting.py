@@ -89,7 +89,7 @@ def mounted(
     blocks = []
     for name in names:
         # The drive of a joint moves the joints that follow it: only an entry of its own gives a follower an actuator.
-        entry = types.get(name, None if moving[name].mimic else types.get("*"))
+        entry = types.get(name, None if name in robot.followers else types.get("*"))
         if entry is not None and entry[0] in kinds:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
             unread.discard(name)
