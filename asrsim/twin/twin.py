@@ -15,7 +15,8 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.examine import Plan, one_scenario
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
 from asrsim.twin.mismatch import Mismatch, varied
 from asrsim.twin.observer import Observer, noise_gain
@@ -78,13 +79,15 @@ class TwinStep:
 
 
 def prepared_twin(
-    scenario: str | Path | Scenario | Prepared, *, variant: str | None = None, overrides: Overrides = (),
+    scenario: str | Path | Scenario | Plan | Prepared, *, variant: str | None = None, overrides: Overrides = (),
     settable: bool = False,
 ) -> Prepared:  # fmt: skip
     """The scenario of a twin, in MuJoCo if it states no engine, since a twin has to keep up with its robot. Raises the errors
     of `asrsim.prepare`, which explains the arguments."""
     if isinstance(scenario, Prepared):
         return scenario
+    if isinstance(scenario, Plan):
+        return prepare(scenario.on(engine=engine_of_worlds(scenario.scenario, None)), settable=settable)
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     return prepare(replace(scenario, engine=engine_of_worlds(scenario, None)), settable=settable)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import AsrsimError
+from asrsim.errors import AsrsimError, RobotError
+from asrsim.export import export_mjcf
 from support import four_bar
 from support import parallelogram as pair
 from validation.models import INSTALLED
@@ -215,3 +216,36 @@ def test_inverse_dynamics_of_a_closed_chain_gives_back_the_motion(tmp_path):
     assert four_bar.gap(full).max() < 1e-12
     loss = four_bar.DAMPING * np.square(model.couplings.ratios(full)).sum(axis=1) * v[:, 0]
     np.testing.assert_allclose((torque + loss)[5:-5], TORQUE, rtol=0.0, atol=1e-4)
+
+
+def test_a_loop_in_a_world_with_contacts_is_closed_at_second_order(tmp_path):
+    """MuJoCo's own step has an equality constraint for each loop; the gap falls with the square of the step."""
+    times, gaps, errors = np.linspace(0.0, 0.5, 6), [], []
+    truth = four_bar.solve(times, TORQUE)
+    for step in (2e-3, 1e-3):
+        q = run(tmp_path, "mujoco", step=step, duration=0.5, world={"ground": True}, base={"position": [0, 0, 5]})
+        errors.append(np.abs(q["link_position"][np.round(times / step).astype(int), 0] - truth).max())
+        gaps.append(four_bar.gap(q["link_position"]).max())
+    assert gaps[1] < 1e-5
+    assert errors[1] < 1e-4
+    assert gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+
+
+@pytest.mark.skipif("bullet" not in INSTALLED, reason="PyBullet has no wheel here")
+def test_pybullet_refuses_loops_in_a_world_with_contacts(tmp_path):
+    with pytest.raises(RobotError, match="PyBullet cannot simulate a closed chain in a world with contacts"):
+        run(tmp_path, "bullet", world={"ground": True})
+
+
+def test_an_exported_closed_chain_moves_in_mujoco_as_in_asrsim(tmp_path):
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf('<limit effort="100" velocity="100"/>'))
+    scenario = asrsim.make_scenario(
+        path, duration=0.5, loops=four_bar.LOOPS, initial={"crank": 1.0, "coupler": -2.25, "rocker": -2.4},
+        actuators={"crank": {"type": "sea", "mode": 6}}, link_damping={"crank": {"constant": 0.3}},
+        references={"crank": {"equilibrium_position": {"step": {"at": 0.1, "to": 1.5}}}},
+    )  # fmt: skip
+    replay = export_mjcf(scenario, tmp_path / "four_bar.xml", plot=False).replay
+    assert np.abs(replay.error).max() < 2.5  # mrad
+    assert np.ptp(asrsim.run(scenario).run.samples.values["link_position"][:, 0]) > 0.3
