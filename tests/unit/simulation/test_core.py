@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim import compiling
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.parameters import Parameter
+from asrsim.compiled import compiling
+from asrsim.compiled.kernel_cache import cache_file
 from asrsim.errors import SimulationError
-from asrsim.kernel_cache import cache_file
 from asrsim.scenario import Scenario
 from asrsim.scenario.blocks import World
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
