@@ -208,7 +208,7 @@ def test_other_processes_load_what_one_has_compiled():
     robot = arm("sea")
     simulate(make_scenario(robot, 6, compiled=True), robot)
     kept = kernels()
-    script = "import test_compiled as t; robot = t.arm('sea'); t.simulate(t.make_scenario(robot, 6, compiled=True), robot)"
+    script = "import test_core as t; robot = t.arm('sea'); t.simulate(t.make_scenario(robot, 6, compiled=True), robot)"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONHASHSEED": "1"}
     subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parent, env=environment, check=True)
     assert kernels() == kept
