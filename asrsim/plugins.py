@@ -7,8 +7,8 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Iterable
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
 from typing import TypeVar
@@ -18,6 +18,7 @@ from asrsim.actuators.declaration import declaration_problem, declaration_proble
 from asrsim.actuators.stage_checker import stage_problems
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import ActuatorError, Problem
+from asrsim.plain import one_or_more
 from asrsim.registry import Registry, plugin_file
 
 C = TypeVar("C")
@@ -46,6 +47,14 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
 def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
     """The shell command `asrsim NAME FILE`, for the user to paste. plugins: plugin files that the file needs."""
     return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
+
+
+def load_plugin_files(files: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
+    """Run plugin files and register what they define, as `load_plugin_file` does; returns their paths."""
+    paths = tuple(Path(file) for file in one_or_more(files))
+    for path in paths:
+        load_plugin_file(path)
+    return paths
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
@@ -103,6 +112,18 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
         and entry.__module__ == module.__name__
         and not name.startswith("_")
     ]
+
+
+@contextmanager
+def blame_laws() -> Iterator[None]:
+    """Convert exceptions of a user's law to an ActuatorError with file and line."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        fault = law_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:

@@ -25,10 +25,11 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
 WARP = "mujoco_warp"
@@ -89,11 +90,12 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Prepared,
+        scenario: str | Path | Scenario | Plan | Prepared,
         count: int,
         *,
         variant: str | None = None,
         overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (),
         names: Sequence[str] | None = None,
         watched: bool = True,
         compiled: bool | None = None,
@@ -107,7 +109,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`, which also explains variant, overrides and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, plugins and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -124,8 +126,11 @@ class Worlds:
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
-            scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-            scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
+            if isinstance(scenario, Plan):
+                scenario = scenario.on(engine=engine_of_worlds(scenario.scenario, engine))
+            else:
+                scenario = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
+                scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
             scenario = prepare(scenario)
         elif engine not in (None, WARP, scenario.scenario.engine):
             raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
