@@ -26,6 +26,7 @@ def make_env(
         options: The keyword arguments below.
         variant: Name of a variant of the scenario, as in `asrsim.run`.
         overrides: Changes to values of the scenario, as in `asrsim.run`.
+        plugins: Python files with users' actuators, signals and so on, as in `asrsim.run`.
         control_rate: Rate of the actions in Hz; the control period must be a whole number of steps. Default 50.
         observe: Quantities to observe, for all joints that have them, in the order of the joints: any quantity of
             `asrsim.quantities.QUANTITIES` except works, energies and losses; and `tip`, (3,) m. Default: position and

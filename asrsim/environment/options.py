@@ -19,6 +19,7 @@ class Options(TypedDict, total=False):
 
     variant: str | None
     overrides: Any
+    plugins: Any
     control_rate: float
     observe: str | Sequence[str]
     act: str | Sequence[str] | None
@@ -57,7 +58,7 @@ _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
 # Names are no sets, whose order differs from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
-    "variant": (None, object, ""), "overrides": ((), object, ""),
+    "variant": (None, object, ""), "overrides": ((), object, ""), "plugins": ((), object, ""),
     "control_rate": (50.0, int | float | np.number, "a number of Hz"),
     "observe": (("link_position", "link_velocity"), Sequence, _NAMES), "act": (None, Sequence | None, _NAMES),
     "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,

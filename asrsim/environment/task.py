@@ -20,7 +20,8 @@ from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.examine import one_scenario
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
 from asrsim.sweeps.fitted import Joint, joint_of, load_fit
@@ -66,7 +67,9 @@ class ControlTask:
     ) -> None:  # fmt: skip
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
-        scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
+        scenario = one_scenario(
+            scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"]
+        )
         scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
         self.prepared = prepared = prepare(scenario, settable=True)
         self.steps = _steps(options["control_rate"], scenario.step)

@@ -10,13 +10,13 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError
-from asrsim.plugins import load_plugin_file
 from asrsim.quantities import MOST_MOTORS, QUANTITIES, each_motor
 from asrsim.robot import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.examine import examine
 from asrsim.simulation.prepare import Start, prepare
 from asrsim.simulation.quantities import columns_of, simulated_quantities
 from asrsim.simulation.shape import shape_of
@@ -24,7 +24,7 @@ from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "load_plugin_file",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "examine",
 ]  # fmt: skip
 
 SOURCES = ("link_position", *each_motor("motor_{}_position"))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError, RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel, read_data
-from asrsim.identification.door import load_plugin_file
+from asrsim.identification.door import examine
 from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
@@ -173,13 +173,8 @@ def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
     """Scenario of a task, robot of the robot file, and robot with the scenario's changes. Loads the plugins. Raises
     InputError.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
-
-    for plugin in task.plugins:
-        load_plugin_file(plugin)
-    scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
-    given, _ = checked_robot(scenario)
-    return scenario, given, apply_to_robot(scenario, given)
+    plan = examine(task.scenario, variant=task.variant, overrides=task.overrides, plugins=task.plugins)
+    return plan.scenario, plan.source, plan.robot
 
 
 def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:

@@ -1,4 +1,4 @@
-"""Checks whether a scenario fits its robot: errors, and the warnings of `asrsim.scenario.doubts`.
+"""Checks whether a scenario fits its robot: errors. `asrsim.scenario.doubts` finds warnings.
 
 To add an error, write a generator and list it in `CHECKS`.
 """
@@ -17,14 +17,12 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
-from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
-from asrsim.scenario.doubts import doubts
 from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
@@ -45,20 +43,6 @@ PLANNED_MODES = (1, 2, 3, 5, 6)
 """Modes whose references are positions, which a Cartesian path requires."""
 
 
-def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
-    """Robot of the scenario (without the scenario's changes), and warnings.
-
-    Raises RobotError with all problems of the robot's file, or ScenarioError with all problems of the scenario. If both have
-    problems, one error contains all of them.
-    """
-    if robot is None:
-        robot = robot_of(scenario)
-    errors, warnings = check_against_robot(scenario, robot)
-    if errors:
-        raise (RobotError if robot.faults else ScenarioError)(errors, warnings=warnings_of(robot))
-    return robot, warnings
-
-
 def robot_of(scenario: Scenario) -> Robot:
     """Robot in the file that the scenario names, with the problems of the file. Raises RobotError if the file has no robot."""
     return read_robot(
@@ -66,18 +50,18 @@ def robot_of(scenario: Scenario) -> Robot:
     )
 
 
-def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[Problem], list[Problem]]:
-    """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
-
-    Checks that depend on an invalid value are skipped.
+def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem]]:
+    """Robot with the scenario's changes, and errors in the robot's file and in the scenario: unknown names, invalid values,
+    impossible references. The robot is None if it has no moving joint or cannot be read. Checks that depend on an invalid value
+    are skipped.
 
     robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
-        return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
+        return None, own if robot is None else [*robot.faults, nothing_moves(robot), *own]
     if not scenario.unread and (wrong := [*_fields(scenario)]):
-        return [*robot.faults, *wrong], []
+        return None, [*robot.faults, *wrong]
     changed, faults = changed_robot(scenario, robot)
     errors = [*robot.faults, *faults]
     # Only actuators with a known mode can be checked.
@@ -86,12 +70,12 @@ def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[P
     for needed, check in CHECKS:
         if not unread.intersection(needed):
             errors += (scenario.placed(problem) for problem in check(scenario, driven))
-    if errors or unread:
-        return errors, []
-    warnings = [scenario.placed(problem) for problem in doubts(scenario, changed)]
-    if changed.loops:
-        warnings += map(scenario.placed, assembled(changed, _assembly(scenario, changed))[1])
-    return [], warnings
+    return changed, errors
+
+
+def loop_warnings(scenario: Scenario, robot: Robot) -> list[Problem]:
+    """Warnings about the closed chains of a robot with the scenario's changes."""
+    return [*map(scenario.placed, assembled(robot, _assembly(scenario, robot))[1])] if robot.loops else []
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:

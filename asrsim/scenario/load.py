@@ -13,6 +13,7 @@ from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped
+from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
 from asrsim.samples import TIP
 from asrsim.scenario.blocks import names_a_folder, prescribes_motion
@@ -34,14 +35,16 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
 
 
 def load_scenario(
-    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
-) -> tuple[Scenario, ...]:
+    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+) -> tuple[Scenario, ...]:  # fmt: skip
     """All variants of a scenario file in file order, or the chosen variant.
 
     A file without variants has one variant, `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
-    key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
-    every problem of the file.
+    key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot; `plugins` are Python files with
+    users' actuators, signals and so on, which are loaded first. Raises ScenarioError with every problem of the file.
     """
+    load_plugin_files(plugins)
     scenarios, problems = read_scenarios(path, variant=variant, overrides=overrides, robot=robot)
     if problems:
         raise ScenarioError(problems)

@@ -12,7 +12,7 @@ from asrsim import compiling
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
-from asrsim.errors import SimulationError
+from asrsim.errors import SimulationError, listed
 from asrsim.records import columns, own_fields
 from asrsim.simulation import kernel
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
@@ -56,7 +56,7 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
         return compiling.compile_law(laws, names, "aaadi")
     except Exception as error:
         reason = str(error).strip().splitlines()[0]
-        of = "".join(f" with the stage '{stage.name}'" for stage in stages)
+        of = f" with {listed([stage.name for stage in stages], 4)}" if stages else ""
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}'{of}: {reason}") from error
 
 
@@ -64,14 +64,14 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
 # the world stops and the error names the joint.
 def _laws(s: int, p: int, k: int, q: float, task: int) -> None:
     try:
-        _put_laws(s, row(p), kind_at(k), q, task)
+        _put_laws(s, p, kind_at(k), q, task)
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
 
 
-def _put_laws(s: int, p: Any, kind: Any, q: float, task: int) -> None:
+def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    given = q, *positions(row(s), 0), parameters(p, kind.law)
+    given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     known = 0.0, 0.0
     if task != 0:
@@ -83,16 +83,16 @@ def _put_laws(s: int, p: Any, kind: Any, q: float, task: int) -> None:
         joint.stiffness, joint.law_energy = known
 
 
-def _put_placed(s: int, p: Any, kind: Any, q: float, task: int) -> None:
+def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
     joint, link = joint_at(s), link_at(p)
     if task != 0:
         place(joint, link, kind, q + SLOPE)
-        least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(p, kind.law)))
+        least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
         place(joint, link, kind, q - SLOPE)
-        joint.stiffness = 0.5 / SLOPE * (_sum(torques(q - SLOPE, *positions(row(s), 0), parameters(p, kind.law))) - least)
+        joint.stiffness = 0.5 / SLOPE * (_sum(torques(q - SLOPE, *positions(row(s), 0), parameters(row(p), kind.law))) - least)
     place(joint, link, kind, q)
-    given = q, *positions(row(s), 0), parameters(p, kind.law)
+    given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     if task != 0:
         joint.law_energy = energy(*given)
@@ -126,7 +126,7 @@ def _put_staged(s: int, p: int, kind: Any, q: float, task: int) -> None:
     elif task == LOSE:
         lose(joint, link, kind)
     else:
-        springs(s, row(p), kind, q, task)
+        springs(s, p, kind, q, task)
         add(joint, link, kind, q)
 
 
@@ -165,7 +165,8 @@ def _dtype(kind: Any) -> np.dtype[Any]:
         inner = field.metadata.get("record")
         return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
 
-    return np.dtype([(field.name, of(field)) for field in own_fields(kind)], align=True)
+    # Numba knows no record without numbers.
+    return np.dtype([(field.name, of(field)) for field in own_fields(kind)] or [("nothing", np.float64)], align=True)
 
 
 @cache

@@ -39,6 +39,8 @@ MOTOR_TARGET = 0.3
 OVERSHOOT = 2.0
 """Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
 speeds of the references."""
+BISECTIONS = 30
+"""Number of bisections of a deflection: to 1e-9 of the largest one."""
 UNSTABLE = 2.0
 """omega h above which a spring gains energy in every step."""
 DAMPED = 1.0
@@ -192,7 +194,7 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
     if law(limit) <= bound:
         return limit
     low, high = 0.0, limit
-    for _ in range(60):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if law(middle) <= bound else (low, middle)
     return high

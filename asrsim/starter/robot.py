@@ -20,7 +20,7 @@ from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.robot.doubts import warnings_of
-from asrsim.robot.mounting import with_rotors
+from asrsim.robot.mounting import reference_names, with_rotors
 from asrsim.robot.tree import carries_mass
 from asrsim.scenario.check import nothing_moves
 from asrsim.scenario.data import Scenario
@@ -135,13 +135,12 @@ class StarterJoint:
         if not mode.spring:
             levels = [(mode.units[0], torque if mode.number == 0 else position)]
         elif mode.direct:
-            levels = [(mode.units[0], torque), tuned if actuator.adjuster else (mode.units[-1], torque)]
+            levels = [*[(mode.units[0], torque)] * actuator.motors, *[tuned] * actuator.adjuster]
         elif mode.mapped or actuator.adjuster:
             levels = [("rad", position), tuned]
         else:
             levels = [("rad", motor) for motor in actuator.motor_references(position, preset)]
-        count = 2 if actuator.motors > 1 or actuator.adjuster else 1
-        return [(name, *level) for name, level in zip(mode.references, levels[:count], strict=False)]
+        return [(name, *level) for name, level in zip(reference_names(self.block), levels, strict=False)]
 
     def references(self, preset: float) -> dict[str, Any]:
         """Signals of the starter's step by reference, as plain data."""

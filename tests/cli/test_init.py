@@ -11,8 +11,9 @@ from asrsim.cli.app import app
 from asrsim.errors import OutputError, RobotError, ScenarioError
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import load_scenario
 from asrsim.starter.robot import SCHEMA_FILE, write_starter
+from support.examined import check_against_robot
 from support.paths import ROOT
 
 URDF = """<robot name="{name}">

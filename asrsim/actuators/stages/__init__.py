@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from asrsim.actuators.stages.backlash import Backlash
 from asrsim.actuators.stages.base import Stage
 from asrsim.actuators.stages.damper import Damper
+from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.quantities import QUANTITIES
 from asrsim.registry import Registry
@@ -20,7 +22,7 @@ class Stages(Registry[type[Stage]]):
 
 
 STAGES = Stages("stage", entry_point_group="asrsim.stages", base=Stage)
-for _stage in (Hysteresis, Damper):
+for _stage in (Hysteresis, Damper, Backlash, Heating):
     STAGES.add(_stage.name, _stage)
 
 __all__ = ["STAGES", "Stage"]

@@ -205,13 +205,16 @@ def test_elements_of_xacro_that_a_urdf_keeps_have_no_effect(space, tiny):
     assert "a1" in [link.name for link in load_robot(tiny.robot).links]
 
 
+STARTING = (
+    '<ros2_control><joint name="elbow"><state_interface name="velocity"><param name="initial_value">2</param>'
+    "</state_interface></joint></ros2_control>"
+)
 WORDS = {
     # what: (words in <robot>, part of the warning)
     "gravity of no link": ('<gazebo reference="wrist"><turnGravityOff>true</turnGravityOff></gazebo>', "no such link"),
     "gravity as a vector": ('<gazebo reference="arm"><gravity>0 0 -1.6</gravity></gazebo>', "neither true nor false"),
     "start velocity": (
-        '<ros2_control><joint name="elbow"><state_interface name="velocity"><param name="initial_value">2</param>'
-        + "</state_interface></joint></ros2_control>",
+        STARTING,
         "start velocity",
     ),
     "masses of a compiler": ('<mujoco><compiler boundmass="0.5" meshdir="m"/></mujoco>', "changes masses"),

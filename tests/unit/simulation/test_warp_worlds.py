@@ -19,6 +19,9 @@ PARTS = {
     "integral action": {"parameters": {"joint_1": {"controller_1_integral": 50.0}}},
     "motor friction": {"parameters": {"joint_1": {"motor_1_friction_torque": 0.3, "motor_1_stribeck_friction": 0.3}}},
     "hysteresis": {"parameters": {"joint_1": {"hysteresis_torque": 0.3, "hysteresis_deflection": 0.02}}},
+    "damper": {"parameters": {"joint_1": {"spring_damping": 0.1}}},
+    "backlash": {"parameters": {"joint_1": {"backlash": 0.05}}},
+    "heating": {"parameters": {"joint_1": {"thermal_resistance": 2.0, "thermal_capacity": 0.2, "winding_heat": 50.0}}},
     "delay": {"effects": {"commands": {"joint_1": {"delay": 0.0104}}, "sensors": {"joint_1": {"delay": 0.002}}}},
 }
 
