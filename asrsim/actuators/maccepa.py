@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from math import cos, sin, sqrt
+from typing import Any
 
 from asrsim.actuators.base import Actuator, max_deflection, saturate
 from asrsim.actuators.parameters import Parameter
 
-_POSITIVE = {"minimum": 0.0, "exclusive_minimum": True, "source": "ours: an arm of some N m; the paper's law holds for any"}
+_POSITIVE: dict[str, Any] = {
+    "minimum": 0.0,
+    "exclusive_minimum": True,
+    "source": "ours: an arm of some N m; the paper's law holds for any",
+}
 
 
 class Maccepa(Actuator):
@@ -32,7 +37,7 @@ class Maccepa(Actuator):
     preset_range = (0.005, 0.04)
     parameters = (
         Parameter(name="spring_stiffness", default=5000.0, unit="N/m", doc="stiffness k of the spring", **_POSITIVE),
-        Parameter(name="lever_length", default=0.04, unit="m", doc="length B of the lever", **_POSITIVE),
+        Parameter(name="lever", default=0.04, unit="m", doc="length B of the lever", **_POSITIVE),
         Parameter(
             name="hole_distance", default=0.1, unit="m", doc="distance C of the cable's hole; differs from B", **_POSITIVE
         ),

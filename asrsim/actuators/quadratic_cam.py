@@ -24,6 +24,7 @@ class QuadraticCam(Antagonistic):
         "tau_2 = -r (a x_2^2 + b x_2); stiffness = r^2 (2 a x_1 + b) where d_1 > 0, plus r^2 (2 a x_2 + b) where d_2 < 0"
     )
     typical_preset = 0.3
+    preset_range = (0.1, 0.6)
     parameters = (
         Parameter(name="spring_quadratic", default=2e5, unit="N/m^2", doc="quadratic part a", minimum=0.0, source=OURS),
         Parameter(name="spring_linear", default=500.0, unit="N/m", doc="linear part b", minimum=0.0, source=OURS),
