@@ -16,6 +16,7 @@ from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario import Scenario, only_variant
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.run import Run
 from asrsim.summary import RunSummary
 
@@ -211,7 +212,7 @@ def run(
     loaded = scenarios_of(scenario, variant, overrides, plugins, robot)
     given = None if robot is None or isinstance(robot, str | Path) else robot
     return _run_one(
-        only_variant(loaded), given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+        examine(only_variant(loaded), given), out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
         progress=progress, stop=stop,
     )  # fmt: skip
 
@@ -230,19 +231,19 @@ def run_variants(
     out: Folder in which each variant gets a subfolder.
     """
     return {
-        one.variant: _run_one(one, None, None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
+        one.variant: _run_one(examine(one), None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
         for one in scenarios_of(scenario, None, overrides, plugins, None)
     }
 
 
 def _run_one(
-    scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
+    plan: Plan, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
     cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     folder = None if out is None else Path(out)
     with nullcontext() if folder is None else owned(folder):
         executed = execute(
-            scenario, folder, robot=robot, overwrite=overwrite, keep=keep or folder is None, certify=certify,
+            plan, folder, overwrite=overwrite, keep=keep or folder is None, certify=certify,
             cross_check=cross_check, progress=progress, stop=stop,
         )  # fmt: skip
         executed = write_summary(executed)

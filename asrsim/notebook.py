@@ -87,7 +87,7 @@ def as_html(result: Result) -> str:
     title = html.escape(f"{summary.scenario} / {summary.variant}")
     return (
         f"<p><b>{title}</b> {html.escape(headline(summary))}</p>{column_table(columns)}{bullets(remarks)}"
-        f'<img width="{WIDTH}" src="{data_address(stream.getvalue())}"/>'
+        f'<img width="{WIDTH}" style="max-width:100%" src="{data_address(stream.getvalue())}"/>'
     )
 
 

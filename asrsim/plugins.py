@@ -7,14 +7,15 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Iterable
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.declaration import declaration_problem, declaration_problems, file_of
 from asrsim.errors import ActuatorError, Problem
+from asrsim.plain import one_or_more
 from asrsim.registry import Registry, plugin_file
 
 MODULES = "asrsim_plugin_"
@@ -41,6 +42,14 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
 def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
     """The shell command `asrsim NAME FILE`, for the user to paste. plugins: plugin files that the file needs."""
     return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
+
+
+def load_plugin_files(files: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
+    """Run plugin files and register what they define, as `load_plugin_file` does; returns their paths."""
+    paths = tuple(Path(file) for file in one_or_more(files))
+    for path in paths:
+        load_plugin_file(path)
+    return paths
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
@@ -83,6 +92,18 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     for actuator in found:
         ACTUATORS.add(actuator.name, actuator, replace=True)
     return tuple(found)
+
+
+@contextmanager
+def blame_laws() -> Iterator[None]:
+    """Convert exceptions of a user's law to an ActuatorError with file and line."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        fault = law_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:

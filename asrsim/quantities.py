@@ -29,7 +29,7 @@ def each_motor(name: str) -> tuple[str, ...]:
     return tuple(name.format(i) for i in range(1, MOST_MOTORS + 1))
 
 
-def _each(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> Iterator[Quantity]:
+def of_motors(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> Iterator[Quantity]:
     """A quantity of each motor, with {} for its number. The toolbox's messages have two motors; other motors are apart."""
     for i in range(1, MOST_MOTORS + 1):
         yield Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
@@ -41,25 +41,29 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("link_position", "rad", "$q$", "position of the link"),
         Quantity("link_velocity", "rad/s", r"$\dot q$", "velocity of the link"),
         Quantity("link_torque", "N m", r"$\tau_q$", "torque of the actuator on the link, after the effort limit"),
-        *_each("elastic_torque_{}", "N m", r"$\tau_{el,{}}$", "torque of spring {0} on motor {0}"),
+        *of_motors("elastic_torque_{}", "N m", r"$\tau_{el,{}}$", "torque of spring {0} on motor {0}"),
         Quantity("stiffness", "N m/rad", "$k$", "stiffness seen by the link at fixed motors"),
         *(
             quantity
             for motor in zip(
-                _each("motor_{}_position", "rad", r"$\theta_{}$", "position of motor {} behind its gear; of an adjuster, in m"),
-                _each("motor_{}_velocity", "rad/s", r"$\dot\theta_{}$", "velocity of motor {}"),
-                _each("motor_{}_torque", "N m", r"$\tau_{m,{}}$", "torque of motor {}, after its limit"),
+                of_motors(
+                    "motor_{}_position", "rad", r"$\theta_{}$", "position of motor {} behind its gear; of an adjuster, in m"
+                ),
+                of_motors("motor_{}_velocity", "rad/s", r"$\dot\theta_{}$", "velocity of motor {}"),
+                of_motors("motor_{}_torque", "N m", r"$\tau_{m,{}}$", "torque of motor {}, after its limit"),
                 strict=True,
             )
             for quantity in motor
         ),
-        *_each("reference_{}", "", "$r_{}$", "reference {}; its meaning and unit follow from the operation mode"),
+        *of_motors("reference_{}", "", "$r_{}$", "reference {}; its meaning and unit follow from the operation mode"),
         Quantity("external_torque", "N m", r"$\tau_{ext}$", "external torque on the link"),
         Quantity("damping_torque", "N m", r"$\tau_d$", "torque of the link's viscous damping"),
-        *_each("friction_torque_{}", "N m", r"$\tau_{f,{}}$", "friction torque on motor {}"),
-        *_each("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, where it is electric", apart=True),
-        *_each("motor_{}_current", "A", "$i_{}$", "current of motor {}, where it is electric", apart=True),
-        *_each("sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `effects` of commands", apart=True),
+        *of_motors("friction_torque_{}", "N m", r"$\tau_{f,{}}$", "friction torque on motor {}"),
+        *of_motors("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, where it is electric", apart=True),
+        *of_motors("motor_{}_current", "A", "$i_{}$", "current of motor {}, where it is electric", apart=True),
+        *of_motors(
+            "sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `effects` of commands", apart=True
+        ),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy stored in the springs"),
         Quantity(
@@ -71,7 +75,6 @@ QUANTITIES: dict[str, Quantity] = {
         ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity("winding_loss", "J", r"$E_R$", "heat of the motors' windings since the start", apart=True),
-        Quantity("hysteresis_loss", "J", r"$E_h$", "energy lost in the springs' hysteresis since the start", apart=True),
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: error of the energy balance"
         ),

@@ -31,11 +31,6 @@ def record(kind: Any, doc: str, *, log: bool = False) -> Any:
     return field(default_factory=kind, metadata={"doc": doc, "record": kind, "log": log})
 
 
-def constants(kind: type[Any], doc: str) -> Any:
-    """A record of constants within a record of constants."""
-    return field(metadata={"doc": doc, "record": kind, "log": False})
-
-
 def several(doc: str) -> Any:
     """Records or numbers whose count depends on the robot; they follow the record in its row."""
     return field(default_factory=list, metadata={"doc": doc, "several": True})
@@ -69,7 +64,10 @@ def columns(kind: Any) -> Mapping[str, int]:
 
 @cache
 def _getter(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
-    return attrgetter(*declared(kind))  # a record has more than one number, so the result is a tuple
+    names = tuple(declared(kind))
+    if len(names) < 2:
+        return lambda one: tuple(getattr(one, name) for name in names)
+    return attrgetter(*names)
 
 
 def numbers(one: Any) -> tuple[Any, ...]:

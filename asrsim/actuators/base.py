@@ -25,8 +25,8 @@ from collections.abc import Mapping
 from math import copysign, exp
 from typing import ClassVar
 
-from asrsim.actuators.hysteresis import HYSTERESIS_PARAMETERS
 from asrsim.actuators.parameters import Parameter, numbered
+from asrsim.actuators.stages import STAGES
 
 
 class Actuator:
@@ -95,9 +95,10 @@ class Actuator:
 
     @classmethod
     def all_parameters(cls) -> tuple[Parameter, ...]:
-        """All parameters, in the order: spring, hysteresis of the spring, motors, controllers."""
+        """All parameters, in the order: spring, stages, motors, controllers."""
         parts = [numbered(part, index) for part in ("motor", "controller") for index in range(1, cls.motors + 1)]
-        return (*cls.parameters, *HYSTERESIS_PARAMETERS, *itertools.chain(*parts))
+        stages = (stage.parameters for stage in STAGES.loaded())
+        return (*cls.parameters, *itertools.chain(*stages, *parts))
 
     @classmethod
     def law_values(cls, values: Mapping[str, float]) -> tuple[float, ...]:

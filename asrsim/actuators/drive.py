@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from asrsim.actuators.electric import Electric, electric_of
-from asrsim.actuators.hysteresis import HysteresisConstants, hysteresis_of
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import MOTOR_PARAMETERS
+from asrsim.actuators.stages import STAGES
 from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
@@ -45,9 +47,20 @@ class Drive:
         return self.values.get("max_deflection", math.inf)
 
     @cached_property
-    def hysteresis(self) -> HysteresisConstants | None:
-        """Constants of the springs' hysteresis; None without hysteresis."""
-        return hysteresis_of(self.values) if self.mode.spring else None
+    def stages(self) -> Mapping[str, tuple[Any, ...]]:
+        """Constants at each motor of the stages that act, by name of the stage; None at motors where a stage does not act."""
+        motors = range(1, self.actuator.motors + 1) if self.mode.spring else ()
+        found = {one.name: tuple(one.constants(self.values, i, self.mode) for i in motors) for one in STAGES.loaded()}
+        return {name: own for name, own in found.items() if any(one is not None for one in own)}
+
+    def placed(self, motor: int, deflection: Array) -> Array:
+        """Deflections (...) of the spring of motor 1, 2, ... in rad at rest, for deflections (...) of the joint: behind the
+        stages in series with the spring."""
+        for name, constants in self.stages.items():
+            stage, own = STAGES.get(name), constants[motor - 1]
+            if stage.has("place") and own is not None:
+                deflection = np.vectorize(partial(stage.place, stage.Memory(), own), otypes=[float])(deflection)
+        return deflection
 
     @property
     def dynamic_motors(self) -> int:

@@ -56,6 +56,7 @@ def motor_kick(
     load: float,
     slowest: float,
     fastest: float,
+    limit: float,
     step: float,
     implicitness: float,
     own: MotorConstants,
@@ -65,13 +66,13 @@ def motor_kick(
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
     load: torque of the spring on the motor in N m; slowest, fastest: smallest and largest velocity in rad/s that stops and
-    speed limit allow (`velocity_bounds`). Damping, back-EMF and derivative action act on the velocity (1 - implicitness) old +
-    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. own: constants of
-    the motor.
+    speed limit allow (`velocity_bounds`); limit: largest torque of the motor in N m; own: constants of the motor. Damping,
+    back-EMF and derivative action act on the velocity (1 - implicitness) old + implicitness new: 1/2 is the midpoint rule
+    (second order), 0 the explicit Euler rule.
     Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
     """
     i, d, damping, gain, lag, emf = own.integral, own.derivative, own.damping, own.gain, own.lag, own.emf
-    inertia, excess, fade, stiffness, stall, limit = own.inertia, own.excess, own.fade, own.bristles, own.stall, own.limit
+    inertia, excess, fade, stiffness, stall = own.inertia, own.excess, own.fade, own.bristles, own.stall
     error = reference - own.hold * position
     # The mean of the integral over the kick: half of its increase.
     push = (own.proportional + 0.5 * i * step) * error + integral

@@ -44,9 +44,17 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
     A controller without integral action has the steady-state error tau_el / P. Ideal motors stand at their references. Friction
     is neglected. limited: whether the motors' largest torques and position stops apply.
     """
-    resting, law = references + np.zeros_like(position), over_arrays(drives[0].actuator.elastic_torques)
+    resting, springs = references + np.zeros_like(position), over_arrays(drives[0].actuator.elastic_torques)
     motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
     elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
+
+    def law(position: Array, *positions: Array) -> Array:
+        ends = list(positions)
+        for row, drive in enumerate(drives if any(drive.stages for drive in drives) else ()):
+            for motor in range(drive.actuator.motors):
+                ends[motor] = ends[motor].copy()
+                ends[motor][row] = position[row] + drive.placed(motor + 1, ends[motor][row] - position[row])
+        return springs(position, *ends, elastic)
 
     def numbers(name: str) -> Array:
         """Numbers (..., motors, joints, 1) of the motors."""
@@ -56,7 +64,7 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
         """Torque (joints, n) of the springs on a motor at `theta` (joints, n), while the other motors stand at `resting`."""
         trial = resting.copy()
         trial[motor] = theta
-        return np.asarray(law(position, *trial, elastic)[motor])
+        return np.asarray(law(position, *trial)[motor])
 
     def missing(motor: int, holding: Array, theta: Array) -> Array:
         """Torque (joints, n) of the springs minus the torque of the motor. holding: torque of integral action."""
@@ -64,7 +72,7 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
         return np.asarray(load(motor, theta) - np.clip(torque, -most[motor], most[motor]))
 
     if not motors:
-        return resting, law(position, *resting, elastic)
+        return resting, law(position, *resting)
     wanted = resting.copy()
     gain, integral = numbers("proportional"), numbers("integral")
     most, (low, high) = numbers("max_torque"), numbers("motor_ranges")
@@ -78,7 +86,7 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
             found = increasing_roots(partial(missing, motor, holding), wanted[motor], slope=gain[motor])
             resting[motor] = np.clip(found, low[motor], high[motor])
             loads.append(load(motor, resting[motor]))
-        torques = law(position, *resting, elastic)
+        torques = law(position, *resting)
         # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
         if np.array_equal(loads, torques[:motors]):
             break

@@ -17,7 +17,6 @@ from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
-    from asrsim.simulation.prepare import Prepared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,44 +107,25 @@ def scenario_report(path: Path) -> FileReport:
 
 
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
-    """Report with the findings in a scenario and its robot. For a robot file, missing references are not reported."""
-    from asrsim.kinematics.sizing import weight_warnings
-    from asrsim.scenario import apply_to_robot, check_against_robot
-    from asrsim.scenario.signal_checks import undersampled
-    from asrsim.simulation.resonance import resonance_doubts
+    """Report with the findings in a scenario and its robot. For a robot file, only the robot's own warnings are reported."""
+    from asrsim.simulation.examine import findings
+    from asrsim.simulation.prepare import build
 
     alone = report.kind == "robot"
-    errors, notes = check_against_robot(scenario, robot)
-    if robot is None or errors or scenario.unread:
-        warnings = [*(warnings_of(robot) if robot else ()), *notes]
-        return replace(report, errors=tuple(errors), warnings=tuple(warnings))
-    changed = apply_to_robot(scenario, robot)
-    warnings = [*map(scenario.placed, warnings_of(changed))]
-    if not alone:
-        warnings += [*notes, *weight_warnings(scenario, changed, propose=True)]
-    prepared, unbuildable = _built(scenario, robot, report.path)
-    if prepared is not None:
-        warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
-        warnings += undersampled(scenario, prepared.resolution.substeps)
-        warnings += resonance_doubts(scenario, prepared.drives, prepared.model, prepared.resolution)
-    substeps = None if prepared is None else vars(prepared.resolution)
-    return replace(report, robot=changed, step=scenario.step, substeps=substeps, errors=unbuildable, warnings=tuple(warnings))
-
-
-def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Prepared | None, tuple[Problem, ...]]:
-    """The run as it is built, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
-    the engine rejects, claims that cannot be evaluated.
-    """
-    from asrsim.simulation.prepare import prepare
-    from asrsim.summary.claims import check_claims
-
+    plan, errors, warnings = findings(scenario, robot, propose=not alone)
+    if plan is None:
+        return replace(report, errors=errors, warnings=warnings)
+    if alone:
+        plan = replace(plan, warnings=tuple(map(scenario.placed, warnings_of(plan.robot))))
+    report = replace(report, robot=plan.robot, step=scenario.step, warnings=plan.warnings)
     try:
-        prepared = prepare(scenario, robot)
+        prepared = build(plan)
         prepared.make_engine().close()
-        check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
     except AsrsimError as error:
-        return None, problems_of(error, path)
-    return prepared, ()
+        # Springs that are too stiff for any substep, and bodies that the engine rejects.
+        return replace(report, errors=problems_of(error, report.path))
+    shapes = usable_shapes(plan.source, visuals=alone, package_paths=scenario.package_paths)[1]
+    return replace(report, substeps=vars(prepared.resolution), warnings=tuple(dict.fromkeys((*prepared.warnings, *shapes))))
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:

@@ -61,6 +61,7 @@ def run(
     from asrsim.runs.folder import default_folder
     from asrsim.runs.lock import owned
     from asrsim.scenario import load_scenario
+    from asrsim.simulation.examine import examine
 
     settings = [*(overrides or []), *([f"engine={engine}"] if engine else [])]
     names: list[str | None] = [*variant] if variant else [None]
@@ -75,8 +76,9 @@ def run(
             try:
                 with owned(folder):
                     with RunBar(title, one.duration, show=not quiet) as progress:
+                        plan = examine(with_plugins(one, plugin))
                         executed = execute(
-                            with_plugins(one, plugin), folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
+                            plan, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
                             started=progress.start, progress=progress.update, stop=interruption.stop,
                             certifying=progress.update_part,
                         )  # fmt: skip

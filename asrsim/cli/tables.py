@@ -50,7 +50,7 @@ def _print_head(report: FileReport) -> None:
         robot, driven = report.robot, {block.joint for block in report.robot.actuators}
         counts = {"link": robot.links, "moving joint": robot.moving_joints, "actuator": robot.actuators}
         parts += [f"robot '{robot.name}'", *(counted(len(items), noun) for noun, items in counts.items())]
-        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven and not joint.mimic]
+        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven and joint.name not in robot.followers]
         if rigid:
             parts.append(f"not driven: {listed(rigid, SHOWN)}")
     say(" · ".join(parts))
@@ -65,6 +65,9 @@ def _print_passive(robot: Robot) -> None:
         if joint.mimic:
             law = f"{joint.multiplier:g} {joint.mimic}" + (f" {joint.offset:+g}" if joint.offset else "")
             say(f"{styled('coupled', 'bold cyan')}, {joint.name} follows {joint.mimic}: {joint.name} = {law}")
+        elif joint.name in robot.followers:
+            master = robot.moving_joints[int(robot.couplings.master[robot.moving_joints.index(joint)])].name
+            say(f"{styled('closed chain', 'bold cyan')}, {joint.name} follows {master}")
         if joint.armature:
             unit = "kg" if joint.kind == "prismatic" else "kg m^2"
             say(f"{styled('rotor', 'bold cyan')}, {joint.armature:.4g} {unit} at the joint: {joint.name}")

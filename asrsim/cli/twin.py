@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
@@ -39,15 +39,33 @@ def twin(
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
     from asrsim.cli.progress import FractionBar
-    from asrsim.twin.follow import follow, write
+    from asrsim.twin.follow import Followed, follow, write
 
+    options: dict[str, Any] = {
+        "bandwidth": bandwidth, "mapping": mapping, "rate": rate, "clock_offset": clock_offset, "variant": variant,
+        "overrides": overrides or (),
+    }  # fmt: skip
+    written: list[Path] = []
     message = "asrsim: stopping; the results so far are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
-        found = follow(
-            scenario, experiment, bandwidth=bandwidth, mapping=mapping, rate=rate, clock_offset=clock_offset, variant=variant,
-            overrides=overrides or (), progress=lambda share: bar.update("twin", share), stop=interruption.stop,
-        )  # fmt: skip
-    files, rows = write(found, out, plot=plot), found.rows()
+
+        def work(**more: Any) -> Followed:
+            return follow(scenario, experiment, progress=lambda share: bar.update("twin", share), **options, **more)
+
+        def done(found: Followed) -> None:
+            written.extend(write(found, out, plot=plot))
+
+        if view:
+            from asrsim.cli.view import show_page
+            from asrsim.simulation.prepare import prepare
+            from asrsim.viewer.twin import FollowView
+
+            ready = prepare(scenario, variant=variant, overrides=overrides or ())
+            _, found = show_page(lambda page: FollowView(page, ready, work, done), interruption.stop, quiet=quiet)
+        else:
+            found = work(stop=interruption.stop)
+            done(found)
+    rows = found.rows()
 
     def text() -> None:
         torque, stiffness, length = (
@@ -67,20 +85,9 @@ def twin(
             say(note)
         if len(found.notes) > 20:
             say(f"and {len(found.notes) - 20} further notes (--json prints all)")
-        say_written(files)
+        say_written(written)
 
-    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": files}
-    if view and not found.interrupted:
-        from asrsim.cli.view import show_page
-        from asrsim.simulation.prepare import prepare
-        from asrsim.viewer.twin import followed_player
-
-        ready = prepare(scenario, variant=variant, overrides=overrides or ())
-        if not quiet:
-            text()
-        with Interruption("") as interruption:
-            show_page(lambda page: followed_player(page, ready, found), interruption.stop, quiet=quiet)
-        return Done(data=data)
+    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": written}
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)
 
 

@@ -1,9 +1,8 @@
-"""Closed chains of one freedom: the joints of a loop follow its master with a ratio that depends on the positions.
+"""Closed chains of one freedom: the joints of a linkage follow its master with ratios that depend on the positions.
 
-A loop is closed where a point of one link coincides with a point of another one. Along the path between both links, with
-positions q and velocities v, the gap p_a - p_b changes by J v. The ratios of the followers solve J_f ratio = -J_m; at constant
-velocity of the master they accelerate by gamma, which solves J_f gamma = -dJ/dt v (least squares, since a planar loop has fewer
-equations than the three of the gap). Positions are corrected by Newton's method, so that the gap does not grow.
+`asrsim.robot.loops` states the equations. Here an entry is a joint on one side of a loop, with its column of the Jacobian; the
+normal equations of a linkage collect the entries of its loops and its couplings. Positions are corrected by Newton's method,
+so that the gaps do not grow.
 
 The functions run as Python or compiled.
 """
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.robot.loops import LoopPath
+from asrsim.robot.loops import Linkage
 
 Numbers = NDArray[Any]
 ROUNDS = 12
@@ -26,18 +25,20 @@ CLOSED = 1e-15
 
 
 class Loops(NamedTuple):
-    """Loops of a robot, and work space. Entries of a path belong to one joint on one side of its loop."""
+    """Linkages of a robot, and work space. Entries of a path belong to one joint on one side of its loop."""
 
     chains: int
-    """Number of loops."""
+    """Number of linkages."""
+    width: int
+    """Largest number of followers of a linkage."""
+    loop: Numbers
+    """Index of the first loop of each linkage, and the number of all loops, (chains + 1,)."""
     first: Numbers
     """Index of the first entry of each loop, and the number of all entries, (loops + 1,)."""
     second: Numbers
     """Index of the first entry on the second side of each loop, (loops,)."""
-    master: Numbers
-    """Entry of the master of each loop, (loops,)."""
-    joint: Numbers
-    """Joint of each entry, (k,)."""
+    column: Numbers
+    """Number of each entry's joint among the followers of its linkage, (k,); -1 for the master."""
     place: Numbers
     """Index of each entry's joint in a configuration, (k,)."""
     speed: Numbers
@@ -52,34 +53,66 @@ class Loops(NamedTuple):
     """Axis (k, 3) of each joint in its frame."""
     ends: Numbers
     """Points that coincide, behind the last joints of both sides, (loops, 6), m."""
+    follower: Numbers
+    """Index of the first follower of each linkage in the next three arrays, and their number, (chains + 1,)."""
+    follower_joint: Numbers
+    follower_place: Numbers
+    """Index of each follower in a configuration."""
+    follower_speed: Numbers
+    """Index of each follower in the library's velocities."""
+    tie: Numbers
+    """Index of the first coupling of each linkage in the next arrays, and their number, (chains + 1,)."""
+    tie_columns: Numbers
+    """Follower and leader of each coupling, numbered as in `column`, (t, 2)."""
+    tie_places: Numbers
+    """Follower and leader of each coupling in a configuration, (t, 2)."""
+    tie_values: Numbers
+    """Ratio, offset in rad (m) and weight in m^2 of each coupling, (t, 3)."""
     gamma: Numbers
     """Acceleration of each of the library's velocities at constant velocity of the masters, (w,)."""
     arms: Numbers
     """Work space: axis, origin, and column of J for each entry, (k, 9)."""
     work: Numbers
-    """Work space: rotation, three vectors, gap, drift of the gap, (30,)."""
+    """Work space: rotation, three vectors, gap, drift of the gap, right-hand side, (30,)."""
     normal: Numbers
-    """Work space: normal equations with right-hand side and solution, (k, k + 2)."""
+    """Work space: normal equations with right-hand side and solution, (f, f + 2)."""
 
 
-def make_loops(paths: tuple[LoopPath, ...], joint_q: Numbers, joint_v: Numbers, speeds: int) -> Loops:
-    """Loops with the joints' places in a configuration and in the library's velocities."""
-    sizes = [len(path.joints) for path in paths]
-    first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+def make_loops(linkages: tuple[Linkage, ...], joint_q: Numbers, joint_v: Numbers, speeds: int) -> Loops:
+    """Linkages with the joints' places in a configuration and in the library's velocities."""
+    owners = [(linkage, path) for linkage in linkages for path in linkage.paths]
+    paths = [path for _, path in owners]
+    first = _starts([len(path.joints) for path in paths])
     joint = np.array([j for path in paths for j in path.joints], dtype=np.int64)
-    k = len(joint)
+    followers = np.array([j for linkage in linkages for j in linkage.joints[1:]], dtype=np.int64)
+    ties = [(linkage, tie) for linkage in linkages for tie in linkage.ties]
+    ends = np.array([(tie.follower, tie.leader) for _, tie in ties], dtype=np.int64).reshape(len(ties), 2)
+    k, width = len(joint), max((len(linkage.joints) - 1 for linkage in linkages), default=0)
     return Loops(
-        chains=len(paths), first=first,
+        chains=len(linkages), width=width, loop=_starts([len(linkage.paths) for linkage in linkages]), first=first,
         second=np.array([a + path.split for a, path in zip(first[:-1], paths, strict=True)], dtype=np.int64),
-        master=np.array([a + path.master for a, path in zip(first[:-1], paths, strict=True)], dtype=np.int64),
-        joint=joint, place=joint_q[joint], speed=joint_v[joint],
+        column=np.array([linkage.joints.index(j) - 1 for linkage, path in owners for j in path.joints], dtype=np.int64),
+        place=joint_q[joint], speed=joint_v[joint],
         slides=np.array([int(one) for path in paths for one in path.slides], dtype=np.int64),
         origin=np.array([one for path in paths for one in path.origins], dtype=float).reshape(k, 3),
         turn=np.array([one for path in paths for one in path.turns], dtype=float).reshape(k, 9),
         axis=np.array([one for path in paths for one in path.axes], dtype=float).reshape(k, 3),
         ends=np.array([path.ends for path in paths], dtype=float).reshape(len(paths), 6),
-        gamma=np.zeros(speeds), arms=np.zeros((k, 9)), work=np.zeros(30), normal=np.zeros((k, k + 2)),
+        follower=_starts([len(linkage.joints) - 1 for linkage in linkages]), follower_joint=followers,
+        follower_place=joint_q[followers], follower_speed=joint_v[followers],
+        tie=_starts([len(linkage.ties) for linkage in linkages]),
+        tie_columns=np.array(
+            [[linkage.joints.index(j) - 1 for j in (tie.follower, tie.leader)] for linkage, tie in ties], dtype=np.int64
+        ).reshape(len(ties), 2),
+        tie_places=joint_q[ends],
+        tie_values=np.array([(tie.ratio, tie.offset, linkage.size**2) for linkage, tie in ties]).reshape(len(ties), 3),
+        gamma=np.zeros(speeds), arms=np.zeros((k, 9)), work=np.zeros(30), normal=np.zeros((width, width + 2)),
     )  # fmt: skip
+
+
+def _starts(sizes: list[int]) -> Numbers:
+    """Index of the first member of each group, and the number of all members."""
+    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
 def find_columns(loops: Any, loop: int, q: Any) -> None:
@@ -172,93 +205,140 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
                     work[24 + c] += rate * (arms[near, a] * arms[far, 6 + b] - arms[near, b] * arms[far, 6 + a])
 
 
-def solve_followers(loops: Any, loop: int) -> None:
-    """Solve J_f x = -r for the followers of a loop by least squares, with r in `work[27:30]`; x becomes the last column of
-    `normal`. A singular system gives values that are not finite."""
+def clear(loops: Any, chain: int) -> None:
+    """Set the normal equations of a linkage to 0."""
+    count = loops.follower[chain + 1] - loops.follower[chain]
+    for a in range(count):
+        for b in range(count):
+            loops.normal[a, b] = 0.0
+        loops.normal[a, loops.width] = 0.0
+
+
+def collect(loops: Any, loop: int) -> None:
+    """Add the equations J_f x = -r of a loop to the normal equations of its linkage, with r in `work[27:30]`."""
     normal, arms, work = loops.normal, loops.arms, loops.work
-    begin, end, master = loops.first[loop], loops.first[loop + 1], loops.master[loop]
-    width = loops.first[loops.chains]
-    for k in range(begin, end):
-        for i in range(begin, k + 1):
-            normal[k, i] = 0.0
-            for c in range(3):
-                normal[k, i] += arms[k, 6 + c] * arms[i, 6 + c]
-        normal[k, width] = 0.0
-        for c in range(3):
-            normal[k, width] -= arms[k, 6 + c] * work[27 + c]
-    # Cholesky's decomposition without the row of the master.
-    for k in range(begin, end):
-        if k == master:
+    for k in range(loops.first[loop], loops.first[loop + 1]):
+        a = loops.column[k]
+        if a < 0:
             continue
-        for i in range(begin, k + 1):
-            if i == master:
+        for i in range(loops.first[loop], loops.first[loop + 1]):
+            b = loops.column[i]
+            if b < 0:
                 continue
+            for c in range(3):
+                normal[a, b] += arms[k, 6 + c] * arms[i, 6 + c]
+        for c in range(3):
+            normal[a, loops.width] -= arms[k, 6 + c] * work[27 + c]
+
+
+def collect_tie(loops: Any, tie: int, residual: float) -> None:
+    """Add the equation x_follower - ratio x_leader = -residual of a coupling to the normal equations of its linkage."""
+    normal, ratio, weight = loops.normal, loops.tie_values[tie, 0], loops.tie_values[tie, 2]
+    a, b = loops.tie_columns[tie, 0], loops.tie_columns[tie, 1]
+    if a >= 0:
+        normal[a, a] += weight
+        normal[a, loops.width] -= weight * residual
+    if b >= 0:
+        normal[b, b] += weight * ratio * ratio
+        normal[b, loops.width] += weight * ratio * residual
+    if a >= 0 and b >= 0:
+        normal[a, b] -= weight * ratio
+        normal[b, a] -= weight * ratio
+
+
+def solve_followers(loops: Any, chain: int) -> None:
+    """Solve the normal equations of a linkage for its followers; the solution becomes the last column of `normal`. A singular
+    system gives values that are not finite."""
+    normal, width = loops.normal, loops.width
+    count = loops.follower[chain + 1] - loops.follower[chain]
+    # Cholesky's decomposition.
+    for k in range(count):
+        for i in range(k + 1):
             value = normal[k, i]
-            for c in range(begin, i):
-                if c != master:
-                    value -= normal[k, c] * normal[i, c]
+            for c in range(i):
+                value -= normal[k, c] * normal[i, c]
             if i < k:
                 normal[k, i] = value / normal[i, i]
             else:
                 normal[k, k] = value**0.5 if value > 0.0 else np.nan
         value = normal[k, width]
-        for c in range(begin, k):
-            if c != master:
-                value -= normal[k, c] * normal[c, width]
+        for c in range(k):
+            value -= normal[k, c] * normal[c, width]
         normal[k, width] = value / normal[k, k]
-    for k in range(end - 1, begin - 1, -1):
-        normal[k, width + 1] = 0.0
-        if k == master:
-            continue
+    for k in range(count - 1, -1, -1):
         value = normal[k, width]
-        for c in range(k + 1, end):
-            if c != master:
-                value -= normal[c, k] * normal[c, width + 1]
+        for c in range(k + 1, count):
+            value -= normal[c, k] * normal[c, width + 1]
         normal[k, width + 1] = value / normal[k, k]
 
 
 def find_ratios(loops: Any, ratio: Any, factor: Any, q: Any) -> None:
-    """Compute the ratios of the followers of all loops at the configuration q."""
-    width = loops.first[loops.chains]
-    for loop in range(loops.chains):
-        find_columns(loops, loop, q)
-        for c in range(3):
-            loops.work[27 + c] = loops.arms[loops.master[loop], 6 + c]
-        solve_followers(loops, loop)
-        for k in range(loops.first[loop], loops.first[loop + 1]):
-            if k != loops.master[loop]:
-                ratio[loops.joint[k]] = factor[loops.speed[k]] = loops.normal[k, width + 1]
+    """Compute the ratios of the followers of all linkages at the configuration q."""
+    for chain in range(loops.chains):
+        clear(loops, chain)
+        for loop in range(loops.loop[chain], loops.loop[chain + 1]):
+            find_columns(loops, loop, q)
+            for c in range(3):
+                loops.work[27 + c] = 0.0
+            for k in range(loops.first[loop], loops.first[loop + 1]):
+                if loops.column[k] < 0:
+                    for c in range(3):
+                        loops.work[27 + c] += loops.arms[k, 6 + c]
+            collect(loops, loop)
+        for tie in range(loops.tie[chain], loops.tie[chain + 1]):
+            residual = 0.0
+            if loops.tie_columns[tie, 0] < 0:
+                residual = 1.0
+            elif loops.tie_columns[tie, 1] < 0:
+                residual = -loops.tie_values[tie, 0]
+            collect_tie(loops, tie, residual)
+        solve_followers(loops, chain)
+        first = loops.follower[chain]
+        for k in range(first, loops.follower[chain + 1]):
+            ratio[loops.follower_joint[k]] = factor[loops.follower_speed[k]] = loops.normal[k - first, loops.width + 1]
 
 
 def find_gamma(loops: Any, q: Any, v: Any) -> None:
     """Compute the accelerations `gamma` at the configuration q and the velocities v of the library."""
-    width = loops.first[loops.chains]
-    for loop in range(loops.chains):
-        find_columns(loops, loop, q)
-        find_drift(loops, loop, v)
-        for c in range(3):
-            loops.work[27 + c] = loops.work[24 + c]
-        solve_followers(loops, loop)
-        for k in range(loops.first[loop], loops.first[loop + 1]):
-            if k != loops.master[loop]:
-                loops.gamma[loops.speed[k]] = loops.normal[k, width + 1]
+    for chain in range(loops.chains):
+        clear(loops, chain)
+        for loop in range(loops.loop[chain], loops.loop[chain + 1]):
+            find_columns(loops, loop, q)
+            find_drift(loops, loop, v)
+            for c in range(3):
+                loops.work[27 + c] = loops.work[24 + c]
+            collect(loops, loop)
+        for tie in range(loops.tie[chain], loops.tie[chain + 1]):
+            collect_tie(loops, tie, 0.0)
+        solve_followers(loops, chain)
+        first = loops.follower[chain]
+        for k in range(first, loops.follower[chain + 1]):
+            loops.gamma[loops.follower_speed[k]] = loops.normal[k - first, loops.width + 1]
 
 
 def close_loops(loops: Any, q: Any) -> None:
-    """Move the followers of all loops until the gaps are closed. q: configuration, whose followers are near their positions."""
-    width = loops.first[loops.chains]
-    for loop in range(loops.chains):
+    """Move the followers of all linkages until the gaps are closed. q: configuration, whose followers are near their
+    positions."""
+    for chain in range(loops.chains):
         before = 1e300
         for _ in range(ROUNDS):
-            find_columns(loops, loop, q)
             gap = 0.0
-            for c in range(3):
-                loops.work[27 + c] = loops.work[21 + c]
-                gap += abs(loops.work[21 + c])
+            clear(loops, chain)
+            for loop in range(loops.loop[chain], loops.loop[chain + 1]):
+                find_columns(loops, loop, q)
+                for c in range(3):
+                    loops.work[27 + c] = loops.work[21 + c]
+                    gap += abs(loops.work[21 + c])
+                collect(loops, loop)
+            for tie in range(loops.tie[chain], loops.tie[chain + 1]):
+                leader = loops.tie_values[tie, 0] * q[loops.tie_places[tie, 1]] + loops.tie_values[tie, 1]
+                residual = q[loops.tie_places[tie, 0]] - leader
+                gap += abs(residual)
+                collect_tie(loops, tie, residual)
             if gap < CLOSED or not gap < before:
                 break
             before = gap
-            solve_followers(loops, loop)
-            for k in range(loops.first[loop], loops.first[loop + 1]):
-                if k != loops.master[loop]:
-                    q[loops.place[k]] += loops.normal[k, width + 1]
+            solve_followers(loops, chain)
+            first = loops.follower[chain]
+            for k in range(first, loops.follower[chain + 1]):
+                q[loops.follower_place[k]] += loops.normal[k - first, loops.width + 1]

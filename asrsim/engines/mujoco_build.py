@@ -20,6 +20,8 @@ ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot collides with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
 """Ratio of a contact's stiffness against slip to its stiffness against penetration: MuJoCo's `impratio`."""
+HIDDEN_GROUP = 4
+"""Group of sites, which viewers of MuJoCo hide."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: the hardest that MuJoCo accepts."""
 
@@ -124,16 +126,26 @@ def _furnish(spec: Any, world: World) -> None:
 
 
 def couple(spec: Any, robot: Robot, impedance: Sequence[float], lag: float | None = None) -> None:
-    """Couple joints by equality constraints with the given impedance. lag: time constant of the constraints in s, for MuJoCo's
-    own step; None: MuJoCo's default."""
+    """Couple joints, and close loops, by equality constraints with the given impedance. lag: time constant of the
+    constraints in s, for MuJoCo's own step; None: MuJoCo's default."""
+    kinds, objects, equalities = load().mjtEq, load().mjtObj, []
     for joint in robot.moving_joints:
         if joint.mimic:
-            equality = spec.add_equality(type=load().mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimic)
-            equality.objtype = load().mjtObj.mjOBJ_JOINT
+            equality = spec.add_equality(
+                type=kinds.mjEQ_JOINT, objtype=objects.mjOBJ_JOINT, name1=joint.name, name2=joint.mimic
+            )
             equality.data[:5] = [joint.offset, joint.multiplier, 0.0, 0.0, 0.0]
-            equality.solimp = list(impedance)
-            if lag is not None:
-                equality.solref = [lag, 1.0]
+            equalities.append(equality)
+    for number, loop in enumerate(robot.loops):
+        names = [f"loop.{number}.{end}" for end in (1, 2)]
+        for name, link, point in zip(names, loop.links, loop.points, strict=True):
+            spec.body(link_body(link)).add_site(name=name, pos=list(point), group=HIDDEN_GROUP)
+        equality = spec.add_equality(type=kinds.mjEQ_CONNECT, objtype=objects.mjOBJ_SITE, name1=names[0], name2=names[1])
+        equalities.append(equality)
+    for equality in equalities:
+        equality.solimp = list(impedance)
+        if lag is not None:
+            equality.solref = [lag, 1.0]
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:

@@ -27,12 +27,10 @@ from asrsim import compiling
 from asrsim.compiling import Callback
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
-from asrsim.engines.loops import Loops, close_loops, find_columns, find_gamma, find_ratios, make_loops
+from asrsim.engines.loops import Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
 from asrsim.packed import pack
-from asrsim.robot.couplings import couplings_of
 from asrsim.robot.dynamics import robot_model
-from asrsim.robot.loops import paths_of
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array, HeldWrench
@@ -43,10 +41,6 @@ Numbers = NDArray[Any]
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
 implicitness."""
-OPEN = 1e-9
-"""Largest gap of a closed loop at the start, m."""
-DEAD = 1e-6
-"""Smallest ratio of the singular values of a loop's Jacobian: below, the master stands at a dead centre."""
 INLINE = (
     "asrsim.engines.rigid", "asrsim.engines.loops", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step",
     "asrsim.engines.bullet",
@@ -150,14 +144,11 @@ def make_room(
     w, joints = len(qvel), robot.moving_joints
     tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
-    couplings, armature = couplings_of(robot), np.array([joint.armature for joint in joints])
-    owner, factor, paths = np.arange(w), np.ones(w), paths_of(robot)
-    master = couplings.master.copy()
-    for path in paths:
-        master[list(path.joints)] = path.joints[path.master]
-    reduced = reduce and (bool(couplings) or bool(armature.any()) or bool(paths))
+    couplings, armature = robot.couplings, np.array([joint.armature for joint in joints])
+    owner, factor = np.arange(w), np.ones(w)
+    reduced = reduce and (bool(couplings) or bool(armature.any()))
     if reduced:
-        owner[at], factor[at] = at[master], couplings.ratio
+        owner[at], factor[at] = at[couplings.master], couplings.ratio
         kept, owner = np.unique(owner, return_inverse=True)
         tree = _reduced_tree(tree, owner.ravel(), len(kept))
     size = len(tree)
@@ -171,10 +162,11 @@ def make_room(
         "regime": np.zeros(size, dtype=np.int64), "parent": tree,
         "square": np.zeros((size, size)), "slowest": np.full(size, -inf), "fastest": np.full(size, inf),
         "owner": owner.astype(np.int64), "factor": factor, "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": at,
-        "joint_z": owner[at].astype(np.int64), "master": master if reduced else np.arange(len(joints)),
-        "ratio": couplings.ratio if reduced else np.ones(len(joints)),
+        "joint_z": owner[at].astype(np.int64), "master": couplings.master if reduced else np.arange(len(joints)),
+        "ratio": couplings.ratio.copy() if reduced else np.ones(len(joints)),
         "offset": couplings.offset if reduced else np.zeros(len(joints)), "armature": armature,
-        "loops": make_loops(paths if reduced else (), np.array(joint_q, dtype=np.int64), at, w), "lower": lower, "upper": upper,
+        "loops": make_loops(couplings.linkages if reduced else (), np.array(joint_q, dtype=np.int64), at, w),
+        "lower": lower, "upper": upper,
     }  # fmt: skip
     return Room(**fields)
 
@@ -290,7 +282,8 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             room.velocity[resting] = 0.0
         length -= part
     for j in range(count):
-        exchange[piece, j, VELOCITY] = room.ratio[j] * room.velocity[room.joint_z[j]]
+        speed = room.velocity[room.joint_z[j]]
+        exchange[piece, j, VELOCITY] = room.ratio[j] * speed if room.reduced else speed
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
@@ -305,12 +298,18 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
         room.diagonal[i] = room.matrix[i, i]
         room.bound[i] = 0.0
     for j in range(room.joints):
-        i, ratio, damping = room.joint_z[j], room.ratio[j], exchange[piece, j, DAMPING]
-        room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
-        room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
-        room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
-        if room.master[j] != j:
-            continue
+        i, damping = room.joint_z[j], exchange[piece, j, DAMPING]
+        if room.reduced:
+            ratio = room.ratio[j]
+            room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
+            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
+            room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
+            if room.master[j] != j:
+                continue
+        else:
+            room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
+            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
+            room.bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
@@ -411,7 +410,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         _turn(state, first, step)
     last = len(lengths) - 1
     for j in range(room.joints):
-        if room.master[j] == j:
+        if room.reduced == 0 or room.master[j] == j:
             speed = state[first + room.joint_z[j]]
             place = room.joint_q[j]
             state[place] += step * speed
@@ -431,10 +430,9 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
 def _place_followers(room: Any, state: Any, step: float) -> None:
     """Set the positions of the joints that follow others. step: length of the drift in s; 0 at the start."""
     loops, first = room.loops, room.coordinates
-    for k in range(loops.first[loops.chains]):
-        j = loops.joint[k]
-        if room.master[j] != j:
-            state[loops.place[k]] += step * room.ratio[j] * state[first + room.joint_z[j]]
+    for k in range(loops.follower[loops.chains]):
+        j = loops.follower_joint[k]
+        state[loops.follower_place[k]] += step * room.ratio[j] * state[first + room.joint_z[j]]
     if loops.chains:
         close_loops(loops, state)
     for j in range(room.joints):
@@ -445,8 +443,8 @@ def _place_followers(room: Any, state: Any, step: float) -> None:
 def _in_loop(loops: Any, j: int) -> bool:
     """Whether joint j belongs to a loop."""
     count = 0
-    for k in range(loops.first[loops.chains]):
-        if loops.joint[k] == j:
+    for k in range(loops.follower[loops.chains]):
+        if loops.follower_joint[k] == j:
             count += 1
     return count > 0
 
@@ -648,23 +646,13 @@ class RigidEngine(Engine):
         return positions, velocities
 
     def _check_loops(self) -> None:
-        """Raise RobotError if a loop is not closed at the start, or its master stands at a dead centre."""
+        """Raise RobotError if a linkage is not closed at the start, or its master stands at a dead centre."""
         room = self._room
-        for loop in range(room.loops.chains):
-            find_columns(room.loops, loop, self._state)
-            entries = [k for k in range(room.loops.first[loop], room.loops.first[loop + 1]) if k != room.loops.master[loop]]
-            gap = float(np.linalg.norm(room.loops.work[21:24]))
-            values = np.linalg.svd(room.loops.arms[entries, 6:], compute_uv=False)
-            master = self.joints[room.loops.joint[room.loops.master[loop]]]
-            reason = ""
-            if len(values) < len(entries) or values[len(entries) - 1] < DEAD * values[0]:
-                reason = (
-                    f"joint '{master}' does not determine the motion of its joints there: a dead centre, or several freedoms"
-                )
-            elif not gap < OPEN:
-                reason = f"no positions of its joints close it; a gap of {gap:.3g} m is left: give other `initial` positions"
+        for linkage in self.robot.couplings.linkages if room.loops.chains else ():
+            reason = linkage.fault(self._state[room.joint_q])
             if reason:
-                raise RobotError(reason, file=self.robot.path, key=f"loops.{loop}", code="loop")
+                message = reason if reason.startswith("no positions") else f"joint '{self.joints[linkage.master]}' {reason}"
+                raise RobotError(message, file=self.robot.path, key=f"loops.{linkage.loops[0]}", code="loop")
         if room.loops.chains:
             find_ratios(room.loops, room.ratio, room.factor, self._state)
 

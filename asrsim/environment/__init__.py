@@ -26,16 +26,25 @@ def make_env(
         options: The keyword arguments below.
         variant: Name of a variant of the scenario, as in `asrsim.run`.
         overrides: Changes to values of the scenario, as in `asrsim.run`.
+        plugins: Python files with users' actuators, signals and so on, as in `asrsim.run`.
         control_rate: Rate of the actions in Hz; the control period must be a whole number of steps. Default 50.
         observe: Quantities to observe, for all joints that have them, in the order of the joints: any quantity of
             `asrsim.quantities.QUANTITIES` except works, energies and losses; and `tip`, (3,) m. Default: position and
             velocity of the links.
-        act: References that the actions set, as `name` or `joint.name`. Default: the first reference of every joint.
+        act: References that the actions set, as `name` or `joint.name`, and `external_torque` if `reference_ranges` declares
+            its range. Default: the first reference of every joint.
             Actions are in [-1, 1] and are scaled to the range of the reference (`reference_ranges`, else the robot's limits).
         reward: Function that returns the reward for the state after each action. Default: the reward is 0.
         terminated: Function of the state after each action that returns whether the episode is over.
+        batched: Whether `reward` and `terminated` take the states of all N environments at once (arrays with N as their first
+            axis), and return arrays (N,). This is much faster for many environments.
         randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references.
+        fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
+        push: Laws of external torques on joints, in N m, drawn at every reset; a torque acts during the whole episode.
+        delay: Time in s, or a law of it, by which actions are late, rounded to control periods and drawn at every reset.
+        noise: Standard deviations of the noise of observed quantities, by name, in their units. Rewards see no noise.
+        history: Number of earlier control periods whose observed values and actions belong to an observation, after the goal.
         initial: Laws of the start positions by joint, in rad or m.
         goal: Laws of goal values by name, drawn at every reset. The values are the last entries of the observation.
         tip: Name of a link, and a point on it in m. The position of this point in the world can be observed as `tip`.
@@ -53,17 +62,21 @@ def make_env(
 
 def make_vec_env(
     scenario: str | Path | Scenario, num_envs: int, *, threads: int = 1, engine: str | None = None, device: str = "cpu",
-    **options: Unpack[Options],
+    render_mode: str | None = None, size: int = 256, autoreset: str = "next_step", **options: Unpack[Options],
 ) -> SoftRobotVectorEnv:  # fmt: skip
     """Many environments of one scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than
-    separate environments. An environment whose episode is over is reset at the next step.
+    separate environments.
 
     Args:
         scenario: Scenario file, or a loaded scenario.
         num_envs: Number of environments.
         threads: Number of threads that step the environments, if the engine has a compiled step.
         engine, device: As in `asrsim.Worlds`: with the engine `mujoco_warp`, the worlds are on a device of Warp.
-        options: As in `make_env`; `reward` and `terminated` are called for each environment.
+        render_mode, size: As in `make_env`: `render` returns a tuple of pictures, which `gymnasium.wrappers.vector.RecordVideo`
+            records.
+        autoreset: `next_step`: an environment whose episode is over is reset at the next step, which ignores its action;
+            `same_step`: it is reset at once, and the infos have its last observation as `final_obs`.
+        options: As in `make_env`; `reward` and `terminated` are called for each environment, unless `batched` is set.
 
     Raises:
         InputError, ScenarioError, RobotError: as `make_env`.
@@ -72,7 +85,10 @@ def make_vec_env(
     from asrsim.environment.options import checked
     from asrsim.environment.vector import SoftRobotVectorEnv
 
-    return SoftRobotVectorEnv(scenario, checked(options), num_envs=num_envs, threads=threads, engine=engine, device=device)
+    return SoftRobotVectorEnv(
+        scenario, checked(options), num_envs=num_envs, threads=threads, engine=engine, device=device,
+        render_mode=render_mode, size=size, autoreset=autoreset,
+    )  # fmt: skip
 
 
 def register() -> None:

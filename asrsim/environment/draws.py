@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,10 +50,10 @@ class Draws:
         return [min(row) for row in rows], [max(row) for row in rows]
 
 
-def plan(draws: Draws, prepared: Prepared) -> KeyPlan:
+def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     """Parts of the scenario that the keys set. Raises InputError for keys that require reading the scenario again."""
-    found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
-    wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]
+    found = plan_keys(keys, dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
+    wrong = [key for key in keys if key not in found.numbers and key not in found.references]
     if wrong:
         message = "cannot change from episode to episode: the scenario would have to be read anew"
         raise InputError([Problem(message, key=key, code="randomise") for key in wrong])

@@ -11,14 +11,9 @@ import numpy as np
 
 from asrsim.environment.task import Single
 from asrsim.environment.vector import SoftRobotVectorEnv
-from asrsim.errors import InputError
 
 if TYPE_CHECKING:
-    from asrsim.environment.picture import Picture
     from asrsim.render.draw import Image
-
-LARGEST = 8192
-"""Largest allowed edge of a picture in pixels."""
 
 
 class SoftRobotEnv(gymnasium.Env[Single, Single]):
@@ -27,14 +22,9 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(self, scenario: Any, options: Mapping[str, Any], *, render_mode: str | None, size: int) -> None:
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
-        if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
-            raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
         self._make = partial(type(self), scenario, options, render_mode=render_mode, size=size)
-        self.render_mode, self._size = render_mode, size
-        self._picture: Picture | None = None
-        self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1)
+        self.render_mode = render_mode
+        self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1, render_mode=render_mode, size=size)
         self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
         self.worlds = many.worlds
         """The simulation of the environment, as a single world."""
@@ -63,13 +53,8 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
     def render(self) -> Image | None:
         """Picture of the present state, (size, size, 3) with 8 bits per value; no display is needed."""
-        if self.render_mode is None:
-            return None
-        from asrsim.environment.picture import Picture
-
-        if self._picture is None:
-            self._picture = Picture(self.worlds, self._size)
-        return self._picture.image()
+        images = self._many.render()
+        return None if images is None else images[0]
 
     def close(self) -> None:
         """Release the engine."""

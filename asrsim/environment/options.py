@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -18,12 +19,19 @@ class Options(TypedDict, total=False):
 
     variant: str | None
     overrides: Any
+    plugins: Any
     control_rate: float
     observe: str | Sequence[str]
     act: str | Sequence[str] | None
-    reward: Callable[[State], float] | None
-    terminated: Callable[[State], bool] | None
+    reward: Callable[[State], Any] | None
+    terminated: Callable[[State], Any] | None
+    batched: bool
     randomise: Mapping[str, Any]
+    fit: str | Path | None
+    push: Mapping[str, Any]
+    delay: Any
+    noise: Mapping[str, float]
+    history: int
     initial: Mapping[str, Any]
     goal: Mapping[str, Any]
     tip: tuple[str, Sequence[float]] | None
@@ -50,10 +58,15 @@ _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
 # Names are no sets, whose order differs from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
-    "variant": (None, object, ""), "overrides": ((), object, ""),
+    "variant": (None, object, ""), "overrides": ((), object, ""), "plugins": ((), object, ""),
     "control_rate": (50.0, int | float | np.number, "a number of Hz"),
     "observe": (("link_position", "link_velocity"), Sequence, _NAMES), "act": (None, Sequence | None, _NAMES),
     "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
+    "batched": (False, bool, "True or False"), "fit": (None, str | Path | None, "the path of a fit.json"),
+    "push": ({}, Mapping, "a mapping from joints to laws of a torque in N m, such as {'joint_1': 'uniform(-0.1, 0.1)'}"),
+    "delay": (None, int | float | str | Sequence | None, "a time in s, or a law of it, such as 'uniform(0, 0.04)'"),
+    "noise": ({}, Mapping, "a mapping from observed quantities to standard deviations in their units"),
+    "history": (0, int, "a number of control periods"),
     "tip": (None, object, ""),
 }  # fmt: skip
 """Options by name: default, types of valid values, and description of valid values."""

@@ -16,7 +16,7 @@ POSTURES = 40
 
 
 class Picture:
-    """Pictures of the robot and the objects of a single world from a fixed viewpoint that shows the joints' whole ranges."""
+    """Pictures of the robot and the objects of a world from a fixed viewpoint that shows the joints' whole ranges."""
 
     def __init__(self, worlds: Worlds, size: int) -> None:
         """size: edge of the pictures in pixels."""
@@ -31,11 +31,11 @@ class Picture:
         axis = main_axis(self._scene.axes(frames[-1]), dict(zip(worlds.joints, high - low, strict=True)))
         self._camera = fit_camera(cloud, viewpoint(axis), aspect=1.0)
 
-    def image(self) -> Image:
-        """Picture (size, size, 3) of the present state."""
-        return self._painter.image(self._frames(), self._camera, self._size, self._size)
+    def image(self, world: int = 0) -> Image:
+        """Picture (size, size, 3) of the present state of a world."""
+        return self._painter.image(self._frames(world), self._camera, self._size, self._size)
 
-    def _frames(self) -> dict[str, Array]:
-        positions = self._worlds.observe().link_position[0].tolist()
-        poses = {name: np.array(pose) for name, pose in self._worlds.look(0).scene().bodies.items()}
+    def _frames(self, world: int = 0) -> dict[str, Array]:
+        positions = self._worlds.observe().link_position[world].tolist()
+        poses = {name: np.array(pose) for name, pose in self._worlds.look(world).scene().bodies.items()}
         return self._scene.frames(dict(zip(self._worlds.joints, positions, strict=True)), poses)

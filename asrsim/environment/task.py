@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,12 @@ from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import ranges_of
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
+from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
+from asrsim.simulation.examine import one_scenario
+from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import recorded_quantities
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Worlds, engine_of_worlds
+from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 
 LARGEST = float(np.finfo(np.float32).max)
 """Bound that the observation space states for unbounded values."""
@@ -31,24 +33,30 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class State:
-    """State after an action: the argument of the reward and termination functions."""
+    """State after an action: the argument of the reward and termination functions. With the option `batched` it is the state of
+    N environments, and each array has the environments as its first axis."""
 
-    time: float
-    """Time since the start of the episode, s."""
+    time: Any
+    """Time since the start of the episode, s; (N,) of several environments."""
     values: Mapping[str, Array]
-    """Values (n,) of each observed quantity in SI units."""
-    goal: Mapping[str, float]
+    """Values (n,) or (N, n) of each observed quantity in SI units, without noise."""
+    goal: Mapping[str, Any]
+    """Goal values by name; (N,) of several environments."""
     action: Array
-    """The action as the caller gave it, nominally in [-1, 1]."""
+    """The action (m,) or (N, m) as the caller gave it, nominally in [-1, 1]."""
 
 
 @dataclass(frozen=True)
 class Episode:
     """Random values of an episode: parameters, goal and start positions of joints."""
 
-    parameters: Mapping[str, float]
-    goal: Mapping[str, float]
-    start: Mapping[str, float]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    goal: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
+    push: Mapping[str, float] = field(default_factory=dict)
+    """External torques in N m that act during the episode, by joint."""
+    delay: int = 0
+    """Delay of the actions in control periods."""
 
 
 class ControlTask:
@@ -59,8 +67,10 @@ class ControlTask:
     ) -> None:  # fmt: skip
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
-        scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
-        scenario = replace(scenario, engine=engine or scenario.engine)
+        scenario = one_scenario(
+            scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"]
+        )
+        scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
         self.prepared = prepared = prepare(scenario, settable=True)
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
@@ -70,13 +80,32 @@ class ControlTask:
         """Joint and reference that each entry of an action sets."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
-        self._random, self._start, self._goal = (Draws(options[name]) for name in ("randomise", "initial", "goal"))
+        self.batched: bool = options["batched"]
+        """Whether the user's functions take the states of all environments at once."""
+        self._random, self._start, self._goal, self._push = (
+            Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
+        )
+        delay = options["delay"]
+        self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
+        self._period = self.steps * scenario.step
+        self._fit: Joint | None = joint_of(load_fit(Path(options["fit"])), Path(options["fit"])) if options["fit"] else None
+        for joint in self._push.keys:
+            prepared.slot_of(joint, EXTERNAL_TORQUE)
         # Start positions beyond a stop must raise now, not after hours of training.
         for places in self._start.bounds():
             positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
             prepared.started(Start(positions=positions))
-        self._plan = plan(self._random, prepared)
+        drawn = () if self._fit is None else tuple(key for group in self._fit.groups for key in group)
+        self._plan = plan((*self._random.keys, *drawn), prepared)
         self._observe, self._tip = one_or_more(options["observe"]), options["tip"]
+        self.noise: Mapping[str, float] = options["noise"]
+        """Standard deviation of the noise of each observed quantity, in its unit."""
+        if unknown := [name for name in self.noise if name not in self._observe]:
+            raise InputError("is not observed", key="noise", value=unknown[0], choices=tuple(self._observe), code="noise")
+        self.history: int = options["history"]
+        """Number of control periods whose observations and actions belong to an observation."""
+        if self.history < 0:
+            raise InputError("must not be negative", key="history", value=self.history, code="option-type")
 
     @property
     def read_names(self) -> list[str]:
@@ -91,8 +120,12 @@ class ControlTask:
     def spaces(self, readings: Readings) -> tuple[Any, Any]:
         """Observation space and action space of one environment."""
         low, high = readings.bounds()
-        ends = self._goal.bounds()
-        bounds = [np.clip(np.concatenate(pair), -LARGEST, LARGEST) for pair in ((low, ends[0]), (high, ends[1]))]
+        ends, past = self._goal.bounds(), self.history
+        ones = np.ones(past * len(self.actions))
+        if self.noise:
+            low, high = np.full_like(low, -np.inf), np.full_like(high, np.inf)
+        parts: list[list[Any]] = [[low, ends[0], *[low] * past, -ones], [high, ends[1], *[high] * past, ones]]
+        bounds = [np.clip(np.concatenate(part), -LARGEST, LARGEST) for part in parts]
         rounded = [np.nextafter(bound.astype(np.float32), side, dtype=np.float32) for bound, side in zip(
             bounds, (np.float32(-LARGEST), np.float32(LARGEST)), strict=True)]  # fmt: skip
         return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
@@ -100,7 +133,17 @@ class ControlTask:
     def draw(self, chance: np.random.Generator) -> Episode:
         """Random values for the next episode."""
         goal, parameters = self._goal.draw(chance), self._random.draw(chance)
-        return Episode(parameters, goal, self._start.draw(chance))
+        start, push = self._start.draw(chance), self._push.draw(chance)
+        delay = round(max(self._delay.draw(chance).get("delay", 0.0), 0.0) / self._period)
+        if self._fit is not None:
+            (row,) = self._fit.from_scores(chance.standard_normal((1, len(self._fit.keys))))
+            parameters = self._fit.assign(row) | parameters
+        return Episode(parameters, goal, start, push, delay)
+
+    @property
+    def longest_delay(self) -> int:
+        """Largest delay of an action that can be drawn, in control periods."""
+        return round(max([0.0, *self._delay.bounds()[1]]) / self._period)
 
     @property
     def goals(self) -> int:
@@ -108,9 +151,14 @@ class ControlTask:
         return len(self._goal.keys)
 
     @property
+    def goal_names(self) -> tuple[str, ...]:
+        """Names of the goal values, in their order in an observation."""
+        return self._goal.keys
+
+    @property
     def draws(self) -> bool:
         """Whether any value is drawn at random for each episode."""
-        return bool(self._random.keys or self._start.keys or self._goal.keys)
+        return bool(self._random.keys or self._start.keys or self._goal.keys or self._push.keys or self._fit is not None)
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
         """Parameters of the robot that the episode changes, by joint and parameter."""
@@ -122,7 +170,7 @@ class ControlTask:
             (joint, reference, episode.parameters[key])
             for key, places in self._plan.references.items()
             for joint, reference in places
-        ]
+        ] + [(joint, EXTERNAL_TORQUE, torque) for joint, torque in episode.push.items()]
 
     def values_of(self, actions: Array) -> Array:
         """References (environments, actions) in SI units for the actions of some environments. Raises InputError."""
@@ -135,10 +183,28 @@ class ControlTask:
         """Whether the user has given a function for rewards or for termination."""
         return self._reward is not None or self._terminated is not None
 
+    def judge_all(self, states: State) -> tuple[Array, NDArray[np.bool_]]:
+        """Rewards (N,) of N environments, and whether their episodes are over, by functions of all. Raises InputError."""
+        count = len(states.action)
+        rewards = np.zeros(count) if self._reward is None else _numbers(self._reward(states), count, "reward")
+        over = np.zeros(count) if self._terminated is None else _numbers(self._terminated(states), count, "terminated")
+        return rewards, over.astype(bool)
+
     def judge(self, state: State) -> tuple[float, bool]:
         """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
         reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
         return reward, self._terminated is not None and bool(self._terminated(state))
+
+
+def _numbers(values: Any, count: int, key: str) -> Array:
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full(0, np.nan)
+    if found.shape != (count,) or np.isnan(found).any():
+        message = f"must return {count} numbers, one for each environment"
+        raise InputError(message, key=key, value=f"shape {np.shape(values)}", code="option-kind")
+    return found
 
 
 def _rewarded(value: Any) -> float:

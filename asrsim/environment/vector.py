@@ -16,24 +16,42 @@ from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Start
-from asrsim.simulation.worlds import Worlds, links_engine
+from asrsim.simulation.worlds import Worlds
+
+LARGEST = 8192
+"""Largest allowed edge of a picture in pixels."""
+AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
+"""When an environment whose episode is over is reset, by name."""
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     """The environments that `asrsim.environment.make_vec_env` returns. Environment i gives the same bits as a single
     environment with the seed of environment i."""
 
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int, engine: str | None = None,
-        device: str = "cpu",
+        device: str = "cpu", render_mode: str | None = None, size: int = 256, autoreset: str = "next_step",
     ) -> None:  # fmt: skip
         """Arguments as in `asrsim.environment.make_vec_env`."""
         self._make = partial(
-            type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device
+            type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device,
+            render_mode=render_mode, size=size, autoreset=autoreset,
         )  # fmt: skip
-        self.task = task = ControlTask(scenario, options, engine=links_engine(engine))
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
+        if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
+            raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
+        if autoreset not in AUTORESET:
+            raise InputError("is no way to reset", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
+        self.render_mode, self._size = render_mode, size
+        self._picture: Any = None
+        self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP
+        self.metadata = {
+            **self.metadata, "autoreset_mode": AUTORESET[autoreset], "render_fps": max(1, round(options["control_rate"]))
+        }  # fmt: skip
+        self.task = task = ControlTask(scenario, options, engine=engine)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared,
@@ -50,12 +68,21 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._chances: list[np.random.Generator] = [seeding.np_random(None)[0] for _ in range(num_envs)]
-        self.episodes = [Episode({}, {}, {})] * num_envs
+        self.episodes = [Episode()] * num_envs
         """Random values of the present episode of each environment."""
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
         """Mask (n,) of the environments that the next step resets, because their episodes are over."""
         self._goals = np.zeros((num_envs, task.goals))
+        actions = len(task.actions)
+        self._sent = np.zeros((num_envs, task.longest_delay + 1, actions))
+        """Latest actions of each environment, the newest first."""
+        self._delays = np.zeros(num_envs, dtype=int)
+        self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
+        self._seen: Array | None = None
+        """Observed values (N, history, n) of earlier control periods, the newest first; None without a history."""
+        self._done = np.zeros((num_envs, task.history, actions))
+        """Actions of earlier control periods, the newest first."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle support: the copy is a new set of environments made with the same arguments."""
@@ -76,13 +103,14 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
                 if seeds[i] is not None:
                     self._chances[i] = seeding.np_random(seeds[i])[0]
         self._begin(mask)
-        return self._observation(self._readings.read()), self._infos(mask)
+        return self._observation(self._readings.read(), mask), self._infos(mask)
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         task, numbers = self.task, np.flatnonzero(mask).tolist()
         for i in numbers:
             self.episodes[i] = task.draw(self._chances[i])
             self._goals[i] = list(self.episodes[i].goal.values())
+            self._delays[i] = self.episodes[i].delay
         starts = [Start(parameters=task.changes(self.episodes[i]), positions=self.episodes[i].start) for i in numbers]
         self.worlds.reset(starts, worlds=mask)
         for i in numbers:
@@ -101,13 +129,24 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             self._begin(fresh)
         # A single number, and all worlds (None), are handled faster than arrays and masks.
         which = None if going.all() else going
-        for (joint, reference), column in zip(task.actions, values[going].T, strict=True):
-            worlds.set_reference(joint, reference, column.item() if len(column) == 1 else column, worlds=which)
+        acting, acts = going, which
+        if task.longest_delay:
+            self._sent = np.concatenate([values[:, None], self._sent[:, :-1]], axis=1)
+            # Until the first action arrives, the scenario's references act.
+            acting = going & (self._counts >= self._delays)
+            acts = None if acting.all() else acting
+            values = self._sent[np.arange(self.num_envs), self._delays]
+        for (joint, reference), column in zip(task.actions, values[acting].T, strict=True):
+            worlds.set_reference(joint, reference, column.item() if len(column) == 1 else column, worlds=acts)
         worlds.advance(task.steps, worlds=which)
         self._counts[going] += 1
         found = self._readings.read()
         rewards, ended = np.zeros(self.num_envs), ~worlds.healthy
-        for i in np.flatnonzero(going).tolist() if task.judges else ():
+        if task.batched and task.judges:
+            goals = dict(zip(task.goal_names, self._goals.T, strict=True))
+            found_rewards, over_now = task.judge_all(State(worlds.time, found, goals, given))
+            rewards[going], ended[going] = found_rewards[going], ended[going] | over_now[going]
+        for i in np.flatnonzero(going).tolist() if task.judges and not task.batched else ():
             own = {name: table[i] for name, table in found.items()}
             state = State(float(worlds.time[i]), own, self.episodes[i].goal, given[i])
             rewards[i], over = task.judge(state)
@@ -115,16 +154,54 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         truncated = (self._counts >= task.last) & ~ended & going
         ended &= going
         self._over = ended | truncated
-        return self._observation(found), rewards, ended, truncated, self._infos(fresh)
-
-    def _observation(self, found: dict[str, Array]) -> Single:
-        return np.concatenate([*found.values(), self._goals], axis=1).astype(np.float32)
-
-    def _infos(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
-        """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
-        if not fresh.any() or not self.task.draws:
-            return {}
+        if task.history:
+            self._done = np.concatenate([given[:, None], self._done[:, :-1]], axis=1)
+        seen = self._observation(found, fresh)
+        if not (self._same_step and self._over.any()):
+            return seen, rewards, ended, truncated, self._infos(fresh)
+        last = self._over.copy()
         infos: dict[str, Any] = {}
+        for i in np.flatnonzero(last).tolist():
+            infos = self._add_info(infos, {"final_obs": seen[i], "final_info": {}}, i)
+        self._begin(last)
+        return self._observation(self._readings.read(), last), rewards, ended, truncated, self._infos(last, infos)
+
+    def render(self) -> Any:
+        """Pictures of all environments: a tuple of arrays (size, size, 3); None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            from asrsim.environment.picture import Picture
+
+            self._picture = Picture(self.worlds, self._size)
+        return tuple(self._picture.image(i) for i in range(self.num_envs))
+
+    def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_]) -> Single:
+        """Observations (N, n) from the values found. fresh: environments whose episodes have just begun."""
+        if self._spread:
+            found = {name: self._noisy(name, values) for name, values in found.items()}
+        now, past = np.concatenate(list(found.values()), axis=1), self.task.history
+        parts = [now, self._goals]
+        if past:
+            if self._seen is None:
+                self._seen = np.zeros((self.num_envs, past + 1, now.shape[1]))
+            self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
+            # The history of a new episode is its start, with actions in the middle.
+            self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
+            parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
+        return np.concatenate(parts, axis=1).astype(np.float32)
+
+    def _noisy(self, name: str, values: Array) -> Array:
+        deviation = self._spread.get(name)
+        if deviation is None:
+            return values
+        return values + deviation * np.stack([chance.standard_normal(values.shape[1]) for chance in self._chances])
+
+    def _infos(self, fresh: NDArray[np.bool_], infos: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
+        infos = infos or {}
+        if not fresh.any() or not self.task.draws:
+            return infos
         for i in np.flatnonzero(fresh).tolist():
             episode = self.episodes[i]
             infos = self._add_info(infos, {"parameters": dict(episode.parameters), "goal": dict(episode.goal)}, i)

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.stages import STAGES
 from asrsim.engines.mujoco_build import HARD, add_shape, assemble, couple, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import Problem, ScenarioError, SimulationError, listed
 from asrsim.export.constructs import Constructs
 from asrsim.export.motors import (
+    STAGES_OF_MUJOCO,
     TINY,
     add_adjustable_spring,
     add_motors,
@@ -239,6 +241,7 @@ def _lacks(
         yield f"its effort limit of {joint.most_effort:g} does not limit its springs, which reach {largest:.3g}"
     if drive is None:
         return
+    yield from (f"{STAGES.get(name).title.lower()}: left out" for name in drive.stages if name not in STAGES_OF_MUJOCO)
     lacks = LACKS if drive.mode.command not in ("voltage", "current") else LACKS | DIRECT_LACKS
     for name, value in drive.values.items():
         used = drive.mode.controller if name.startswith("controller") else drive.mode.spring

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -65,7 +65,7 @@ def refused(stepped: SteppedJoint, constructs: Constructs) -> Iterator[str]:
         parts["_stribeck_friction"] = "Stribeck friction of its motors"
     found = {text for name, value in drive.values.items() for end, text in parts.items() if value and name.endswith(end)}
     yield from sorted(found)
-    if drive.mode.spring and drive.hysteresis is not None:
+    if "hysteresis" in drive.stages:
         yield "hysteresis of its springs"
 
 
@@ -111,8 +111,9 @@ def add_motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float,
         for number, (low, high, *stiffness) in enumerate(splines[i].pieces.tolist() if splines else (), start=1):
             spring = _tendon(spec, f"{drive.joint}.spring_{i + 1}.{number}", name, drive.joint)
             spring.stiffness, spring.springlength = stiffness, [low, high]
-        if drive.hysteresis is not None:
-            _hysteresis(spec, drive, i + 1, drive.hysteresis.level, drive.hysteresis.length)
+        for stage, own in drive.stages.items():
+            if stage in STAGES_OF_MUJOCO and own[i] is not None:
+                STAGES_OF_MUJOCO[stage](spec, drive, i + 1, own[i])
         if servo:
             gains: tuple[float, ...] = ()
             if drive.mode.controller:
@@ -203,14 +204,25 @@ def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: floa
     return actuator
 
 
-def _hysteresis(spec: Any, drive: Drive, index: int, level: float, length: float) -> None:
-    """Add the hysteresis of spring `index`: bristles between motor and joint that bend by `length` (rad) before they slip at
-    the torque `level` (N m)."""
+def _hysteresis(spec: Any, drive: Drive, index: int, own: Any) -> None:
+    """Add the hysteresis of spring `index`: bristles between motor and joint that bend by the length (rad) before they slip at
+    the level of the torque (N m)."""
+    level, length = own.level, own.length
     mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
     _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     # The motor itself has no effect: only its friction is used.
     actuator.set_to_dcmotor(motorconst=[1e-6, 0.0], resistance=1.0, lugre=[level / length, 0.0, level, level, 1.0])
+
+
+def _damper(spec: Any, drive: Drive, index: int, own: Any) -> None:
+    """Add the damper of spring `index` between motor and joint."""
+    tendon = _tendon(spec, f"{drive.joint}.damper_{index}", motor_name(drive.joint, index), drive.joint)
+    tendon.damping[0] = own.damping
+
+
+STAGES_OF_MUJOCO: Mapping[str, Callable[[Any, Drive, int, Any], None]] = {"hysteresis": _hysteresis, "damper": _damper}
+"""Functions that add a stage at motor 1, 2, ... to a model, by name of the stage; the model lacks the other stages."""
 
 
 def add_adjustable_spring(spec: Any, drive: Drive) -> None:

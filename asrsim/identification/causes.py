@@ -199,7 +199,9 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
-            way, law = "falls" if trend < 0.0 else "grows", "backlash is missing" if backlash else "the spring's law is wrong"
+            joint = entry.key.rpartition(".")[0]
+            law = f"backlash is missing (--free {joint}.backlash)" if backlash else "the spring's law is wrong"
+            way = "falls" if trend < 0.0 else "grows"
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
 
 

@@ -10,27 +10,30 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError
-from asrsim.plugins import load_plugin_file
 from asrsim.quantities import MOST_MOTORS, QUANTITIES, each_motor
 from asrsim.robot import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.examine import examine
 from asrsim.simulation.prepare import Start, prepare
-from asrsim.simulation.quantities import columns_of
+from asrsim.simulation.quantities import columns_of, simulated_quantities
+from asrsim.simulation.shape import shape_of
 from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "load_plugin_file",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "examine",
 ]  # fmt: skip
 
 SOURCES = ("link_position", *each_motor("motor_{}_position"))
 """Quantities from which derived quantities are computed."""
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities computed from motor and link positions."""
-COMPARABLE = (*(name for name in columns_of(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
+COMPARABLE = (
+    *(name for name in simulated_quantities(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED,
+)  # fmt: skip
 """Quantities that a sensor can measure and a simulation computes."""
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
@@ -70,10 +73,9 @@ class Door:
                 # The substeps suit the estimates. With the start values, springs may be too stiff for them.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
-            motors = max(drive.positions for drive in self.drives)
+            names = [name for name in columns_of(shape_of(self.drives)) if name in COMPARABLE]
             found = Worlds(
-                prepared, AT_ONCE, names=[n for n in columns_of(motors) if n in COMPARABLE], watched=False,
-                expected_substeps=OFTEN, threads=AT_ONCE,
+                prepared, AT_ONCE, names=names, watched=False, expected_substeps=OFTEN, threads=AT_ONCE
             )  # fmt: skip
         while len(self._made) >= ENGINES_KEPT:
             self._made.pop(next(iter(self._made))).close()

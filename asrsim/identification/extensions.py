@@ -28,8 +28,8 @@ PROBE_STEP = 1e-3
 """Step of finite differences for a new entry of the parameter vector, in the vector's units."""
 FAR_OFF = 4.0
 """Mean square residual, relative to the noise, above which a model counts as badly fitting."""
-FACTORS = (0.03, 0.3, 3.0, 30.0)
-"""Start values of the pre-sliding stiffness, relative to the default of the friction law."""
+FACTORS = (0.3, 3.0)
+"""Start values of the pre-sliding stiffness, relative to the default of the friction law: half a decade to both sides."""
 MUCH = 0.5
 """Pre-sliding and staircases are adopted by a badly fitting model if at most this fraction of the misfit beyond the noise
 remains.

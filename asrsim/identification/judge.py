@@ -139,8 +139,10 @@ def is_explained(problem: Problem, x: Array) -> bool:
 def channel_fits(problem: Problem, before: Differences, x: Array) -> list[ChannelFit]:
     """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start, by part."""
     whole, found = problem.everything, []
-    shaken = differences(replace(whole, playing=replace(whole.playing, draw=0)), x)
-    for (part, left), (_, was), (_, moved) in zip(differences(whole, x), before, shaken, strict=True):
+    now = shaken = differences(whole, x)
+    if any(command.noise for i in whole.fitted for command in whole.tracks[i].data.commands):
+        shaken = differences(replace(whole, playing=replace(whole.playing, draw=0)), x)
+    for (part, left), (_, was), (_, moved) in zip(now, before, shaken, strict=True):
         channel, end, change = part.channel, problem.ends[part.track], np.nan_to_num(moved - left)
         count = channel.until(end) if end else 0
         lines = {"time": part.time, "recorded": part.recorded}

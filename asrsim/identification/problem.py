@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError, RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel, read_data
-from asrsim.identification.door import load_plugin_file
+from asrsim.identification.door import examine
 from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
@@ -31,6 +31,10 @@ REACH, ROUNDS = 0.3, 60
 """Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
 LINEAR = 0.3
 """Relative error of the predicted effect of a step above which derivatives are computed again."""
+NEAR, EXACT = 1.0, 0.01
+"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same for
+derivatives with which a search begins.
+"""
 HUBER = 3.0
 """Residual, in standard deviations of the noise, above which the Huber loss is linear."""
 
@@ -66,11 +70,13 @@ class Part:
 
 @dataclass
 class Meter:
-    """Counter of the evaluations of a fit."""
+    """Counter of the evaluations of a fit, and the latest derivatives."""
 
     evaluations: int = 0
     cost: float = np.inf
     """Smallest mean Huber loss of the present search."""
+    latest: tuple[Problem, Array, Array] | None = None
+    """Problem, vector and complete Jacobian that were computed last."""
 
     def count(self) -> None:
         """Count an evaluation."""
@@ -167,13 +173,8 @@ def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
     """Scenario of a task, robot of the robot file, and robot with the scenario's changes. Loads the plugins. Raises
     InputError.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
-
-    for plugin in task.plugins:
-        load_plugin_file(plugin)
-    scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
-    given, _ = checked_robot(scenario)
-    return scenario, given, apply_to_robot(scenario, given)
+    plan = examine(task.scenario, variant=task.variant, overrides=task.overrides, plugins=task.plugins)
+    return plan.scenario, plan.source, plan.robot
 
 
 def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
@@ -224,11 +225,14 @@ def residuals(problem: Problem, x: Array) -> Array:
 
 
 def jacobian(
-    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None
-) -> Array:
+    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None,
+    near: float = NEAR,
+) -> Array:  # fmt: skip
     """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
-    of the columns to compute.
+    of the columns to compute; near: move, in standard deviations of the estimate, within which the latest Jacobian is used.
     """
+    if columns is None and step == STEP and (known := _known_slopes(problem, x, near)) is not None:
+        return known
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
     matrix, moves = np.zeros((len(at), len(wanted))), np.where(x + step <= problem.layout.bounds[1], step, -step)
@@ -240,7 +244,26 @@ def jacobian(
             # A diverged simulation gives no derivative.
             valid = (there != FAR) & (at[rows] != FAR)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[wanted[column]], 0.0)
+    if columns is None and step == STEP:
+        problem.meter.latest = problem, x.copy(), matrix
     return matrix
+
+
+def _known_slopes(problem: Problem, x: Array, near: float) -> Array | None:
+    """The latest Jacobian with the weights of this problem, if it is that of the same recordings, near x; None otherwise."""
+    if problem.meter.latest is None:
+        return None
+    other, there, matrix = problem.meter.latest
+    same = (problem.tracks, problem.playing, problem.ends) == (other.tracks, other.playing, other.ends)
+    if not same or problem.layout is not other.layout:
+        return None
+    scaled = matrix.copy() if problem.weights != other.weights else matrix
+    for part, was in zip(problem.parts, other.parts, strict=True) if scaled is not matrix else ():
+        if part.channel.quantum and part.noise != was.noise:
+            return None
+        scaled[part.rows] *= was.noise / part.noise
+    change = scaled @ (x - there)
+    return scaled if float(change @ change) < near**2 else None
 
 
 def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
@@ -320,7 +343,7 @@ def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROU
                 matrix = matrix + np.outer(surprise, step / float(step @ step))
                 known.append((move.copy(), there, matrix, updates + 1))
                 return matrix
-        known.append((move.copy(), there, jacobian(problem, inside + move, base=there), 0))
+        known.append((move.copy(), there, jacobian(problem, inside + move, base=there, near=EXACT), 0))
         return known[-1][2]
 
     known: list[tuple[Array, Array, Array, int]] = []

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.problem import Problem, residuals_at
+from asrsim.identification.problem import Problem, residuals, residuals_at
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 """Places of a profile, in standard deviations of the parameter."""
+SIMULATED = 2.0
+"""Places on both sides that are simulated: close to the ends of a 95 % interval, 1.96."""
 FARTHEST = 1.0
 """Largest move of a parameter or of a follower, in the vector's units; farther out the others do not follow slopes."""
 
@@ -35,7 +37,7 @@ def profiles(problem: Problem, x: Array, found: Uncertainty, names: tuple[str, .
     """Profiles of the entries with a standard deviation and away from their bounds.
 
     Along a profile the other parameters follow the valley of least misfit, to first order: column i of the inverse of J'J over
-    its diagonal element. Each place is one simulation.
+    its diagonal element. Between two simulations, on both sides, the misfit is a cubic with its minimum at the estimate.
     """
     low, high = problem.layout.bounds
     known, points, moves = [], [], []
@@ -46,17 +48,21 @@ def profiles(problem: Problem, x: Array, found: Uncertainty, names: tuple[str, .
         valley = found.inverse[i] / own
         # The valley's own width: the standard deviation may include the spread between parts of the recordings.
         width = min(own**0.5, FARTHEST / (WIDTHS[-1] * float(np.abs(valley).max())))
-        places = np.clip(x + np.outer(width * WIDTHS, valley), low, high)
         known.append(i)
-        points.append(places)
+        points += [*np.clip(x + np.outer((-width * SIMULATED, width * SIMULATED), valley), low, high)]
         moves.append(np.square(width) / own)
     if not known:
         return ()
-    sums = np.sum(np.square(residuals_at(problem, [*np.concatenate(points)])), axis=1).reshape(len(known), len(WIDTHS))
-    middle = len(WIDTHS) // 2
+    base = float(np.sum(np.square(residuals(problem, x))))
+    sums = np.sum(np.square(residuals_at(problem, points)), axis=1).reshape(-1, 2) - base
     result = []
-    for i, places, share, row in zip(known, points, moves, sums, strict=True):
+    for place, (i, share) in enumerate(zip(known, moves, strict=True)):
         entry = problem.layout.entries[i]
-        values = np.array([entry.value(float(value)) for value in places[:, i]])
-        result.append(Profile(names[i], values, (row - row[middle]) / share))
+        ends = np.array([point[i] - x[i] for point in points[2 * place : 2 * place + 2]])
+        # Coefficients of d^2 and d^3; at a bound, a side has no length, and the other side gives a parabola.
+        matrix = np.column_stack([ends**2, ends**3])
+        square, cube = np.linalg.lstsq(matrix, sums[place])[0].tolist()
+        steps = np.clip(x[i] + 0.5 * np.ptp(ends) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]
+        values = np.array([entry.value(float(x[i] + step)) for step in steps])
+        result.append(Profile(names[i], values, (square * steps**2 + cube * steps**3) / share))
     return tuple(result)

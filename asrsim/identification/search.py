@@ -83,19 +83,22 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(LEVELS if problem.observes else ()), 0.0):
         begin(_name(level))
-        problem, x = _solved(problem.observed(level), x)
-        if level == LEVELS[0] and not follows(problem, x):
+        first = level == LEVELS[0]
+        problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
+        if first and not follows(problem, x):
             starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
             problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
-        found.append((problem, x))
-        best.take(problem, x)
-        if level == LEVELS[0]:
+        if first:
+            best.take(problem, x)
             # Near the solution, the levels between are not needed.
             near = weighed(problem.observed(0.0), x)
             there = solve(near, x, rounds=EVALUATIONS)
             if fits(near, there):
                 best.take(near, there)
                 return
+            problem, x = _solved(problem, x, times=1)
+        found.append((problem, x))
+        best.take(problem, x)
     free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
     if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):
@@ -113,10 +116,10 @@ def _name(level: float) -> str:
     return f"observer at {level:g} times the motion's band" if level else "free simulation"
 
 
-def _solved(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Problem with weights and substeps of the estimate, and estimate."""
+def _solved(problem: Problem, x: Array, times: int = TWICE) -> tuple[Problem, Array]:
+    """Problem with weights and substeps of the estimate, and estimate. times: number of searches with an observer."""
     observed = problem.playing.bandwidth > 0.0
-    for _ in range(TWICE):
+    for _ in range(times):
         problem = weighed(with_own_substeps(problem, x), x)
         if observed:
             x = solve(problem, x, robust=True, rounds=EVALUATIONS, tolerance=1e-2)

@@ -32,6 +32,10 @@ REACH = 1e-3
 """Largest step of a directional derivative, in the vector's units."""
 DRAWS = 100
 """Number of random draws of an encoder's quantisation."""
+SMOOTH = 0.02
+"""Relative change of a directional derivative over a standard deviation below which the residuals are smooth: a fraction of the
+smallest half width of an identified parameter, 5 %.
+"""
 AGREES, ROUNDS = 0.3, 4
 """Relative change below which corrected directional derivatives are accepted; largest number of rounds of correction."""
 PLAYED = 8
@@ -40,7 +44,7 @@ CORRECTIONS = 3
 """Number of rounds that correct autocovariances for the fitted parameters."""
 STATIONARY = 1e-3
 """Smallest allowed distance of an autoregressive model from instability."""
-FINER = 4
+FINER = 2
 """Factor by which substeps are refined to estimate the time-step error."""
 
 
@@ -119,7 +123,9 @@ class _Noise:
 
     @cached_property
     def _model(self) -> tuple[Array, float]:
-        """Power spectrum (n + 1,) at the frequencies of 2 n samples, and degrees of freedom of its level at low frequencies."""
+        """Power spectrum at the frequencies of at least 2 n samples, and degrees of freedom of its level at low frequencies."""
+        from scipy.fft import rfft
+
         covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
@@ -128,8 +134,15 @@ class _Noise:
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
         relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
-        gain = np.maximum(np.abs(np.fft.rfft(np.append(1.0, -model), 2 * samples)), STATIONARY)
+        gain = np.maximum(np.abs(rfft(np.append(1.0, -model), self._length)), STATIONARY)
         return power / gain**2, 2.0 / relative
+
+    @cached_property
+    def _length(self) -> int:
+        """Number of samples of the Fourier transforms: at least 2 n, without large prime factors, which are slow."""
+        from scipy.fft import next_fast_len
+
+        return int(next_fast_len(2 * len(self.basis), real=True))
 
     @property
     def freedom(self) -> float:
@@ -138,9 +151,11 @@ class _Noise:
 
     def times(self, columns: Array) -> Array:
         """Product (n, k) of C and columns (n, k)."""
-        n = len(columns)
-        waves = self._model[0][:, None] * np.fft.rfft(columns, 2 * n, axis=0)
-        return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
+        from scipy.fft import irfft, rfft
+
+        n, power = len(columns), self._model[0]
+        waves = power * rfft(columns.T, self._length)
+        return np.asarray(irfft(waves, self._length)[:, :n].T)
 
     @cached_property
     def spread(self) -> Array:
@@ -151,7 +166,9 @@ class _Noise:
         """Noise whose autocovariance is corrected for the fitted parameters. taken: basis' C basis (k, k), summed over the
         channels.
         """
-        n, basis, own = len(self.basis), self.basis, np.fft.irfft(self._model[0])
+        from scipy.fft import irfft
+
+        n, basis, own = len(self.basis), self.basis, irfft(self._model[0], self._length)
         crossed = 2.0 * self.spread - basis @ taken
         lost = [
             lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
@@ -203,10 +220,11 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
     n, left = len(x), residuals(problem, x)
     # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
     at_bound = problem.layout.at_bound(x) & (not foreseen)
-    slopes = jacobian(problem, x, CORNER, base=left)
+    slopes = jacobian(problem, x, base=left)
+    if not quick:
+        slopes = with_faint_directions(problem, x, slopes)
     # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
-    slopes = slopes if quick else with_faint_directions(problem, x, slopes)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
@@ -228,13 +246,17 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
 
 
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
-    """Jacobian (m, n) corrected by central differences along its singular vectors, over one standard deviation each.
+    """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
 
-    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions whose
-    derivatives change are corrected again. Entries near a bound keep their columns.
+    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
+    derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected
+    again. Entries near a bound have one-sided derivatives.
     """
     low, high = problem.layout.bounds
-    basis = np.eye(len(x))[(x - REACH >= low) & (x + REACH <= high)]
+    inside = (x - REACH >= low) & (x + REACH <= high)
+    basis, slopes, base = np.eye(len(x))[inside], slopes.copy(), residuals(problem, x)
+    if not inside.all():
+        slopes[:, ~inside] = jacobian(problem, x, CORNER, columns=np.flatnonzero(~inside).tolist())
     for _ in range(ROUNDS):
         if not len(basis):
             break
@@ -242,8 +264,13 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
         basis = vectors @ basis
         sizes = np.append(sizes, np.zeros(len(basis) - len(sizes)))
         reach = np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
-        ahead, back = np.split(residuals_at(problem, [*(x + reach * basis), *(x - reach * basis)]), 2)
-        known, along = slopes @ basis.T, ((ahead - back) / (2.0 * reach)).T
+        known = slopes @ basis.T
+        ahead = residuals_at(problem, [*(x + reach * basis)])
+        bent = np.linalg.norm((ahead - base) / reach - known.T, axis=1) > SMOOTH * np.linalg.norm(known, axis=0)
+        if not bent.any():
+            break
+        basis, reach, known, ahead = basis[bent], reach[bent], known[:, bent], ahead[bent]
+        along = ((ahead - residuals_at(problem, [*(x - reach * basis)])) / (2.0 * reach)).T
         slopes = slopes + (along - known) @ basis
         basis = basis[np.linalg.norm(along - known, axis=0) > AGREES * np.linalg.norm(known, axis=0)]
     return slopes

@@ -7,9 +7,10 @@ theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_
     P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
-The motor positions are theta = rho s + nu d with nu orthogonal to rho. The wanted torque gives the common position s at each
-time. Only the preset commands the distance d between the motors: nu (theta + lag) = nu c. Here the lag is that of motors
-without springs, plus the steady-state error under the springs. The equilibrium is rho (theta + lag - c).
+The motor positions are theta = rho s + nu d, where the columns of nu are orthonormal and orthogonal to rho. The wanted torque
+gives the common position s at each time. Only the preset commands the distances d between the motors: nu (theta + lag) = nu c.
+Here the lag is that of motors without springs, plus the steady-state error under the springs. The equilibrium is
+rho (theta + lag - c). An adjuster stands where the preset puts it.
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ class DriveMotion:
     inputs: Array
     """First reference (n,) of the mode, rad."""
     motors: Array
-    """Motor positions (n, 2) in the elastic law, rad; NaN in modes without springs."""
+    """Positions (n, positions) of motors and adjuster in the elastic law, rad; NaN in modes without springs."""
     motor_torques: Array
     """Motor torques (n, motors), N m; no columns for ideal motors."""
     holdable: Array
@@ -152,19 +153,23 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
         error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
         return DriveMotion(
             inputs=position + error,
-            motors=np.full((n, 2), np.nan),
+            motors=np.full((n, drive.actuator.positions()), np.nan),
             motor_torques=np.empty((n, 0)),
             holdable=np.full(n, np.inf),
         )
     rho, offsets = reference_map(drive, preset)
-    across = np.array([rho[1], -rho[0]]) if drive.actuator.motors > 1 else np.array([0.0, -rho[0]])
+    moved = drive.actuator.motors
+    across = np.linalg.svd(rho[None, :moved])[2][1:].T
     law = over_arrays(drive.actuator.elastic_torques)
 
+    def places(s: Array, d: Array) -> Array:
+        return np.concatenate([rho[:moved, None] * s + across @ d, offsets[moved:]])
+
     def torques(s: Array, d: Array) -> Array:
-        return np.asarray(law(position, rho[0] * s + across[0] * d, rho[1] * s + across[1] * d, drive.elastic))
+        return np.asarray(law(position, *places(s, d), drive.elastic))
 
     centre = position / max(rho.max(), 1e-9)
-    d = across @ offsets / (across @ across)
+    d = across.T @ offsets[:moved]
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
     # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
@@ -175,23 +180,29 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
     s = along(d)
     if len(drive.proportional) > 1:
-        from scipy.signal import lsim
-
         # Controllers with integral action have no steady-state error.
-        droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / drive.proportional)
-        weights = across**2 / drive.proportional
-        inertia, drag = weights @ drive.motor_inertia, weights @ np.add(drive.motor_damping, drive.derivative)
-        commanded = d[0] + lsim(([across @ across], [inertia, drag, across @ across]), d - d[0], time - time[0])[1]
+        droop = np.where(np.array(drive.integral) > 0.0, 0.0, 1.0 / np.array(drive.proportional)) * across.T
+        commanded = _lagging(drive, across, time, d)
 
-        def apart(s: Array) -> Array:
-            return increasing_roots(lambda d: across @ across * (d - commanded) + droop @ torques(s, d), commanded)
+        def apart(row: int, s: Array, d: Array) -> Array:
+            """Distances d with the given row such that the motors' controllers hold it."""
 
-        for _ in range(ROUNDS):
-            before, d = d, apart(s)
+            def missing(value: Array) -> Array:
+                trial = d.copy()
+                trial[row] = value
+                return np.asarray(value - commanded[row] + droop[row] @ torques(s, trial)[:moved])
+
+            d[row] = increasing_roots(missing, commanded[row])
+            return d
+
+        for _ in range(ROUNDS * len(d)):
+            before = d.copy()
+            for row in range(len(d)):
+                d = apart(row, s, d)
             s = along(d)
             if np.abs(d - before).max() < 1e-7:
                 break
-    motors = np.stack([rho[0] * s + across[0] * d, rho[1] * s + across[1] * d])
+    motors = places(s, d)
     references, work = motors.copy(), np.zeros((len(drive.proportional), n))
     elastic = torques(s, d)
     for motor in range(len(drive.proportional)):
@@ -209,8 +220,23 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     )
 
 
+def _lagging(drive: Drive, across: Array, time: Array, d: Array) -> Array:
+    """Distances (motors - 1, n) between motors without springs whose controllers are commanded the distances d."""
+    from scipy.signal import lsim
+
+    def between(numbers: Array) -> Array:
+        return np.asarray(across.T @ (across * (numbers / np.array(drive.proportional))[:, None]))
+
+    size = len(d)
+    inverse = np.linalg.inv(between(np.array(drive.motor_inertia)))
+    drag, none, unit = between(np.add(drive.motor_damping, drive.derivative)), np.zeros((size, size)), np.eye(size)
+    motion = np.block([[none, unit], [-inverse, -inverse @ drag]])
+    system = motion, np.vstack([none, inverse]), np.hstack([unit, none]), none
+    return np.asarray(d[:, :1] + lsim(system, (d - d[:, :1]).T, time - time[0])[1].reshape(len(time), size).T)
+
+
 def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
-    """Coefficients rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
+    """Coefficients rho (positions,) and c (positions, n) of the reference map r = rho e + c at the presets (n,)."""
     references = over_arrays(drive.actuator.motor_references)
     offsets = references(np.zeros(len(preset)), preset)
     return references(np.ones(len(preset)), preset)[:, 0] - offsets[:, 0], offsets

@@ -25,7 +25,7 @@ from asrsim.kinematics.drive_inverse import (
     smooth_motion,
 )
 from asrsim.quantities import linear_unit
-from asrsim.robot import check_two_motors, drive_of
+from asrsim.robot import drive_of
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
@@ -55,7 +55,7 @@ class Demand:
     score: float
     """Needed value divided by the limit, 2 beyond a stop; above 1 the drive cannot follow the motion."""
     motor: int = 0
-    """Number of the motor, 1 or 2; 0 if the demand does not concern a motor."""
+    """Number of the motor, from 1; 0 if the demand does not concern a motor."""
 
     def __str__(self) -> str:
         which = f" of motor {self.motor}" if self.motor else ""
@@ -89,14 +89,10 @@ class InverseDynamics:
 
 @dataclass(frozen=True, kw_only=True)
 class SoftArm:
-    """A scenario's robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with
-    more than two motors."""
+    """A scenario's robot with the scenario's modes and parameters, and its rigid model."""
 
     scenario: Scenario
     robot: Robot
-
-    def __post_init__(self) -> None:
-        check_two_motors(self.robot, "inverse dynamics")
 
     @cached_property
     def model(self) -> RobotModel:
@@ -154,7 +150,7 @@ class SoftArm:
         moving = [self.robot.joint(name) for name in self.model.joints]
         damping, friction = np.array([[joint.damping, joint.friction] for joint in moving]).T
         rigid = rigid + damping * motion.velocities + friction * np.tanh(motion.velocities / SLOW)
-        rigid = self.model.couplings.fold(rigid)
+        rigid = self.model.couplings.fold(rigid, motion.positions)
         found, demands = [], []
         for drive in chosen:
             column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)
@@ -180,7 +176,7 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
     """Viscous damping (n,) of the link at each instant, N m s/rad."""
     if not drive.mode.spring:
         return np.full(len(position), law.constant)
-    stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.elastic)
+    stiffness = over_arrays(drive.actuator.stiffness)(position, *item.motors.T, drive.elastic)
     return np.asarray(law.constant + 2.0 * law.ratio * np.sqrt(law.inertia * np.maximum(stiffness, 0.0)))
 
 

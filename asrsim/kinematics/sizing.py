@@ -59,6 +59,8 @@ SLOWEST = 5.0
 a few seconds, even with good damping."""
 CARRYING = 3.0
 """Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+MARGIN = 1.5
+"""Factor on the change of the weight's torques within the sag that needs no warning, for what single edges do not show."""
 SHORT = 0.01
 """Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
@@ -109,38 +111,71 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
     return np.stack(goals), goals[0] if actuator.motors < 2 else over_arrays(actuator.equilibrium_position)(*goals)
 
 
-@np.errstate(all="ignore")
-def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Largest sag of each joint over time, from the position of its references to the position of rest."""
-    model, time = robot_model(scenario, robot), _instants(scenario, blocks)
-    wanted = np.tile([*start_positions(scenario, robot).values()], (len(time), 1))
-    springs: dict[int, tuple[Drive, Array, float]] = {}
-    """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
-    for block in blocks:
-        column, joint = model.joints.index(block.joint), robot.joint(block.joint)
-        goals, goal = goals_of(scenario, block, time)
-        springs[column] = drive_of(block), goals, joint.most_effort
-        wanted[:, column] = np.clip(goal, *joint.stops)
-    couplings = model.couplings
-    wanted = couplings.expand(wanted)
+class _Statics:
+    """Springs and weight of an arm at the instants of a scenario that are checked."""
 
-    columns, (drives, references, efforts) = [*springs], zip(*springs.values(), strict=True)
+    def __init__(self, scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> None:
+        self.model, self.time = robot_model(scenario, robot), _instants(scenario, blocks)
+        wanted = np.tile([*start_positions(scenario, robot).values()], (len(self.time), 1))
+        self.springs: dict[int, tuple[Drive, Array, float]] = {}
+        """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
+        for block in blocks:
+            column, joint = self.model.joints.index(block.joint), robot.joint(block.joint)
+            goals, goal = goals_of(scenario, block, self.time)
+            self.springs[column] = drive_of(block), goals, joint.most_effort
+            wanted[:, column] = np.clip(goal, *joint.stops)
+        self.couplings = self.model.couplings
+        self.wanted = self.couplings.expand(wanted)
+        """Commanded positions (instants, joints), rad or m."""
 
-    def pulls(positions: Array) -> Array:
+    def pulls(self, positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        place = couplings.expand(positions)[..., columns]
+        columns, (drives, references, efforts) = [*self.springs], zip(*self.springs.values(), strict=True)
+        q = self.couplings.expand(positions)
+        place = q[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
         found = np.zeros_like(positions)
         found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
-        return couplings.fold(found)
+        return self.couplings.fold(found, q)
 
+
+@np.errstate(all="ignore")
+def surely_held(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> bool:
+    """Whether no joint sags too much, by an estimate that is far cheaper than the position of rest. False: it is unknown.
+
+    Around the commanded positions lies a box of the sag that needs no warning. If, at each face of the box, the spring pulls
+    inward more than the weight can pull outward anywhere in the box, then the arm rests inside (theorem of Poincare and
+    Miranda). The weight in the box is estimated from its changes along each edge, with a margin.
+    """
+    statics = _Statics(scenario, robot, blocks)
+    if statics.couplings:
+        return False
+    model, wanted, columns = statics.model, statics.wanted, [*statics.springs]
+    scale = np.zeros(len(model.joints))
+    scale[columns] = [_scale(robot.joint(model.joints[column])) for column in columns]
+    weights = -model.gravity_torques(wanted[:, None] + np.vstack([np.zeros_like(scale), np.diag(SAG * scale)]))
+    weight, change = weights[:, 0], MARGIN * np.abs(weights[:, 1:] - weights[:, :1]).sum(axis=1)
+    # A joint that falls onto a stop between these distances gets a warning; a stop that is nearer holds it.
+    rooms = np.stack([model.upper - wanted, wanted - model.lower], axis=1)
+    reach = np.where((rooms > OFF * scale) & (rooms < SAG * scale), OFF, SAG) * scale
+    sides = np.array([[1.0], [-1.0]])
+    inward = sides * (statics.pulls(wanted[:, None] + sides * reach) + weight[:, None]) + change[:, None] < 0.0
+    return bool((inward | (rooms <= OFF * scale))[..., columns].all())
+
+
+@np.errstate(all="ignore")
+def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
+    """Largest sag of each joint over time, from the position of its references to the position of rest."""
+    statics = _Statics(scenario, robot, blocks)
+    model, time, wanted, couplings = statics.model, statics.time, statics.wanted, statics.couplings
+    columns = [*statics.springs]
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
-    positions, _ = balanced(lambda q: -model.gravity_torques(q), pulls, wanted, model.lower, model.upper, movable)
+    positions, _ = balanced(lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable)
     positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
     found = []
-    for column, (drive, goals, effort) in springs.items():
+    for column, (drive, goals, effort) in statics.springs.items():
         worst, joint = int(np.argmax(sags[:, column])), robot.joint(model.joints[column])
         sag, scale, motors = float(sags[worst, column]), _scale(joint), drive.actuator.motors
         resting, own = resting_motors([drive], positions[worst, column].reshape(1, 1), goals[:, None, worst : worst + 1])
@@ -204,16 +239,13 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     a joint with a `desired` motion). propose: whether to propose parameters if a joint sags too much.
     """
 
+    names = _sagging(scenario, robot)
+    if not names:
+        return Sizing(joints=())
+
     def judged(robot: Robot) -> tuple[Holding, ...]:
         return holdings(scenario, robot, [block for block in robot.actuators if block.joint in names])
 
-    names = [
-        block.joint
-        for block in _sprung(robot)
-        if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
-    ]
-    if not scenario.fixed_base or not any(scenario.gravity) or not names:
-        return Sizing(joints=())
     joints = judged(robot)
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
@@ -227,10 +259,23 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     return Sizing(joints=joints, proposal={} if weak else proposal)
 
 
+def _sagging(scenario: Scenario, robot: Robot) -> list[str]:
+    """Joints whose springs must hold the arm at their references; see `sizing`."""
+    if not scenario.fixed_base or not any(scenario.gravity):
+        return []
+    return [
+        block.joint
+        for block in _sprung(robot)
+        if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
+    ]
+
+
 def weight_warnings(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[Problem, ...]:
     """Warnings about joints that sag or fall in a valid scenario; arguments as for `sizing`, which takes some time to propose
     parameters. A robot with closed chains is not checked."""
-    if scenario.loops:
+    names = _sagging(scenario, robot)
+    blocks = [block for block in robot.actuators if block.joint in names]
+    if not blocks or robot.loops or surely_held(scenario, robot, blocks):
         return ()
     return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path)
 
@@ -301,7 +346,8 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
     """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown. Without damping, the time is infinite."""
     inertia, moving = _carried(robot), robot.moving_joints
-    dampings = robot.couplings.fold_gains([joint.damping for joint in moving]).tolist()
+    places = robot.couplings.expand([*start_positions(scenario, robot).values()])
+    dampings = robot.couplings.fold_gains([joint.damping for joint in moving], places).tolist()
     damped = dict(zip((joint.name for joint in moving), dampings, strict=True))
     lasts, keys = 0.0, {}
     for block in _sprung(robot):

@@ -45,7 +45,7 @@ class Linearised:
     slopes: Array = field(repr=False)
     """Derivatives (n, m, m) of the rigid robot's torques with respect to the positions, N m/rad."""
     springs: Array = field(repr=False)
-    """Stiffnesses k_i (n, m, 2) of the springs, N m/rad."""
+    """Stiffnesses k_i (n, m, positions) of the springs, N m/rad."""
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
         """Linearised joints with all masses and stiffnesses multiplied by factors."""
@@ -97,7 +97,8 @@ class Linearised:
                 continue
             slopes[:, j, j] += self.springs[:, j].sum(axis=1)
             if not drive.proportional:
-                driven[:, j, j] = self.springs[:, j] @ _rho(drive)
+                rho = _rho(drive)
+                driven[:, j, j] = self.springs[:, j, : len(rho)] @ rho
         integrals = []
         for row, (j, motor) in enumerate(motors, m):
             drive, k = self.drives[j], self.springs[:, j, motor]
@@ -142,7 +143,7 @@ def linearise_along(
 ) -> Linearised:
     """Joints of `drives`, linearised along `motion` (columns in the model's order); other joints follow the motion exactly.
 
-    springs: stiffnesses (n, joints, 2) of each drive's springs, N m/rad. damping: damping of each link, N m s/rad.
+    springs: stiffnesses (n, joints, positions) of each drive's springs, N m/rad. damping: damping of each link, N m s/rad.
     """
     index = [model.joints.index(drive.joint) for drive in drives]
     rows = np.unique(np.linspace(0, len(motion.time) - 1, POSTURES).round().astype(int))
@@ -184,7 +185,7 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
 
 
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
-    """Stiffnesses d tau_i / d theta_i (n, 2) at motor positions (n, 2), N m/rad; 0 for an adjuster.
+    """Stiffnesses d tau_i / d theta_i (n, positions) at positions (n, positions) of the motors, N m/rad; 0 for an adjuster.
 
     Springs beyond their deflection limit are evaluated just before the limit, since at the limit their slope is 0.
     """
@@ -197,6 +198,6 @@ def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
         for nudge in (-NUDGE, NUDGE):
             at = motors.copy()
             at[:, motor] = position + deflections[:, motor] + nudge
-            ends.append(law(position, at[:, 0], at[:, 1], drive.elastic).sum(axis=0))
+            ends.append(law(position, *at.T, drive.elastic).sum(axis=0))
         found[:, motor] = (ends[1] - ends[0]) / (2.0 * NUDGE)
     return found

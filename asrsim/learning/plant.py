@@ -99,16 +99,16 @@ def make_plant(scenario: Scenario) -> Plant:
 
     Raises ScenarioError if the block is missing, or a joint's mode has no position reference.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot
-    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.examine import examine
+    from asrsim.simulation.prepare import build
 
     learning = scenario.learning
     if learning is None:
         hint = "Write the motion: ilc: {tolerance: 0.01, trajectory: {JOINT: {minimum_jerk: {duration: 2.0, to: 0.6}}}}"
         message = "the scenario has no block `ilc`: nothing says what to learn"
         raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
-    robot, _ = checked_robot(scenario)
-    trajectory, driven = learning.trajectory, apply_to_robot(scenario, robot).actuators
+    plan = examine(scenario)
+    trajectory, driven = learning.trajectory, plan.robot.actuators
     blocks = [block for block in driven if block.joint in trajectory or "*" in trajectory]
     choices = tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES)
     problems = [
@@ -128,8 +128,8 @@ def make_plant(scenario: Scenario) -> Plant:
     time = scenario.step_times()
     reference = np.column_stack([for_joint(trajectory, joint, Constant(value=0.0)).values(time) for joint in joints])
     # The scenario's claims are about its own references, not about learned inputs.
-    played = replace(
-        scenario, expect=(), log_every=1, desired=trajectory,
+    played = plan.on(
+        expect=(), log_every=1, desired=trajectory,
         inverse_dynamics={**scenario.inverse_dynamics, **dict.fromkeys(joints, False)},
         references={
             **scenario.references,
@@ -143,6 +143,6 @@ def make_plant(scenario: Scenario) -> Plant:
         },
     )  # fmt: skip
     return Plant(
-        scenario=scenario, robot=robot, learning=learning, prepared=prepare(played, robot), joints=joints, time=time,
+        scenario=scenario, robot=plan.source, learning=learning, prepared=build(played), joints=joints, time=time,
         reference=reference,
     )  # fmt: skip

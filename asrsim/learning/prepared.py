@@ -63,13 +63,13 @@ class ArmModel:
         motion = self.inverse.motion
         columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
         positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
-        springs = np.zeros((len(positions), len(self.drives), 2))
+        springs = np.zeros((len(positions), len(self.drives), max(drive.actuator.positions() for drive in self.drives)))
         for j, (drive, position) in enumerate(zip(self.drives, positions.T, strict=True)):
             if j >= len(motors):
                 goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
-                motors.append(resting_motors([drive], position[None], goals[:, None])[0][:2, 0].T)
+                motors.append(resting_motors([drive], position[None], goals[:, None])[0][: drive.actuator.positions(), 0].T)
             if drive.mode.spring:
-                springs[:, j] = spring_slopes(drive, position, motors[j])
+                springs[:, j, : drive.actuator.positions()] = spring_slopes(drive, position, motors[j])
         damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
         return linearise_along(self.arm.model, self.drives, motion, springs, damping)
 

@@ -14,7 +14,7 @@ from asrsim.plots.figures import PER_PAGE, Page, figure_title, joint_title
 from asrsim.plots.layout import PanelGrid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
-from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.plots.view import draw_curve, label_values, show_time, show_values
 from asrsim.quantities import each_motor, shown
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
         )
     unit = style.unit(quantity, joint_info(runs, joint))
     show_values(axes, drawn, brief="N" in unit)
-    axes.set_ylabel(style.axis_label(style.name(quantity), unit))
+    label_values(axes, style.name(quantity), unit)
 
 
 def draw_difference(
@@ -127,7 +127,7 @@ def draw_difference(
     else:
         # A negligible difference is drawn on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
-    axes.set_ylabel(f"difference\n({unit or '-'})")
+    label_values(axes, "difference\n", unit or "-")
 
 
 def _moved(compared: Sequence[RunComparison]) -> str:

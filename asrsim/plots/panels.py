@@ -14,7 +14,7 @@ from asrsim.plots.curves import REFERENCE, RunCurves
 from asrsim.plots.decimate import Curve
 from asrsim.plots.legends import LIMIT, LIMIT_LINE
 from asrsim.plots.limits import panel_limits
-from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.plots.view import draw_curve, label_values, show_time, show_values
 from asrsim.quantities import each_motor
 from asrsim.samples import JointInfo
 
@@ -160,12 +160,12 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])
     words = panel.words.replace("torque", "force") if infos and infos[0].prismatic else panel.words
-    axes.set_ylabel(style.axis_label(words, " or ".join(filter(None, units))))
     limits = _common_limits(runs, joint, panel.key) if drawn else []
     show_values(
         axes, [curve for _, _, curve in drawn], limits=limits, brief=any("N" in unit for unit in units),
         still=_STILL if panel.key in ("position", "link") else 1e-12,
     )  # fmt: skip
+    label_values(axes, words, " or ".join(filter(None, units)))
     low, high = axes.get_ylim()
     seen = [limit for limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
     for limit in seen:

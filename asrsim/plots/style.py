@@ -202,5 +202,6 @@ def empty(axes: Axes) -> None:
 
 
 def axis_label(words: str, unit_text: str) -> str:
-    """Axis label `words (unit)`; a long label takes two lines."""
-    return f"{words}{chr(10) if len(words) > 13 else ' '}({unit_text})" if unit_text else words
+    """Axis label `words (unit)`; a long label, or words that end with a line break, take two lines."""
+    space = "" if words.endswith("\n") else "\n" if len(words) > 13 else " "
+    return f"{words}{space}({unit_text})" if unit_text else words.rstrip()

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 
 BRIEF = 0.005
 """Longest duration of a peak that is cut off, as a fraction of the duration of the curve."""
+PREFIXES = (("µ", 1e-6), ("m", 1e-3))
+"""Smaller units, the smallest first."""
+SMALL = 5.0
+"""Largest value of an axis in a smaller unit."""
+SMALLER = ("m", "rad", "N", "N·m", "J")
+"""Units of which there are smaller ones."""
 FLATTENED = 4.0
 """A peak is cut off if the full range exceeds the range of the other values by this factor."""
 
@@ -69,6 +75,19 @@ def show_values(
     axes.set_ylim(low - margin, high + margin)
     for curve, value in peaks:
         _mark(axes, float(curve.time[np.flatnonzero(curve.values == value)[0]]), value, above=value > high)
+
+
+def label_values(axes: Axes, words: str, unit: str) -> None:
+    """Label the axis of values, after its range is set. A range of a few thousandths or millionths of its unit has a smaller
+    unit: 0.075 mm in place of 7.5e-05 m."""
+    size = max(map(abs, axes.get_ylim()))
+    prefix, scale = next(((sign, scale) for sign, scale in PREFIXES if size < SMALL * scale), ("", 1.0))
+    if unit not in SMALLER or not prefix:
+        axes.set_ylabel(style.axis_label(words, unit))
+        return
+    axes.set_ylabel(style.axis_label(words, prefix + unit))
+    # Rounding would write 0.30000000000000004.
+    axes.yaxis.set_major_formatter(lambda value, place: f"{value / scale:.9g}".replace("-", "\N{MINUS SIGN}"))
 
 
 def _core(curves: Sequence[Curve]) -> tuple[float, float] | None:

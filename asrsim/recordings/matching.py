@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from asrsim.actuators import MODES
@@ -45,8 +46,8 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
         if wanted and kind != wanted:
             message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
             return Problem(message, key=column.source, code="wrong-unit")
-    # Second references and second motors may have any unit (the adjuster of AwAS-II moves in m).
-    if not column.stated or quantity == "reference_2" or quantity.startswith("motor_2_"):
+    # Later references and motors may have any unit (the adjuster of AwAS-II moves in m).
+    if not column.stated or re.match(r"(reference|motor)_[2-9]", quantity):
         return None
     kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())
     if column.unit not in others:

@@ -16,6 +16,7 @@ import numpy as np
 from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
+from asrsim.quantities import each_motor
 from asrsim.recordings.commands import command_unit
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.folders import require_one_recording
@@ -229,9 +230,9 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     unit = _unit(raw, meaning)
     quantity = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
     # The unit of a reference depends on the mode, unless its name states what it commands.
-    if meaning.quantity in ("reference_1", "reference_2"):
+    if meaning.quantity in each_motor("reference_{}"):
         quantity = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
-    assumed = quantity or ("SI" if meaning.quantity in ("reference_1", "reference_2") else "")
+    assumed = quantity or ("SI" if meaning.quantity in each_motor("reference_{}") else "")
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
         (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),

@@ -72,6 +72,10 @@ class Registry(Generic[T]):
                 f"no {self.noun} is called '{name}'", choices=known, meant=name, code=f"unknown-{self.noun}"
             ) from None
 
+    def loaded(self) -> tuple[T, ...]:
+        """Entries in the order of registration, without a search for installed packages."""
+        return tuple(self._entries.values())
+
     def file_of(self, name: str) -> str:
         """Plugin file that registered the entry; empty for other entries."""
         return self._files.get(name, "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
-from asrsim.robot.mounting import check_two_motors, drive_of, with_actuators, with_overrides
+from asrsim.robot.mounting import drive_of, with_actuators, with_overrides
 from asrsim.robot.reader import load_robot, read_robot
 
 __all__ = [
@@ -13,7 +13,6 @@ __all__ = [
     "Link",
     "ParameterValue",
     "Robot",
-    "check_two_motors",
     "drive_of",
     "load_robot",
     "merge_fixed",

@@ -1,7 +1,8 @@
-"""Couplings of joints: a joint that mimics another one follows it exactly, q = multiplier q_master + offset.
+"""Couplings of joints: a joint that mimics another one follows it exactly, q = multiplier q_master + offset; the joints of a
+closed chain follow its master with a ratio that depends on the positions (`asrsim.robot.loops`).
 
 The motion of a coupled robot is determined by the joints that follow no other joint. With the positions z of these joints, the
-positions of all joints are q = N z + c, their velocities N dz, and the torques of all joints act on z as N^T torque.
+positions of all joints are q(z), their velocities N dz, and the torques of all joints act on z as N^T torque.
 """
 
 from __future__ import annotations
@@ -12,23 +13,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from asrsim.robot.loops import Linkage, closed, linkages_of
+
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Couplings:
     """Couplings of n joints. Arrays of joints (..., n) have all joints; leading axes count postures. Functions of a robot
-    without couplings return their arguments."""
+    without couplings return their arguments. Positions `q` are those that `expand` returns; they matter only in closed chains.
+    """
 
     master: NDArray[np.int64]
     """Index of the joint that each joint follows, (n,); its own index for a joint that follows none."""
     ratio: Array
-    """Velocity of each joint per velocity of its master, (n,)."""
+    """Velocity of each joint per velocity of its master, (n,); 1 for the joints of closed chains, see `ratios`."""
     offset: Array
-    """Position of each joint where its master is at 0, (n,), rad or m."""
+    """Position of each joint where its master is at 0, (n,), rad or m; 0 for the joints of closed chains."""
+    linkages: tuple[Linkage, ...] = ()
+    """Closed chains."""
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -36,45 +42,70 @@ class Couplings:
         return np.flatnonzero(self.master == np.arange(len(self.master)))
 
     def __bool__(self) -> bool:
-        return len(self.free) < len(self.master)
+        return bool((self.master != np.arange(len(self.master))).any())
 
     def expand(self, positions: ArrayLike) -> Array:
         """Positions (..., n) in which the followers stand where their masters put them."""
         q = np.asarray(positions, dtype=float)
-        return self.ratio * q[..., self.master] + self.offset if self else q
+        return closed(self.linkages, self.ratio * q[..., self.master] + self.offset) if self else q
 
-    def expand_rates(self, rates: ArrayLike) -> Array:
-        """Velocities or accelerations (..., n) in which the followers move as their masters make them."""
+    def ratios(self, q: Array) -> Array:
+        """Velocity (..., n) of each joint per velocity of its master."""
+        if not self.linkages:
+            return self.ratio
+        found = np.broadcast_to(self.ratio, q.shape).copy()
+        for linkage in self.linkages:
+            found[..., list(linkage.joints)] = linkage.ratios(q)
+        return found
+
+    def expand_rates(self, rates: ArrayLike, q: Array) -> Array:
+        """Velocities (..., n) in which the followers move as their masters make them."""
         v = np.asarray(rates, dtype=float)
-        return self.ratio * v[..., self.master] if self else v
+        return self.ratios(q) * v[..., self.master] if self else v
 
-    @property
-    def spread(self) -> Array:
-        """Matrix (n, n): velocity of each joint per velocity of each joint that follows none; 0 in the columns of followers."""
-        return self.ratio[:, None] * np.eye(len(self.master))[self.master]
+    def expand_accelerations(self, accelerations: ArrayLike, v: Array, q: Array) -> Array:
+        """Accelerations (..., n) in which the followers move as their masters make them, at the velocities v (..., n)."""
+        found = self.expand_rates(accelerations, q)
+        for linkage in self.linkages:
+            joints = list(linkage.joints)
+            found = np.broadcast_to(found, np.broadcast_shapes(found.shape, q.shape, v.shape)).copy()
+            found[..., joints] += linkage.gamma(*np.broadcast_arrays(q, v))
+        return found
 
-    def fold(self, torques: ArrayLike) -> Array:
+    def spread(self, q: Array) -> Array:
+        """Matrix (..., n, n): velocity of each joint per velocity of each joint that follows none; 0 in the columns of
+        followers."""
+        return self.ratios(q)[..., None] * np.eye(len(self.master))[self.master]
+
+    def fold(self, torques: ArrayLike, q: Array) -> Array:
         """Torques (..., n) on the joints that follow none, equivalent to the given torques; 0 for followers."""
         values = np.asarray(torques, dtype=float)
-        return values @ self.spread if self else values
+        return _fold(values, self.spread(q)) if self else values
 
-    def fold_sizes(self, torques: ArrayLike) -> Array:
-        """Bounds (n,) of the torques on the joints that follow none, from bounds of the torques on all joints."""
+    def fold_sizes(self, torques: ArrayLike, q: Array) -> Array:
+        """Bounds (..., n) of the torques on the joints that follow none, from bounds of the torques on all joints."""
         values = np.asarray(torques, dtype=float)
-        return values @ np.abs(self.spread) if self else values
+        return _fold(values, np.abs(self.spread(q))) if self else values
 
-    def fold_gains(self, gains: ArrayLike) -> Array:
-        """Stiffnesses or dampings (n,) that act on the joints that follow none, equivalent to those of all joints; 0 for
+    def fold_gains(self, gains: ArrayLike, q: Array) -> Array:
+        """Stiffnesses or dampings (..., n) that act on the joints that follow none, equivalent to those of all joints; 0 for
         followers."""
         values = np.asarray(gains, dtype=float)
-        return values @ np.square(self.spread) if self else values
+        return _fold(values, np.square(self.spread(q))) if self else values
 
-    def fold_matrix(self, matrix: Array) -> Array:
+    def fold_matrix(self, matrix: Array, q: Array) -> Array:
         """Mass matrix (..., n, n) of the joints that follow none; the rows of followers are those of the unit matrix."""
         if not self:
             return matrix
-        spread = self.spread
-        return np.asarray(spread.T @ matrix @ spread + np.diag(self.master != np.arange(len(self.master))))
+        spread = self.spread(q)
+        return np.swapaxes(spread, -1, -2) @ matrix @ spread + np.diag(self.master != np.arange(len(self.master)))
+
+
+def _fold(values: Array, spread: Array) -> Array:
+    """Sums (..., n) of values (..., n) over the joints, with the factors (..., n, n)."""
+    if spread.ndim == 2:
+        return np.asarray(values @ spread)
+    return np.asarray((values[..., None, :] @ spread)[..., 0, :])
 
 
 def uncoupled(count: int) -> Couplings:
@@ -83,11 +114,15 @@ def uncoupled(count: int) -> Couplings:
 
 
 def couplings_of(robot: Robot) -> Couplings:
-    """Couplings of the moving joints of a robot, whose masters follow no other joint."""
-    moving = robot.moving_joints
+    """Couplings of the moving joints of a robot, whose masters follow no other joint. Raises RobotError for loops that nothing
+    can close."""
+    moving, linkages = robot.moving_joints, linkages_of(robot)
     index = {joint.name: j for j, joint in enumerate(moving)}
-    return Couplings(
-        master=np.array([index.get(joint.mimic, j) for j, joint in enumerate(moving)], dtype=np.int64),
-        ratio=np.array([joint.multiplier if joint.mimic else 1.0 for joint in moving]),
-        offset=np.array([joint.offset if joint.mimic else 0.0 for joint in moving]),
-    )
+    mimics = [bool(joint.mimic) for joint in moving]
+    master = np.array([index.get(joint.mimic, j) for j, joint in enumerate(moving)], dtype=np.int64)
+    for linkage in linkages:
+        for j in linkage.joints:
+            master[j], mimics[j] = linkage.master, False
+    laws = [(joint.multiplier, joint.offset) if mimic else (1.0, 0.0) for joint, mimic in zip(moving, mimics, strict=True)]
+    ratio, offset = np.array(laws).reshape(-1, 2).T.copy()
+    return Couplings(master=master, ratio=ratio, offset=offset, linkages=linkages)

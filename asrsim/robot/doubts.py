@@ -14,6 +14,7 @@ from typing import Unpack
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import Details, Problem
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.poses import link_poses
@@ -212,6 +213,18 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
             yield Problem(f"is {ratio:.1g} times the usual {usual:g}{unit}", key=name, code="unusual-value", value=f"{value:g}")
 
 
+def _idle_stages(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
+    """Warnings about stages whose parameters are set, and that do not act in this mode."""
+    mode, values, motors = MODES[block.mode], block.values(), ACTUATORS.get(block.actuator).motors
+    for stage in STAGES.loaded():
+        first, *_ = stage.parameters
+        given = block.parameters[first.name]
+        acts = mode.spring and any(stage.constants(values, i, mode) is not None for i in range(1, motors + 1))
+        if given.origin in ("tag", "scenario") and given.value != first.default and not acts:
+            message = f"has no effect: {stage.title.lower()} does not act in mode {mode.number} with these values"
+            yield Problem(message, key=first.name, code="idle-stage", value=f"{given.value:g}")
+
+
 def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
     """Warning about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
     mode = MODES[block.mode]
@@ -243,5 +256,5 @@ def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
 
 
 BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (
-    _of_joint, _of_parameters, _one_controller, _exchanged,
+    _of_joint, _of_parameters, _idle_stages, _one_controller, _exchanged,
 )  # fmt: skip

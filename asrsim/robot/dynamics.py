@@ -137,7 +137,7 @@ class RobotModel:
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
             body = self._parents[body - 1]
-        return self.couplings.fold(jacobian[..., self._at])
+        return self.couplings.fold(jacobian[..., self._at], self.couplings.expand(positions))
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
@@ -146,12 +146,15 @@ class RobotModel:
         own, base, cross = matrix[..., at[:, None], at], matrix[..., free, free], matrix[..., free, at]
         if self._free:
             own = own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross)
-        return self.couplings.fold_matrix(own)
+        return self.couplings.fold_matrix(own, self.couplings.expand(positions))
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""
-        q, v, a = self._all(positions), self._all_rates(velocities), self._all_rates(accelerations)
-        return self.couplings.fold(self._torques(q, v, a, self._gravity)[..., self._at])
+        q = self.couplings.expand(positions)
+        v = self.couplings.expand_rates(velocities, q)
+        a = self.couplings.expand_accelerations(accelerations, v, q)
+        torques = self._torques(self._with_base(q), self._with_base(v), self._with_base(a), self._gravity)
+        return self.couplings.fold(torques[..., self._at], q)
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
@@ -165,9 +168,10 @@ class RobotModel:
 
     def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
         """Kinetic energy (...,) and gravitational energy (...,) of the links in J, on a fixed base."""
-        speeds = self._all_rates(velocities)
+        q = self.couplings.expand(positions)
+        speeds = self._with_base(self.couplings.expand_rates(velocities, q))
         rates = np.moveaxis(speeds[..., None, None] * self._twists, -3, 0)
-        steps = self._steps(self._all(positions))
+        steps = self._steps(self._with_base(q))
         # The pose of each body, and the derivative of the pose with respect to time.
         poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
         for parent, step, rate in zip(self._parents, steps, rates, strict=True):
@@ -182,10 +186,6 @@ class RobotModel:
     def _all(self, values: ArrayLike) -> Array:
         """Positions (..., joints) of all joints, from positions (..., n) of the robot's joints; 0 for the base."""
         return self._with_base(self.couplings.expand(values))
-
-    def _all_rates(self, values: ArrayLike) -> Array:
-        """Velocities or accelerations (..., joints) of all joints; 0 for the base."""
-        return self._with_base(self.couplings.expand_rates(values))
 
     def _with_base(self, own: Array) -> Array:
         everything = np.zeros((*own.shape[:-1], len(self._parents)))

@@ -87,6 +87,10 @@ class Findings:
                 self.error(f"attribute '{key}' is missing", element, place, code="missing-attribute")
             return default or ZERO
         parts = words(text)
+        if len(parts) > 3:
+            message = f"'{key}' has {len(parts)} numbers; the first three are used, as other readers do"
+            self.warn(message, element, place, code="too-many-numbers", value=text)
+            parts = parts[:3]
         if len(parts) != 3:
             self.error(f"'{key}' must be three numbers", element, place, code="not-a-number", value=text)
             return default or ZERO

@@ -180,7 +180,9 @@ def _rotors(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
             continue  # a differential: the file does not state which rotor turns with which joint
         for actuator in elements(transmission, "actuator"):
             inertia = _first(findings, (actuator, transmission), ("motorInertia", "rotor_inertia"), names[0], 0.0)
-            ratio = _first(findings, (actuator, transmission), ("mechanicalReduction", "gear_ratio"), names[0], 1.0)
+            # A ratio without an inertia changes nothing, and files leave texts of their templates there.
+            words = ("mechanicalReduction", "gear_ratio")
+            ratio = _first(findings, (actuator, transmission), words, names[0], 1.0) if inertia else 1.0
             if inertia < 0.0:
                 message = "the inertia of a motor must not be negative"
                 findings.error(message, actuator, names[0], code="negative-armature", value=f"{inertia:g}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.robot.inertia import inertia_tensor, numbers_of
+from asrsim.robot.loops import Loop
 from asrsim.robot.model import ZERO, Joint, Link, Robot, Shape, Vector
 from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
@@ -64,7 +65,15 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
         bodies[name] = _body(links[name], members)
     joints = tuple(_moved(joint, places[joint.parent]) for joint in moving)
     ordered = tuple(bodies[link.name] for link in robot.links if link.name in bodies)
-    return MergedRobot(robot=replace(robot, links=ordered, joints=joints), places=places)
+    loops = tuple(_carried(loop, places) for loop in robot.loops)
+    return MergedRobot(robot=replace(robot, links=ordered, joints=joints, loops=loops), places=places)
+
+
+def _carried(loop: Loop, places: Mapping[str, LinkPlacement]) -> Loop:
+    """The loop between the bodies that contain its links."""
+    first, second = (places[link] for link in loop.links)
+    a, b = (_vector(one.pose.position + one.pose.rotation @ at) for one, at in zip((first, second), loop.points, strict=True))
+    return replace(loop, links=(first.body, second.body), points=(a, b))
 
 
 def _body(first: Link, members: Sequence[tuple[Link, Pose]]) -> Link:

@@ -165,7 +165,7 @@ class Joint:
     """Inertia of rotors that moves with the link, kg m^2 (kg): the scenario's `armature`; without it, `rotor_inertia`, but 0
     behind a spring, where the actuator's motors have inertias of their own."""
     start: float | None = None
-    """Position at the start that the file states, rad or m."""
+    """Position at the start that the file states, rad or m; in closed chains, the one that closes them."""
     line: int | None = None
 
     @property
@@ -231,6 +231,12 @@ class Robot:
     def couplings(self) -> Couplings:
         """Couplings of the moving joints."""
         return couplings_of(self)
+
+    @cached_property
+    def followers(self) -> frozenset[str]:
+        """Joints that follow another joint: those that mimic one, and those of closed chains but their masters."""
+        couplings, moving = self.couplings, self.moving_joints
+        return frozenset(joint.name for j, joint in enumerate(moving) if couplings.master[j] != j)
 
     @property
     def inertials(self) -> tuple[object, ...]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
-from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
+from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.blocks import MODE_CHOICES, default_parameter, default_value
 from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, ParameterValue, Robot
 from asrsim.robot.tags import REQUIRED_TAGS, parameter_name, parameter_tags, tag_parameters
@@ -89,7 +89,7 @@ def mounted(
     blocks = []
     for name in names:
         # The drive of a joint moves the joints that follow it: only an entry of its own gives a follower an actuator.
-        entry = types.get(name, None if moving[name].mimic else types.get("*"))
+        entry = types.get(name, None if name in robot.followers else types.get("*"))
         if entry is not None and entry[0] in kinds:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
             unread.discard(name)
@@ -133,17 +133,6 @@ def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
 def drive_of(block: ActuatorBlock) -> Drive:
     """Drive of an actuator block with the block's parameters."""
     return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())
-
-
-def check_two_motors(robot: Robot, what: str) -> None:
-    """Raise RobotError for actuators with more than two motors. what: name of the function that cannot use them."""
-    problems = [
-        Problem(f"{what} takes actuators of one or two motors; {block.actuator} has {ACTUATORS.get(block.actuator).motors}",
-                file=robot.path, key=block.joint, code="motors")
-        for block in robot.actuators if ACTUATORS.get(block.actuator).motors > 2
-    ]  # fmt: skip
-    if problems:
-        raise RobotError(problems)
 
 
 def reference_names(block: ActuatorBlock) -> tuple[str, ...]:

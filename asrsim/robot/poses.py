@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asrsim.robot.model import Robot, Vector
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot, Vector
 
 Array = np.ndarray
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
+from asrsim.robot.closures import with_loops
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import Findings
 from asrsim.robot.mechanics import read_mechanics
@@ -119,7 +120,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
         unread=unread, contact_words=contact_words, locked=tuple(locked),
     )  # fmt: skip
     if whole:
-        robot = without_massless_joints(findings, robot)
+        robot = with_loops(findings, root, without_massless_joints(findings, robot))
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
     return with_rotors(replace(robot, findings=tuple(findings.warnings), faults=faults), {})
 

@@ -24,10 +24,13 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     """
     geometries = elements(element, "geometry")
     shapes = elements(geometries[0]) if geometries else []
-    if len(geometries) != 1 or len(shapes) != 1:
-        code = "shape" if len(geometries) > 1 or len(shapes) > 1 else "empty-shape"
-        findings.error("must have one <geometry> with one shape", element, key, code=code)
+    # Some programs put words of their own beside the shape.
+    shapes = [shape for shape in shapes if shape.tag in SIZES] or shapes
+    if not shapes:
+        findings.error("must have a <geometry> with a shape", element, key, code="empty-shape")
         return None
+    if len(geometries) > 1 or len(shapes) > 1:
+        findings.warn("has several shapes; only the first has an effect", element, key, code="shape")
     shape, key = shapes[0], f"{key}.{shapes[0].tag}"
     if shape.tag not in SIZES:
         findings.error("this shape is unknown", shape, key, code="shape", choices=get_args(ShapeKind), meant=shape.tag)

@@ -282,8 +282,9 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"
+        message = "lower limit is above the upper limit: the joint has no limits, as in PyBullet"
         hint = "Exchange the limits; if the joint has no limits, write type='continuous'"
-        findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value, hint=hint)
+        findings.warn(message, tag, name, code="limits-crossed", value=value, hint=hint)
         return limits
     if lower == upper:
         empty = EMPTY_LIMIT if lower == 0.0 else None

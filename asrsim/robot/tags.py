@@ -2,12 +2,13 @@
 
 The toolbox calls the parameters of one-motor actuators `mot_*` and `ctrl_*`, and those of two-motor actuators `mot_1_*`,
 `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. The spring parameters of a user's
-actuator have their own names as tags.
+actuator, and the parameters of stages, have their own names as tags.
 """
 
 from __future__ import annotations
 
 from asrsim.actuators import Actuator
+from asrsim.actuators.stages import STAGES
 
 SPRING_TAGS: dict[str, dict[str, str]] = {
     "sea": {"spring_stiffness": "spring_k", "max_deflection": "max_def"},
@@ -53,7 +54,7 @@ _MOTOR_TAGS = {
     "max_voltage": "voltMax",
     "max_current": "currMax",
 }
-_HYSTERESIS_TAGS = {"hysteresis_torque": "hyst_tau", "hysteresis_deflection": "hyst_def"}
+_STAGE_TAGS = {"hysteresis_torque": "hyst_tau", "hysteresis_deflection": "hyst_def"}
 _CONTROLLER_TAGS = {"proportional": "P", "integral": "I", "derivative": "D"}
 
 JOINT_TAGS = {
@@ -78,16 +79,18 @@ def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
+    of_stages = {parameter.name for stage in STAGES.loaded() for parameter in stage.parameters}
     tags = {}
     for parameter in actuator.all_parameters():
         name = parameter.name
-        tags[name] = springs.get(name, name) if name in own else _motion_tag(name, actuator.motors)
+        if name in own:
+            tags[name] = springs.get(name, name)
+        else:
+            tags[name] = _STAGE_TAGS.get(name, name) if name in of_stages else _motion_tag(name, actuator.motors)
     return tags
 
 
 def _motion_tag(name: str, motors: int) -> str:
-    if name in _HYSTERESIS_TAGS:
-        return _HYSTERESIS_TAGS[name]
     part, index, rest = name.split("_", 2)
     prefix, table = ("mot", _MOTOR_TAGS) if part == "motor" else ("ctrl", _CONTROLLER_TAGS)
     return f"{prefix}_{table[rest]}" if motors == 1 else f"{prefix}_{index}_{table[rest]}"

@@ -16,7 +16,7 @@ SEVERAL = {
     "actuator", "plugin",
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
-OPEN = ("gazebo", "transmission", "ros2_control", "mujoco")
+OPEN = ("gazebo", "transmission", "actuator", "ros2_control", "mujoco")
 """Elements with the words of other programs, which may repeat words."""
 
 
@@ -85,10 +85,10 @@ def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[t
             plugin = _plugin(child)
             if plugin is not None:
                 yield kind, name_of(child, "filename"), plugin, child, name_of(child) or "plugin"
-        elif word.inside is not None:
-            yield from _walk(findings, child, word.inside, inner)
         else:
             yield kind, name, word, child, inner
+            if word.inside is not None:
+                yield from _walk(findings, child, word.inside, inner)
 
 
 def _word(kind: str, name: str) -> Word | None:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 from asrsim.robot.model import INERTIAS
 from asrsim.robot.numbers import plain_number
-from asrsim.robot.xmlfile import elements, name_of, text_of
+from asrsim.robot.xmlfile import elements, text_of
 
 Use = Literal["read", "no physics", "contacts", "left out"]
 
@@ -125,11 +125,6 @@ def _traits(tag: Any, _text: str) -> Effect | None:
     return _spring(tag, tag.get("spring_k", ""))
 
 
-def _loop(tag: Any, _text: str) -> Effect:
-    ends = [f"'{name_of(one, 'link')}'" for one in elements(tag) if one.tag in ("link1", "link2")]
-    return Effect(f"the loop between the links {' and '.join(ends)} stays open: both move freely")
-
-
 def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
     """Plugins with other words than those that `asrsim.robot.mechanics` reads."""
     if {"joint", "mimicJoint"} <= {tag.tag for tag in elements(plugin)}:
@@ -155,7 +150,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "force_element": left("the spring or damper between two links is left out", neutral=None),
         "cable": left("the cable is left out: its links move freely", neutral=None),
         **_words(left("the body is left out: asrsim has rigid bodies only", neutral=None), "deformable reduced_deformable"),
-        "loop_joint": special(_loop, "the loop stays open: its links move freely", hint="`loops` in the scenario closes it"),
+        "loop_joint": READ,
         "drake:ball_constraint": left("the constraint is left out: its links move freely", neutral=None),
         "drake:tendon_constraint": left("the constraint is left out: its joints move freely", neutral=None),
         "drake:linear_spring_damper": left("the spring between two links is left out", neutral=None),
@@ -225,10 +220,16 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     "transmission": {
         **_words(SILENT, "@name @type type leftActuator rightActuator joint"
                          " flexJoint rollJoint gap_joint use_simulated_gripper_joint simulated_actuated_joint"
-                         " passive_joint compensator robotNamespace simulated_reduction mechanicalReduction"
-                         " motorInertia motorTorqueConstant screw_reduction init_joint_size final_joint_size"
-                         " drake:rotor_inertia drake:gear_ratio"),
-        "actuator": special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"),
+                         " passive_joint compensator robotNamespace simulated_reduction"
+                         " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
+        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
+        "actuator": replace(
+            special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"), inside="actuator"
+        ),
+    },
+    "actuator": {
+        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
+        **_words(SILENT, "@name @type hardwareInterface role type offset motorTorqueConstant drake:* xacro:*"),
     },
     "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
     "mujoco": {
@@ -254,7 +255,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "static": left("Gazebo holds the whole robot in place (static); here it moves"),
         "kinematic": left("Gazebo moves this link without forces (kinematic); here it moves under them"),
         "enable_wind": left("wind does not act here"),
-        **_words(_SDF, "inertial axis limit joint link model"),
+        "joint": READ, **_words(_SDF, "inertial axis limit link model"),
     },
 }  # fmt: skip
 """Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`);

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from asrsim.errors import DivergenceError, InputError, ScenarioError
 from asrsim.log import LogWriter
 from asrsim.outfile import write_json
-from asrsim.plain import one_or_more
-from asrsim.plugins import load_plugin_file
+from asrsim.plugins import load_plugin_files
 from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
@@ -24,10 +23,12 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.digest import input_hashes
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation import accuracy
+from asrsim.simulation.examine import Plan
+from asrsim.simulation.prepare import build
 from asrsim.simulation.recording import Sink
-from asrsim.simulation.run import Run, simulate
+from asrsim.simulation.run import Run, play
 from asrsim.summary import Collector, RunSummary, make_summary
-from asrsim.summary.claims import Claims, check_claims, needs_of
+from asrsim.summary.claims import Claims, needs_of
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
@@ -52,10 +53,9 @@ class Executed:
 
 
 def execute(
-    scenario: Scenario,
+    plan: Plan,
     folder: Path | None = None,
     *,
-    robot: Robot | None = None,
     overwrite: bool = False,
     keep: bool = False,
     certify: bool = False,
@@ -71,9 +71,8 @@ def execute(
     written under another name, and replaces the files of an earlier run only when it is complete.
 
     Args:
-        scenario: The variant.
+        plan: The examined variant.
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
-        robot: Robot in place of the scenario's robot.
         overwrite: Replace the results of another run.
         keep: Keep all samples in memory too, in `.run.samples`.
         certify: Estimate the numerical error by runs with finer steps (and in another engine, if there is one).
@@ -87,6 +86,7 @@ def execute(
         InputError, SimulationError: The run cannot be built.
         OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
     """
+    scenario = plan.scenario
     other = accuracy.other_engine(scenario.engine, required=cross_check)
     earlier = open_folder(folder, scenario, overwrite=overwrite) if folder is not None else ()
     error: DivergenceError | None = None
@@ -97,21 +97,22 @@ def execute(
         path = stack.enter_context(new_log(folder, earlier)) if folder is not None else None
 
         def open_sinks(info: RunInfo) -> Sequence[Sink]:
-            collectors.append(collector_of(scenario, info))
+            collectors.append(collector_of(plan))
             if path is not None:
-                writers.append(stack.enter_context(LogWriter(path, as_run(info, scenario, robot))))
+                described = as_run(info, scenario, plan.source if plan.given else None)
+                writers.append(stack.enter_context(LogWriter(path, described)))
             if started is not None:
                 started(info)
             return [*writers, *collectors]
 
         try:
-            run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
+            run = play(build(plan), sinks=open_sinks, keep=keep, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise
             error, run = caught, caught.run
         if certify and run.status == "complete":
-            certificate = accuracy.certify(scenario, run, robot, progress=certifying, stop=stop)
+            certificate = accuracy.certify(plan, run, progress=certifying, stop=stop)
         for writer in writers:
             certified = {"certificate": json.dumps(certificate)} if certificate else {}
             writer.close(result_metadata(run, error) | certified)
@@ -121,14 +122,14 @@ def execute(
     files = {} if log is None else {"log": log}
     summary = replace(summary, certificate=certificate, files=files, replaced=earlier)
     if run.status == "complete" and other is not None and (cross_check or certify):
-        summary = replace(summary, cross_check=accuracy.cross_check(scenario, run, other, robot, progress=certifying))
+        summary = replace(summary, cross_check=accuracy.cross_check(plan, run, other, progress=certifying))
     return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
 
 
-def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
-    """Sink that collects the data for summary and claims. Raises ScenarioError for claims that cannot be evaluated."""
-    check_claims(scenario.expect, info.joints, file=scenario.path)
-    return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
+def collector_of(plan: Plan) -> Collector:
+    """Sink that collects the data for the summary and for the claims of a scenario."""
+    claims, joints = plan.scenario.expect, plan.joints
+    return Collector(joints, samples=plan.scenario.steps + 1, needs=needs_of(claims, joints))
 
 
 def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) -> RunSummary:
@@ -181,9 +182,7 @@ def scenarios_of(
 
     Arguments: as in `asrsim.run`.
     """
-    files = [Path(path) for path in one_or_more(plugins)]
-    for path in files:
-        load_plugin_file(path)
+    files = load_plugin_files(plugins)
     file = robot if isinstance(robot, str | Path) else None
     if not isinstance(scenario, Scenario):
         loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)

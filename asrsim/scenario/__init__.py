@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from asrsim.scenario.check import apply_to_robot, check_against_robot, checked_robot
+from asrsim.scenario.check import apply_to_robot
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import load_scenario, make_scenario, only_variant, read_scenarios, scenario_from_data
 
 __all__ = [
     "Scenario",
     "apply_to_robot",
-    "check_against_robot",
-    "checked_robot",
     "load_scenario",
     "make_scenario",
     "only_variant",

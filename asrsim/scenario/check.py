@@ -1,4 +1,4 @@
-"""Checks whether a scenario fits its robot: errors, and the warnings of `asrsim.scenario.doubts`.
+"""Checks whether a scenario fits its robot: errors. `asrsim.scenario.doubts` finds warnings.
 
 To add an error, write a generator and list it in `CHECKS`.
 """
@@ -17,17 +17,16 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
-from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import LARGEST
-from asrsim.robot.loops import Loop, paths_of
+from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
 from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
-from asrsim.scenario.doubts import doubts
 from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
+from asrsim.scenario.starts import stated_start
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
@@ -44,20 +43,6 @@ PLANNED_MODES = (1, 2, 3, 5, 6)
 """Modes whose references are positions, which a Cartesian path requires."""
 
 
-def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
-    """Robot of the scenario (without the scenario's changes), and warnings.
-
-    Raises RobotError with all problems of the robot's file, or ScenarioError with all problems of the scenario. If both have
-    problems, one error contains all of them.
-    """
-    if robot is None:
-        robot = robot_of(scenario)
-    errors, warnings = check_against_robot(scenario, robot)
-    if errors:
-        raise (RobotError if robot.faults else ScenarioError)(errors, warnings=warnings_of(robot))
-    return robot, warnings
-
-
 def robot_of(scenario: Scenario) -> Robot:
     """Robot in the file that the scenario names, with the problems of the file. Raises RobotError if the file has no robot."""
     return read_robot(
@@ -65,18 +50,18 @@ def robot_of(scenario: Scenario) -> Robot:
     )
 
 
-def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[Problem], list[Problem]]:
-    """Pair (errors, warnings) about the robot's file and the scenario: unknown names, invalid values, missing references.
-
-    Checks that depend on an invalid value are skipped.
+def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem]]:
+    """Robot with the scenario's changes, and errors in the robot's file and in the scenario: unknown names, invalid values,
+    impossible references. The robot is None if it has no moving joint or cannot be read. Checks that depend on an invalid value
+    are skipped.
 
     robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
-        return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
+        return None, own if robot is None else [*robot.faults, nothing_moves(robot), *own]
     if not scenario.unread and (wrong := [*_fields(scenario)]):
-        return [*robot.faults, *wrong], []
+        return None, [*robot.faults, *wrong]
     changed, faults = changed_robot(scenario, robot)
     errors = [*robot.faults, *faults]
     # Only actuators with a known mode can be checked.
@@ -85,9 +70,12 @@ def check_against_robot(scenario: Scenario, robot: Robot | None) -> tuple[list[P
     for needed, check in CHECKS:
         if not unread.intersection(needed):
             errors += (scenario.placed(problem) for problem in check(scenario, driven))
-    if errors or unread:
-        return errors, []
-    return [], [scenario.placed(problem) for problem in doubts(scenario, changed)]
+    return changed, errors
+
+
+def loop_warnings(scenario: Scenario, robot: Robot) -> list[Problem]:
+    """Warnings about the closed chains of a robot with the scenario's changes."""
+    return [*map(scenario.placed, assembled(robot, _assembly(scenario, robot))[1])] if robot.loops else []
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
@@ -105,7 +93,9 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
     """Robot with the valid changes of the scenario, and the problems of the other changes."""
     given = scenario.actuators
     own = {joint: one.parameters for joint, one in given.items() if one.parameters}
-    changed, problems = mounted(robot, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
+    looped, wrong = _with_loops(scenario, robot)
+    changed, problems = mounted(looped, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
+    problems += wrong
     unread = set(changed.unread)
     parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
     for section, *rest in scenario.unread:
@@ -126,39 +116,41 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         off = scenario.weightless
         links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
         changed = replace(changed, links=links)
-    if scenario.loops:
-        changed, faults = _looped(scenario, changed)
-        problems += faults
+    if changed.loops:
+        assembly = _assembly(scenario, changed)
+        changed, _ = assembled(changed, assembly)
+        problems += assembly.errors
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
     return changed, [scenario.placed(problem) for problem in problems]
 
 
-def _looped(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the scenario's closed chains, and the problems of the chains."""
+def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
+    """Robot with the closed chains of its file and of the scenario, and their problems. Of two chains between the same links,
+    that of the scenario counts."""
     names = {link.name for link in robot.links}
-    if any(name not in names for loop in scenario.loops for name in loop.links):
-        return robot, []  # reported as unknown links
-    loops = tuple(
+    own = tuple(
         Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
         for loop in scenario.loops
+        if names.issuperset(loop.links)  # others are reported as unknown links
     )
-    closed = replace(robot, loops=loops)
+    if not own:
+        return robot, []
+    ends = {frozenset(loop.links) for loop in own}
+    looped = replace(robot, loops=(*own, *(loop for loop in robot.loops if frozenset(loop.links) not in ends)))
     try:
-        paths_of(closed)
+        linkages_of(looped)
     except RobotError as error:
         return robot, list(error.problems)
-    return closed, []
+    return looped, []
 
 
-def _unplannable_loops(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Errors: computations on the model of the robot, which knows no closed chains."""
-    used = {"initial": scenario.initial_equilibrium, "task": scenario.task is not None,
-            "inverse_dynamics": any(scenario.inverse_dynamics.values()), "ilc": scenario.learning is not None}  # fmt: skip
-    for key, there in used.items():
-        if there and scenario.loops:
-            yield Problem("cannot be computed for a robot with closed chains (`loops`)", key=key, code="loop")
+def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
+    """Closed chains of the robot at the scenario's start."""
+    joints = tuple(replace(joint, start=stated_start(scenario, joint)) if joint.moves else joint for joint in robot.joints)
+    stated = [joint.name for joint in robot.moving_joints if joint.name in scenario.initial_positions]
+    return assembly_of(replace(robot, joints=joints), stated)
 
 
 def _fields(scenario: Scenario) -> Iterator[Problem]:
@@ -325,7 +317,6 @@ CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Proble
     ((), _initial),
     (("locked",), _locked),
     ((), _motor_starts),
-    ((), _unplannable_loops),
     ((), _too_large),
     (("base", "engine"), _floating),
     (("step",), _delays),

@@ -140,7 +140,10 @@ class Scenario:
         ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
     )
     loops: tuple[LoopClosure, ...] = declare(
-        ListOf(of=block_of(LoopClosure, "loop")), default=(), doc="closed chains of one freedom, such as four-bar fingers"
+        ListOf(of=block_of(LoopClosure, "loop")),
+        default=(),
+        doc="closed chains of one freedom, such as four-bar fingers, beside those of the robot file; between the same links, "
+        "in place of the file's",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -280,6 +283,8 @@ class Scenario:
     """Paths of the invalid keys that `read_scenarios` left out."""
     as_read: Scenario | None = field(default=None, compare=False, repr=False)
     """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
+    states_engine: bool = field(default=False, compare=False, repr=False)
+    """Whether the engine was stated, and not chosen for the scenario."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Line in the file for each dotted key, for messages of later checks."""
 

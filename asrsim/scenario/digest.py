@@ -13,7 +13,6 @@ from asrsim.actuators.declaration import file_of
 from asrsim.errors import InputError
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
-from asrsim.scenario.check import changed_robot
 from asrsim.scenario.data import Scenario
 
 
@@ -23,7 +22,7 @@ def input_hashes(
     """Hash of each input of the runs of a scenario, by a name for messages: the scenario; the robot's text, in which xacro is
     expanded; meshes of collisions; files of signals and other files that the scenario names; files of actuators and plugins.
 
-    robot: the robot of the file, without the scenario's changes. plugins: further Python files. without: keys that do not
+    robot: the robot, with or without the scenario's changes. plugins: further Python files. without: keys that do not
     matter, by the key of their block. Raises InputError if a file cannot be read.
     """
     resolved: dict[str, Any] = dict(scenario.resolved)
@@ -33,8 +32,8 @@ def input_hashes(
         "the scenario": _hashed(json.dumps(resolved, sort_keys=True, default=str).encode()),
         robot.path.name: _hashed(robot.text.encode()),
     }
-    changed, _ = changed_robot(scenario, robot)
-    laws = (file_of(ACTUATORS.get(block.actuator)) for block in changed.actuators if block.actuator in ACTUATORS)
+    names = {*(block.actuator for block in robot.actuators), *(given.type for given in scenario.actuators.values())}
+    laws = (file_of(ACTUATORS.get(name)) for name in sorted(names) if name in ACTUATORS)
     files = {**scenario.attachments, **{path.name: path for path in (*filter(None, laws), *plugins)}}
     return hashes | mesh_hashes(scenario, robot) | {name: digest_of(path) for name, path in files.items()}
 

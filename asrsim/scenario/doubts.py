@@ -38,7 +38,7 @@ def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     robot: with the scenario's changes.
     """
     for check in DOUBTS:
-        yield from check(scenario, robot)
+        yield from map(scenario.placed, check(scenario, robot))
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------

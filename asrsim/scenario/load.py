@@ -13,6 +13,7 @@ from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped
+from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
 from asrsim.samples import TIP
 from asrsim.scenario.blocks import names_a_folder, prescribes_motion
@@ -34,14 +35,16 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
 
 
 def load_scenario(
-    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
-) -> tuple[Scenario, ...]:
+    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+) -> tuple[Scenario, ...]:  # fmt: skip
     """All variants of a scenario file in file order, or the chosen variant.
 
     A file without variants has one variant, `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
-    key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
-    every problem of the file.
+    key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot; `plugins` are Python files with
+    users' actuators, signals and so on, which are loaded first. Raises ScenarioError with every problem of the file.
     """
+    load_plugin_files(plugins)
     scenarios, problems = read_scenarios(path, variant=variant, overrides=overrides, robot=robot)
     if problems:
         raise ScenarioError(problems)
@@ -180,6 +183,7 @@ def build_scenario(
 ) -> Scenario:
     """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
     keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
+    stated = keys["engine"] is not None
     keys["engine"] = keys["engine"] or default_engine()
     wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
@@ -197,7 +201,7 @@ def build_scenario(
     }
     scenario = Scenario(
         **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
-        lines=lines,
+        lines=lines, states_engine=stated,
     )  # fmt: skip
     reading.problems += map(scenario.placed, wrong)
     return replace(scenario, as_read=scenario)

@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import RecordingError
-from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.quantities import PRISMATIC_UNITS, each_motor
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import condense
@@ -36,7 +36,7 @@ class PlayedRecording:
 
     joint: str
     slot: int | None
-    """Index of the reference in the joint's mode, 0 or 1; None: the external torque."""
+    """Index of the reference in the joint's mode, from 0; None: the external torque."""
     column: Column
     hold: bool
     """True: each value holds until the next sample; False: values are interpolated smoothly."""
@@ -74,10 +74,8 @@ class RecordingPlan:
     def on_bench(self) -> bool:
         """Whether only springs were recorded: positions of motors and torques, without motion of a link."""
         played = {one.joint for one in self.played if one.column.quantity == "motor_1_position"}
-        others = ("elastic_torque", "link_torque", "motor_2_position")
-        return bool(self.compared) and all(
-            joint in played and str(column.quantity).startswith(others) for joint, column in self.compared
-        )
+        springs = ("link_torque", *each_motor("elastic_torque_{}"), *each_motor("motor_{}_position"))
+        return bool(self.compared) and all(joint in played and column.quantity in springs for joint, column in self.compared)
 
 
 def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence[str] | None = None) -> RecordingPlan:
@@ -104,19 +102,15 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     for block in robot.actuators:
         command = _command(columns, block, remarks, idle)
         if command is not None:
-            second = columns.get((block.joint, "reference_2"))
-            if command.quantity == "motor_1_position":
-                second = columns.get((block.joint, "motor_2_position"))
-            if second is None and MODES[block.mode].direct and command.quantity == TORQUES[block.mode]:
-                second = columns.get((block.joint, command.quantity.replace("_1_", "_2_")))
-            mode = _mode(block, command, second)
+            others = _others(columns, block, command)
+            mode = _mode(block, command, others)
             if mode != block.mode:
                 modes[block.joint] = mode
                 why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
                 remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
-            played.append(_played(block.joint, 0, command))
-            if second is not None and len(reference_names(replace(block, mode=mode))) > 1:
-                played.append(_played(block.joint, 1, second))
+            slots = len(reference_names(replace(block, mode=mode)))
+            commands = enumerate([command, *others][:slots])
+            played += [_played(block.joint, slot, one) for slot, one in commands if one is not None]
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque))
     if idle is None and not any(one.slot == 0 for one in played):
@@ -125,7 +119,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         remarks.append(
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
         )
-    commands = {one.column.source for one in played}
+    sources = {one.column.source for one in played}
     by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)
     lag, end = _span(columns, LATEST if by_scenario else SOON)
     changed, _ = overridden(robot, modes, {})
@@ -133,7 +127,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         robot=changed, modes=modes, recording=recording, played=tuple(played),
         compared=tuple(
             (joint, column) for (joint, quantity), column in columns.items()
-            if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
+            if not quantity.startswith("reference") and column.source not in sources and np.isfinite(column.values).sum() > 1
         ),
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(robot, columns, played, remarks), initial_motors=_initial_motors(changed, columns),
@@ -196,19 +190,33 @@ def _command(
     return None
 
 
+def _others(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, command: Column) -> list[Column | None]:
+    """Columns of the references after the command; None for each that was not recorded."""
+    numbers = range(2, ACTUATORS.get(block.actuator).positions() + 1)
+    if command.quantity == "motor_1_position":
+        return [columns.get((block.joint, f"motor_{i}_position")) for i in numbers]
+    found = [columns.get((block.joint, f"reference_{i}")) for i in numbers]
+    if MODES[block.mode].direct and command.quantity == TORQUES[block.mode]:
+        own = [columns.get((block.joint, command.quantity.replace("_1_", f"_{i}_"))) for i in numbers]
+        found = [one or other for one, other in zip(found, own, strict=True)]
+    return found
+
+
 def _motors(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock) -> Sequence[str]:
     """Quantity that replaces the command of springs, if the positions of all their motors were recorded."""
     actuator = ACTUATORS.get(block.actuator)
-    motors = range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)
+    motors = range(1, actuator.motors + actuator.adjuster + 1)
     known = MODES[block.mode].spring and all((block.joint, f"motor_{i}_position") in columns for i in motors)
     return ("motor_1_position",) if known else ()
 
 
-def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
-    """Mode of the block if this mode accepts the command, else the nearest mode that accepts the command."""
+def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]) -> int:
+    """Mode of the block if this mode accepts the command, else the nearest mode that accepts the command. others: columns of
+    the other references."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+    complete = None not in others
     single = actuator.motors == 1 and not actuator.adjuster
-    if command.quantity == "motor_1_position" and mode.spring and (single or second is not None):
+    if command.quantity == "motor_1_position" and mode.spring and (single or complete):
         # Motors whose positions are known need no controller: the positions are prescribed.
         return 2
     if command.quantity == TORQUES.get(block.mode) or (
@@ -222,7 +230,10 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
     if mode.direct or mode.number == 0:
         return 6 if mode.direct else 1
-    return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and second is None)
+    if mode.mapped and complete and len(others) > 1:
+        # Equilibrium and preset are two references: so many are those of the motors.
+        return mode.number - 1
+    return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and not complete)
 
 
 def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:

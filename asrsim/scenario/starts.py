@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from asrsim.robot.model import Joint, Robot
 from asrsim.scenario.data import Scenario, for_joint
 
@@ -20,6 +22,7 @@ def start_positions(scenario: Scenario, robot: Robot) -> dict[str, float]:
 
 def start_velocities(scenario: Scenario, robot: Robot) -> dict[str, float]:
     """Start velocity of each moving joint, rad/s or m/s."""
-    names = [joint.name for joint in robot.moving_joints]
-    rates = robot.couplings.expand_rates([float(for_joint(scenario.initial_velocities, name, 0.0)) for name in names])
+    positions = start_positions(scenario, robot)
+    names, places = list(positions), np.array([*positions.values()])
+    rates = robot.couplings.expand_rates([float(for_joint(scenario.initial_velocities, name, 0.0)) for name in names], places)
     return dict(zip(names, rates.tolist(), strict=True))

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -17,12 +16,11 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
-from asrsim.registry.steppings import stepping_called
-from asrsim.robot.model import Robot
+from asrsim.plugins import blame_laws
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.run import Run, blame_laws
+from asrsim.simulation.examine import Plan
+from asrsim.simulation.prepare import Prepared, Start, build
+from asrsim.simulation.run import Run
 from asrsim.simulation.simulation import Simulation
 
 COMPARED = ("link_position", "link_torque")
@@ -89,23 +87,22 @@ def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
 
 @blame_laws()
 def certify(
-    scenario: Scenario,
+    plan: Plan,
     run: Run,
-    robot: Robot | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> dict[str, Any]:
     """Estimate of the numerical error of `run` by Richardson extrapolation, from runs with a half and a quarter of its step.
 
-    robot: the robot as read from its file. progress: function that receives a text and the simulated time. stop: function that
+    plan: the examined scenario of the run. progress: function that receives a text and the simulated time. stop: function that
     is called regularly; if `stop` returns True, the result is empty. Returns plain values for JSON: stepping and its order, the
     substep of the run in s, and for each joint the largest and the root-mean-square error of position (rad, m) and torque (N m,
     N) and the measured order of convergence of the position (None where the error is at rounding level). Raises SimulationError
     if a finer run fails.
     """
-    stepping = stepping_called(scenario.stepping)
-    comparison = Comparison([prepare(_finer(scenario, run, finer), robot) for finer in (1, 2, 4)])
+    scenario, stepping = plan.scenario, plan.stepping
+    comparison = Comparison([build(_finer(plan, run, finer)) for finer in (1, 2, 4)])
     for time in comparison:
         if progress is not None:
             progress("finer steps", time)
@@ -132,12 +129,13 @@ def certify(
     }  # fmt: skip
 
 
-def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
-    """The scenario with the run's substeps, divided by `finer`, and with unchanged logging times."""
-    if stepping_called(scenario.stepping).released:
-        return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
+def _finer(plan: Plan, run: Run, finer: int) -> Plan:
+    """The plan with the run's substeps, divided by `finer`, and with unchanged logging times."""
+    scenario = plan.scenario
+    if plan.stepping.released:
+        return plan.on(step=scenario.step / finer, log_every=scenario.log_every * finer)
     resolution = run.resolution
-    return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
+    return plan.on(substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
 
 
 def other_engine(engine: str, *, required: bool = False) -> str | None:
@@ -157,28 +155,27 @@ def other_engine(engine: str, *, required: bool = False) -> str | None:
 
 @blame_laws()
 def cross_check(
-    scenario: Scenario,
+    plan: Plan,
     run: Run,
     other: str,
-    robot: Robot | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, Any]:
     """Repeat a run in the engine `other` and compare the motions.
 
-    robot: the robot as read from its file. progress: function that receives the name of the engine and its simulated time.
+    plan: the examined scenario of the run. progress: function that receives the name of the engine and its simulated time.
     Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
     of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
     empty if the engines agree or may differ; `note`: explanation of the differences.
     """
-    version = other
+    scenario, version = plan.scenario, other
     names = [joint.name for joint in run.robot.moving_joints]
     contacts, finding, note = not scenario.world.empty, "", ""
-    same = _finer(scenario, run, 1)
-    own = prepare(same, robot)
+    same = _finer(plan, run, 1)
+    own = build(same)
     found = np.full((len(names), len(MEASURES)), np.nan)
     try:
-        repeated = prepare(replace(same, engine=other), robot)
+        repeated = build(same.on(engine=other))
         version = repeated.info.metadata["engine_version"]
         found = _differences(own, repeated, other, progress)
     except DivergenceError as error:

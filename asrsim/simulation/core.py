@@ -16,7 +16,7 @@ from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.records import numbers
 from asrsim.samples import Array
-from asrsim.simulation import kernel, laws
+from asrsim.simulation import interpreted, kernel
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
@@ -24,7 +24,8 @@ from asrsim.simulation.layout import HEALTHY, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
-from asrsim.simulation.rows import RowShape, scheme_of, shape_of, start_of, tables
+from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
+from asrsim.simulation.shape import RowShape, shape_of
 
 SECONDS_SAVED = 20e-6
 """Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
@@ -59,28 +60,17 @@ class Core:
         """engine: engine of the prepared scenario, which `close` closes. watch: function that is called before each step of the
         engine. Raises SimulationError if compiled code is requested and not available."""
         self.prepared, self.compiled, self._watch = prepared, compiled, watch
-        drives, stepping = prepared.drives, prepared.stepping
-        self.shape: RowShape = shape_of(drives)
+        drives = prepared.drives
         self._scheme = scheme_of(prepared)
-        kinds, constants = tables(prepared, self.shape)
-        code: Any = laws
+        self._code: Any = interpreted
         if compiled:
-            from asrsim.simulation import native as code
+            from asrsim.simulation import native
 
-            self._run = code.compiled_run()
+            self._code, self._run = native, native.compiled_run()
         self._owners: list[Any] = []
         """Functions that the kernel calls by address, which must stay alive."""
-        # Joints with the same actuator share its laws: each call computes a digest and checks files in the cache.
-        bound_law: Any = cache(code.bound_law)
-        bound_step: Any = cache(code.bound_step)
-        for kind, drive in zip(kinds, drives, strict=True):
-            if kind.kind == SPRUNG:
-                kind.spring_law = self._address(bound_law(drive.actuator, drive.positions))
-            if stepping.released:
-                kind.joint_step = self._address(bound_step(released_step))
-        self._kinds: Any = np.array([numbers(kind) for kind in kinds], dtype=np.int64) if compiled else kinds
-        """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
-        addresses."""
+        self.shape: RowShape = shape_of(drives)
+        constants = self._bind_joints()
         self._numbers_of_scheme = np.array(numbers(self._scheme))
         self._plain_joints: dict[int, list[JointState]] = {}
         self._plain_links: dict[int, list[JointConstants]] = {}
@@ -106,6 +96,33 @@ class Core:
         self._shared = self._bound(engine, prepared)
         self._engines = [self._shared] * worlds
         """Engine of each world."""
+
+    def _bind_joints(self) -> Array:
+        """Make the kinds of the joints, with the addresses of their laws. Returns the table P (joints, ...)."""
+        drives, stepping = self.prepared.drives, self.prepared.stepping
+        kinds, constants = tables(self.prepared, self.shape)
+        # Joints with the same actuator and stages share a law: each call computes a digest and checks files in the cache.
+        bound_law: Any = cache(self._code.bound_law)
+        bound_step: Any = cache(self._code.bound_step)
+        for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
+            if kind.kind == SPRUNG:
+                kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
+            if stepping.released:
+                kind.joint_step = self._address(bound_step(released_step))
+        self._kinds: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
+        """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
+        addresses."""
+        return constants
+
+    def _make_room(self, prepared: Prepared) -> None:
+        """Add columns and laws for the stages of other parameters, which the worlds do not have so far."""
+        shape = shape_of(prepared.drives, self.shape)
+        if shape == self.shape:
+            return
+        self.shape = shape
+        self._bind_joints()
+        self.S, self.P = _widened(self.S, shape.state), _widened(self.P, shape.constants)
+        self._plain_joints, self._plain_links = {}, {}
 
     def _address(self, function: Any) -> Any:
         """Address at which the kernel calls a function; in Python, the function itself."""
@@ -149,6 +166,7 @@ class Core:
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
+        self._make_room(prepared)
         _, self.P[world] = tables(prepared, self.shape)
         self._plain_links.pop(world, None)
         self._engines[world] = self._shared
@@ -186,7 +204,8 @@ class Core:
         identical results."""
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            table[world] = row
+            # A state may be older than the columns of stages.
+            table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)
         self._engines[world] = bound
@@ -242,9 +261,15 @@ class Core:
         """Run the kernel in Python, for one world."""
         ((world, *places),) = which.tolist()
         if world not in self._plain_joints:
-            self._plain_joints[world] = [joint_of_row(row, self.shape.motors) for row in self.S[world].tolist()]
+            shape = self.shape
+            self._plain_joints[world] = [
+                joint_of_row(row, shape.motors, shape.sensors, shape.kept) for row in self.S[world].tolist()
+            ]
         if world not in self._plain_links:
-            self._plain_links[world] = [link_of_row(row, self.shape.motors) for row in self.P[world].tolist()]
+            pairs = zip(self.P[world].tolist(), self.prepared.drives, self.shape.stages, strict=True)
+            self._plain_links[world] = [
+                link_of_row(row, self.shape.motors, len(drive.elastic), drive.motors, stages) for row, drive, stages in pairs
+            ]
         state = self._plain_joints[world]
         exchange, _ = bound.borrow(self._pieces)
         own = slice(world, world + 1)
@@ -258,6 +283,13 @@ class Core:
             )  # fmt: skip
         finally:
             self.S[world] = [row_of_joint(joint) for joint in state]
+
+
+def _widened(table: Array, columns: int) -> Array:
+    """The table (..., k) with zeros in further columns: stages do not act there."""
+    wide = np.zeros((*table.shape[:-1], columns))
+    wide[..., : table.shape[-1]] = table
+    return wide
 
 
 def make_core(

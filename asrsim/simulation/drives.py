@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
-from asrsim.actuators.hysteresis import HysteresisConstants
+from asrsim.actuators.stages import STAGES, Stage
 from asrsim.quantities import MOST_MOTORS
 from asrsim.registry.steppings import Stepping
 from asrsim.robot import drive_of
@@ -93,9 +94,14 @@ class SteppedJoint:
         return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
 
     @property
-    def hysteresis(self) -> HysteresisConstants | None:
-        """Constants of the springs' hysteresis; None without hysteresis, and in the released order."""
-        return self.drive.hysteresis if self.drive and not self.stepping.released else None
+    def stages(self) -> tuple[type[Stage], ...]:
+        """Stages that act on the joint; none in the released order."""
+        return tuple(map(STAGES.get, self.drive.stages)) if self.drive and not self.stepping.released else ()
+
+    def stage_constants(self, stage: type[Stage], motor: int) -> Any:
+        """Constants of a stage at motor 1, 2, ...; None where the stage does not act."""
+        own = self.drive.stages.get(stage.name, ()) if self.drive and not self.stepping.released else ()
+        return own[motor - 1] if motor <= len(own) else None
 
     @property
     def electric_motors(self) -> tuple[int, ...]:

@@ -28,7 +28,6 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     """
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
-    external = model.couplings.fold(sampled[EXTERNAL, :, 0])
     gives_way = np.array([_gives_way(drive) for drive in drives])
     own = np.flatnonzero(gives_way).tolist()
     # A robot on the ground has a fixed base.
@@ -39,24 +38,26 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     q = np.array(list(map(_unloaded, drives, goals, stated)))
     low, high = np.array([drive.joint.stops for drive in drives]).T
 
-    def weight(positions: Array) -> Array:
-        """Torques of gravity (..., joints) in N m; 0 for a robot in free fall."""
-        return np.zeros_like(positions) if falls else model.gravity_torques(positions)
+    def load(positions: Array) -> Array:
+        """Torques (..., joints) in N m that springs hold at rest: those of gravity, 0 for a robot in free fall, without the
+        external ones."""
+        weight = np.zeros_like(positions) if falls else model.gravity_torques(positions)
+        return weight - couplings.fold(sampled[EXTERNAL, :, 0], couplings.expand(positions))
 
     def springs(positions: Array) -> Array:
         """Torques of the springs on the links (1, k, joints) in N m; those on a follower act on its master."""
         positions = couplings.expand(positions)
         torques = np.zeros_like(positions)
         torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
-        return couplings.fold(torques)
+        return couplings.fold(torques, positions)
 
-    found, left = balanced(lambda positions: external - weight(positions), springs, q[None], low, high, movable)
+    found, left = balanced(lambda positions: -load(positions), springs, q[None], low, high, movable)
     q = couplings.expand(found[0])
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-    loads = (weight(q) - external).tolist()
+    loads = load(q).tolist()
     return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
 
 

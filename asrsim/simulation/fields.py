@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
-from asrsim.actuators.hysteresis import Hysteresis, HysteresisConstants
 from asrsim.actuators.motor import MotorConstants
-from asrsim.records import columns, constant, constants, filled, numbers, record, several, value
+from asrsim.actuators.stages import Stage
+from asrsim.records import columns, constant, filled, numbers, record, several, value
 
 
 @dataclass(slots=True)
@@ -60,9 +60,23 @@ class MotorState:
     current: float = value("current of the winding", "A", log="motor_{}_current")
     voltage: float = value("voltage of the winding", "V", log="motor_{}_voltage")
     last_power: float = value("heat loss of the winding at the previous kick", "W")
-    hysteresis: Hysteresis = record(Hysteresis, "hysteresis of the motor's spring")
+    last_velocity: float = value("velocity of the motor before the last kick", "rad/s")
+    acceleration: float = value("acceleration in the last kick, for joints with stages", "rad/s^2")
+    end: float = value("position of the spring's end that the motor moves, behind stages in series with the spring", "rad")
+    parallel: float = value("part of `pull` that stages parallel to the spring cause", "N m")
+    kick_parallel: float = value("torque of the stages parallel to the spring at the kick", "N m")
+    last_kick_parallel: float = value("torque of these stages at the previous kick", "N m")
+    limit: float = value("largest torque of the motor, for joints with stages", "N m")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
     read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")
+
+
+@dataclass(slots=True)
+class StageState:
+    """State of a stage of a joint."""
+
+    loss: float = value("energy that the stage has lost since the start", "J")
+    motors: list[Any] = several("memory of the stage at each motor")
 
 
 @dataclass(slots=True)
@@ -95,7 +109,12 @@ class JointState:
         "energy lost by the motors' friction and damping, and at their limits", "J", log="friction_loss", watched=True
     )
     winding_loss: float = value("heat of the windings", "J", log="winding_loss", watched=True)
-    hysteresis_loss: float = value("energy lost in the springs' hysteresis", "J", log="hysteresis_loss", watched=True)
+    stage_loss: float = value("energy lost in the stages", "J")
+    stage_energy: float = value("energy stored in the stages", "J")
+    stage_lost: float = value("energy lost in the stages since the previous substep", "J")
+    kick_velocity: float = value("velocity of the link at the kick, as known before the kick, for joints with stages", "rad/s")
+    kick_lead: float = value("time from the velocities of the motors to their kick; in memories, the substep", "s")
+    steady: float = value("number of kicks since an input jumped, at most 2, for joints with stages", "")
     spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
     motor_energy: float = value("kinetic energy of the motors", "J")
     start_energy: float = value("energy of springs and motors at the start", "J")
@@ -106,7 +125,7 @@ class JointState:
     turnover: float = value("sum of the magnitudes of all work at the joint", "J")
     excess: float = value("largest value so far of |residual| - SHARE * turnover", "J")
     stiffness: float = value("stiffness of the spring", "N m/rad", log="stiffness", watched=True)
-    law_energy: float = value("result of the spring's energy law in its last call, without hysteresis", "J")
+    law_energy: float = value("result of the spring's energy law in its last call, without stages", "J")
     stiffest: float = value("largest stiffness so far", "N m/rad")
     effort_count: float = value("number of substeps in which the effort limit clipped the torque", "")
     velocity_count: float = value("number of substeps beyond the link's velocity limit", "")
@@ -117,6 +136,7 @@ class JointState:
     stop_count: float = value("number of substeps with the link at its position stop", "")
     motors: list[MotorState] = several("its motors")
     memory: list[float] = several("memory of its sensors")
+    stages: list[StageState] = several("state of the stages")
 
 
 @dataclass(slots=True)
@@ -143,7 +163,6 @@ class JointConstants:
     derivative: float = constant("derivative gain of the link's controller, for sensors", "N m s/rad")
     substeps: float = constant("number of motor substeps per substep of the engine, an odd number", "")
     max_deflection: float = constant("largest deflection of the springs", "rad")
-    hysteresis: HysteresisConstants = constants(HysteresisConstants, "hysteresis of the springs")
     sampled: float = constant(
         "flag: 1 if the sensors measure at ticks and hold the measurements, 0 if they measure at all times", ""
     )
@@ -151,6 +170,7 @@ class JointConstants:
     quantum: float = constant("resolution of the sensors", "rad")
     drives: list[MotorConstants] = several("constants of its motors")
     law: list[float] = several("parameters of the laws of its spring")
+    stages: list[list[Any]] = several("constants of its stages at each motor; None where a stage does not act")
 
 
 @dataclass(slots=True)
@@ -171,6 +191,8 @@ class JointKind:
     joint_step: Any = constant(
         "address of the function that advances the joint instead of the kernel; 0: none", "", integer=True
     )
+    stages: int = constant("number of stages in the joint's law", "", integer=True)
+    places: list[int] = several("place of the state of each of its stages: column of S; in plain Python, index in `stages`")
 
 
 @dataclass(slots=True)
@@ -186,32 +208,48 @@ class Scheme:
     staggered: float = constant("flag: 1 if velocities belong to half steps", "")
 
 
-def joint_of_row(row: Sequence[float], motors: int) -> JointState:
-    """A joint with the numbers of a row of S. motors: number of motors in the row."""
+def joint_of_row(row: Sequence[float], motors: int, sensors: int, stages: Sequence[type[Stage]]) -> JointState:
+    """A joint with the numbers of a row of S. motors: number of motors in the row; sensors: number of values in the memory of
+    the sensors; stages: stages in the row."""
     rest = iter(row)
     joint = filled(JointState, rest)
     joint.motors = [filled(MotorState, rest) for _ in range(motors)]
-    joint.memory = list(rest)
+    joint.memory = [next(rest) for _ in range(sensors)]
+    joint.stages = [StageState(next(rest), [filled(stage.Memory, rest) for _ in range(motors)]) for stage in stages]
     return joint
 
 
 def row_of_joint(joint: JointState) -> list[float]:
     """Row of S of a joint."""
-    return [*numbers(joint), *(number for motor in joint.motors for number in numbers(motor)), *joint.memory]
+    row = [*numbers(joint), *(number for motor in joint.motors for number in numbers(motor)), *joint.memory]
+    for stage in joint.stages:
+        row += (stage.loss, *(number for memory in stage.motors for number in numbers(memory)))
+    return row
 
 
-def link_of_row(row: Sequence[float], motors: int) -> JointConstants:
-    """Constants of a joint with the numbers of a row of P. motors: number of motors in the row."""
+def link_of_row(
+    row: Sequence[float], motors: int, parameters: int, springs: int, stages: Sequence[type[Stage]]
+) -> JointConstants:
+    """Constants of a joint with the numbers of a row of P. motors: number of motors in the row; parameters: number of
+    parameters of the joint's laws; springs: number of motors of the joint; stages: stages of the joint."""
     rest = iter(row)
     link = filled(JointConstants, rest)
     link.drives = [filled(MotorConstants, rest) for _ in range(motors)]
-    link.law = list(rest)
+    link.law = [next(rest) for _ in range(parameters)]
+    for stage in stages:
+        link.stages.append([
+            own if acts else None for acts, own in ((next(rest), filled(stage.Constants, rest)) for _ in range(springs))
+        ])  # fmt: skip
     return link
 
 
-def row_of_link(link: JointConstants) -> list[float]:
-    """Row of P of a joint's constants."""
-    return [*numbers(link), *(number for drive in link.drives for number in numbers(drive)), *link.law]
+def row_of_link(link: JointConstants, stages: Sequence[type[Stage]]) -> list[float]:
+    """Row of P of a joint's constants. Before the constants of a stage at a motor stands 1 if the stage acts there, else 0."""
+    row = [*numbers(link), *(number for drive in link.drives for number in numbers(drive)), *link.law]
+    for stage, motors in zip(stages, link.stages, strict=True):
+        for own in motors:
+            row += (0.0, *[0.0] * len(columns(stage.Constants))) if own is None else (1.0, *numbers(own))
+    return row
 
 
 JOINT = columns(JointState)

@@ -14,7 +14,6 @@ from __future__ import annotations
 from math import ceil, exp, floor, isfinite, nan, sqrt
 from typing import Any
 
-from asrsim.actuators.hysteresis import hysteresis_energy, hysteresis_loss, hysteresis_torque, remember_deflection
 from asrsim.actuators.motor import MotorConstants, motor_kick, velocity_bounds
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Pushes, Scheme, Works
 from asrsim.simulation.laws import (
@@ -42,10 +41,15 @@ from asrsim.simulation.layout import (
     EXTERNAL,
     GOALS,
     HEALTHY,
+    LOSE,
     NO_VALUE,
     RAN_AWAY,
+    REMEMBER,
     SPRUNG,
+    STORE,
+    WHOLE,
 )
+from asrsim.simulation.staged import begin_stages, end_stages, lead_stages, note_kick
 
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
@@ -104,6 +108,8 @@ def run(
                 v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
                 if kind.controllers:
                     remember_positions(joint, link, kind, scheme)
+                if kind.stages:
+                    begin_stages(joint, scheme, v, jumped, substep == 0)
                 if jumped:
                     _clear_means(joint)
                 total = torque = applied = push = drag = stiffness = energy = 0.0
@@ -158,8 +164,8 @@ def run(
                 elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
                     now = exchange[on_time - begin - 1, j, E_VELOCITY]
                 read_engine(joint, link, scheme, velocity, now, jumped)
-                if link.hysteresis.level > 0.0:
-                    remember_springs(joint, link, kind)
+                if kind.stages:
+                    remember_stages(joint, link, kind, scheme)
                 if watched:
                     update_ledger(joint, link, kind, scheme, substep == 0, jumped, asked)
                 if asked:
@@ -407,15 +413,17 @@ def _advance_springs(
             else:
                 motor.theta = u[GOALS + i]
         now = noted and turn == turns // 2
-        spring_law(kind.spring_law, joint, link, kind.law, q, int(whole and turn == turns // 2))
-        if link.hysteresis.level > 0.0:
-            for i in range(kind.springs):
-                motor = motor_of(joint, i)
-                motor.pull += hysteresis_torque(motor.hysteresis, link.hysteresis, motor.theta - q)
+        if kind.stages:
+            lead_stages(joint, kind, scheme, step)
+        spring_law(kind.spring_law, joint, link, kind, q, int(whole and turn == turns // 2))
         for i in range(motors):
             total += motor_of(joint, i).pull
         for i in range(dynamic):
-            _kick(motor_of(joint, i), drive_of(link, i), scheme, u[GOALS + i], step, before, now)
+            motor, drive = motor_of(joint, i), drive_of(link, i)
+            most = motor.limit if kind.stages else drive.limit
+            _kick(motor, drive, scheme, u[GOALS + i], most, step, before, now)
+        if kind.stages:
+            note_kick(joint, kind, step, now)
         if now:
             for i in range(motors):
                 motor = motor_of(joint, i)
@@ -428,9 +436,10 @@ def _between(value: float, low: float, high: float) -> float:
 
 
 def _kick(
-    motor: MotorState, drive: MotorConstants, scheme: Scheme, goal: float, step: float, before: float, noted: bool
+    motor: MotorState, drive: MotorConstants, scheme: Scheme, goal: float, most: float, step: float, before: float, noted: bool
 ) -> None:
-    """Compute the kick of a motor and the drift that follows, and add the works of the torques on the motor.
+    """Compute the kick of a motor and the drift that follows, and add the works of the torques on the motor. most: largest
+    torque of the motor, N m.
 
     The torques act for half a step with the velocity before the kick, and for half a step with the velocity after the kick.
     """
@@ -438,10 +447,10 @@ def _kick(
     slowest, fastest = velocity_bounds(x, drive.low, drive.high, drive.most, step)
     velocity, mean, anchor, integral, torque, friction = motor_kick(
         x, speed, motor.anchor, motor.integral + pushed, goal - motor.read_error,
-        load, slowest, fastest, step, scheme.implicitness, drive,
+        load, slowest, fastest, most, step, scheme.implicitness, drive,
     )  # fmt: skip
     motor.position = _between(x + (step - before) * velocity, drive.low, drive.high)
-    motor.velocity, motor.anchor, motor.integral = velocity, anchor, integral - pushed
+    motor.velocity, motor.last_velocity, motor.anchor, motor.integral = velocity, speed, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
         motor.at_limit = 2.0
     resistance = friction + drive.damping * (speed + scheme.implicitness * (velocity - speed))
@@ -465,12 +474,10 @@ def _add_works(work: Works, way: float, torque: float, resistance: float, load: 
     work.spring += load * way
 
 
-def remember_springs(joint: JointState, link: JointConstants, kind: JointKind) -> None:
-    """Advance the hysteresis to the recorded kick, once per substep. Advancing the hysteresis in motor substeps, during which
-    the link stands still, would wrongly erase part of the hysteresis memory."""
-    for i in range(kind.springs):
-        motor = motor_of(joint, i)
-        remember_deflection(motor.hysteresis, link.hysteresis, motor.kick_position - joint.position)
+def remember_stages(joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme) -> None:
+    """Advance the memories of the stages to the recorded kick, once per substep."""
+    end_stages(joint, kind, scheme)
+    spring_law(kind.spring_law, joint, link, kind, joint.position, REMEMBER)
 
 
 def limit(joint: JointState, link: JointConstants, v: float) -> float:
@@ -508,7 +515,7 @@ def find_state(joint: JointState, link: JointConstants, kind: JointKind) -> None
     """Compute stiffness and energy of the springs at the recorded kick."""
     for i in range(kind.positions):
         motor_of(joint, i).theta = motor_of(joint, i).kick_position
-    spring_law(kind.spring_law, joint, link, kind.law, joint.position, 1)
+    spring_law(kind.spring_law, joint, link, kind, joint.position, WHOLE)
 
 
 def friction_of(joint: JointState, link: JointConstants, v: float) -> float:
@@ -579,20 +586,23 @@ def _update_springs(
     step: length of a substep in s. first, jumped, recorded: as in `update_ledger`. before: the torques on the
     link, or their means over the half kick before the substep if an input jumps.
     """
-    kinematic, energy_before, hysteretic = kind.dynamic < kind.placed, joint.spring_energy, 0.0
+    kinematic, energy_before, lost = kind.dynamic < kind.placed, joint.spring_energy, 0.0
     if recorded or first or kinematic:
-        joint.spring_energy = joint.law_energy + _hysteresis_energy(joint, link, kind)
+        if kind.stages:
+            spring_law(kind.spring_law, joint, link, kind, joint.position, STORE)
+        joint.spring_energy = joint.law_energy + joint.stage_energy
         joint.stiffest = max(joint.stiffest, abs(joint.stiffness))
-    if link.hysteresis.level > 0.0 and not first:
-        hysteretic = _hysteresis_loss(joint, link, kind)
-        joint.hysteresis_loss += hysteretic
+    if kind.stages and not first:
+        spring_law(kind.spring_law, joint, link, kind, joint.position, LOSE)
+        lost = joint.stage_lost
+        joint.stage_loss += lost
     work = _update_motors(joint, link, kind, step, first)
     if kinematic:
-        absorbed = joint.spring_energy - energy_before + hysteretic
+        absorbed = joint.spring_energy - energy_before + lost
         work += 0.0 if first else _kinematic(joint, link, kind, before, absorbed, jumped or joint.jumped != 0.0)
         for i in range(kind.positions):
             motor = motor_of(joint, i)
-            motor.last_kick_position = motor.kick_position
+            motor.last_kick_position, motor.last_kick_parallel = motor.kick_position, motor.kick_parallel
     return work
 
 
@@ -621,7 +631,7 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
             heat = drive.resistance * motor.current * motor.current
             joint.winding_loss += 0.0 if first else 0.5 * step * (heat + motor.last_power)
             motor.last_power = heat
-        if abs(motor.torque) >= drive.max_torque:
+        if abs(motor.torque) >= (motor.limit if kind.stages and motor.limit < drive.limit else drive.max_torque):
             saturated = True
         if theta <= drive.low + AT_STOP or theta >= drive.high - AT_STOP:
             joint.motor_stop_count += 1.0
@@ -652,7 +662,7 @@ def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before:
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
         way = motor.kick_position - motor.last_kick_position
-        work += 0.5 * (motor.hysteresis.torque + motor.hysteresis.last_torque) * way
+        work += 0.5 * (motor.kick_parallel + motor.last_kick_parallel) * way
     return work
 
 
@@ -665,26 +675,10 @@ def _energy_at(joint: JointState, link: JointConstants, kind: JointKind, q: floa
         own = motor.last_kick_position if last else motor.kick_position
         motor.theta = half_way if i < kind.dynamic else own
     stiffness, energy = joint.stiffness, joint.law_energy
-    spring_law(kind.spring_law, joint, link, kind.law, q, 1)
+    spring_law(kind.spring_law, joint, link, kind, q, WHOLE)
     energy_there = joint.law_energy
     joint.stiffness, joint.law_energy = stiffness, energy
     return energy_there
-
-
-def _hysteresis_energy(joint: JointState, link: JointConstants, kind: JointKind) -> float:
-    """Energy in J that is stored in the springs' hysteresis."""
-    total = 0.0
-    for i in range(kind.springs if link.hysteresis.level > 0.0 else 0):
-        total += hysteresis_energy(motor_of(joint, i).hysteresis, link.hysteresis)
-    return total
-
-
-def _hysteresis_loss(joint: JointState, link: JointConstants, kind: JointKind) -> float:
-    """Energy in J lost in the springs' hysteresis since the last substep."""
-    total = 0.0
-    for i in range(kind.springs):
-        total += hysteresis_loss(motor_of(joint, i).hysteresis, link.hysteresis)
-    return total
 
 
 def _balance(joint: JointState, first: bool) -> None:
@@ -697,7 +691,7 @@ def _balance(joint: JointState, first: bool) -> None:
         - joint.friction_loss
         - joint.link_work
         - joint.limit_loss
-        - joint.hysteresis_loss
+        - joint.stage_loss
         - (stored - joint.start_energy)
     )
     joint.excess = max(joint.excess, abs(joint.residual) - SHARE * joint.turnover)

@@ -5,6 +5,10 @@ from __future__ import annotations
 PASSIVE, DIRECT, CONTROLLED, SPRUNG = range(4)
 """Kinds of joints: without actuator, in mode 0, in mode 1, with springs."""
 
+TORQUES, WHOLE, REMEMBER, STORE, LOSE = range(5)
+"""Tasks of the laws of a joint: torques of the springs; torques, stiffness and energy; and the tasks of its stages after the
+kick: advance their memories, compute their energy, compute their losses."""
+
 EXTERNAL, GOALS = 0, 1
 """First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
 the sensor takes a sample at the beginning of the kick or piece, and the noise."""

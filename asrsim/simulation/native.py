@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from asrsim import compiling
 from asrsim.actuators.motor import MotorConstants
+from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
-from asrsim.errors import SimulationError
+from asrsim.errors import SimulationError, listed
 from asrsim.records import columns, own_fields
 from asrsim.simulation import kernel
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
+from asrsim.simulation.layout import LOSE, REMEMBER, STORE
+from asrsim.simulation.staged import SLOPE, Access, compose
 
-INLINE = "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.kernel"
+INLINE = "asrsim.actuators.motor", "asrsim.simulation.kernel", "asrsim.simulation.staged"
 """Modules whose functions are inlined into their callers."""
 
 
@@ -31,43 +35,99 @@ def compiled_run() -> Any:
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
-def bound_law(actuator: Any, motors: int) -> compiling.Callback:
-    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.bound_law`. Raises SimulationError."""
-    first, size, theta = len(columns(JointState)), len(columns(MotorState)), columns(MotorState)["theta"]
+def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
+    """An actuator's laws and those of the stages of its joint, compiled to a C function; see
+    `asrsim.simulation.interpreted.bound_law`. Raises SimulationError."""
+    first, size = len(columns(JointState)), len(columns(MotorState))
+    count = len(actuator.parameters)
+    staged = compose(stages, partial(_access, actuator, stages)) if stages else None
+    placed = staged is not None and staged.place is not None
     names = {
-        "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
-        "positions": compiling.numbers_reader(motors, first + theta, size),
-        "parameters": compiling.numbers_reader(len(actuator.parameters)),
-        "row": compiling.row_at(), "joint_at": _at(JointState), "motor_of": _part(JointState, MotorState),
+        **_pointers(), "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
+        "positions": compiling.numbers_reader(motors, first + columns(MotorState)["end" if placed else "theta"], size),
+        "parameters": compiling.numbers_reader(count), "row": compiling.row_at(), "joint_at": _at(JointState),
+        "link_at": _at(JointConstants), "kind_at": _at(JointKind),
     }  # fmt: skip
+    laws: Any = _laws
+    if staged is not None:
+        names |= {name: law for name, law in staged._asdict().items() if law is not None}
+        names["springs"], laws = _put_placed if placed else _put_laws, _staged_laws
     try:
-        return compiling.compile_law(_laws, names, "aaidi")
+        return compiling.compile_law(laws, names, "aaadi")
     except Exception as error:
         reason = str(error).strip().splitlines()[0]
-        raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
+        of = f" with {listed([stage.name for stage in stages], 4)}" if stages else ""
+        raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}'{of}: {reason}") from error
 
 
 # Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
 # the world stops and the error names the joint.
-def _laws(s: int, p: int, law: int, q: float, whole: int) -> None:
+def _laws(s: int, p: int, k: int, q: float, task: int) -> None:
     try:
-        _put_laws(s, row(p), law, q, whole)
+        _put_laws(s, p, kind_at(k), q, task)
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
 
 
-def _put_laws(s: int, p: Any, law: int, q: float, whole: int) -> None:
+def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
     # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
-    given = q, *positions(row(s), 0), parameters(p, law)
+    given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     known = 0.0, 0.0
-    if whole != 0:
+    if task != 0:
         known = stiffness(*given), energy(*given)
     joint = joint_at(s)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
-    if whole != 0:
+    if task != 0:
         joint.stiffness, joint.law_energy = known
+
+
+def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
+    """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
+    joint, link = joint_at(s), link_at(p)
+    if task != 0:
+        place(joint, link, kind, q + SLOPE)
+        least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
+        place(joint, link, kind, q - SLOPE)
+        joint.stiffness = 0.5 / SLOPE * (_sum(torques(q - SLOPE, *positions(row(s), 0), parameters(row(p), kind.law))) - least)
+    place(joint, link, kind, q)
+    given = q, *positions(row(s), 0), parameters(row(p), kind.law)
+    values = torques(*given)
+    if task != 0:
+        joint.law_energy = energy(*given)
+    for i in range(len(values)):
+        motor_of(joint, i).pull = values[i]
+
+
+def _sum(values: Any) -> Any:
+    total = 0.0
+    for i in range(len(values)):
+        total += values[i]
+    return total
+
+
+def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
+    try:
+        _put_staged(s, p, kind_at(k), q, task)
+    except Exception:
+        motor_of(joint_at(s), 0).pull = np.nan
+        if task >= REMEMBER:
+            # The kick is over: the next torque has no value.
+            motor_of(joint_at(s), 0).position = np.nan
+
+
+def _put_staged(s: int, p: int, kind: Any, q: float, task: int) -> None:
+    joint, link = joint_at(s), link_at(p)
+    if task == REMEMBER:
+        remember(joint, link, kind)
+    elif task == STORE:
+        store(joint, link, kind)
+    elif task == LOSE:
+        lose(joint, link, kind)
+    else:
+        springs(s, p, kind, q, task)
+        add(joint, link, kind, q)
 
 
 def bound_step(function: Any) -> compiling.Callback:
@@ -88,6 +148,7 @@ def _unbound(*arguments: Any) -> Any:
 
 
 torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = motor_of = _unbound
+springs = place = add = remember = store = lose = _unbound
 
 
 @cache
@@ -104,7 +165,8 @@ def _dtype(kind: Any) -> np.dtype[Any]:
         inner = field.metadata.get("record")
         return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
 
-    return np.dtype([(field.name, of(field)) for field in own_fields(kind)], align=True)
+    # Numba knows no record without numbers.
+    return np.dtype([(field.name, of(field)) for field in own_fields(kind)] or [("nothing", np.float64)], align=True)
 
 
 @cache
@@ -148,6 +210,87 @@ def _part(whole: Any, part: Any) -> Any:
 
     part_of.__name__ = f"{part.__name__}_of_{whole.__name__}"
     return intrinsic(part_of)
+
+
+def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+    """Functions for compiled code that find the parts of stage `number` of a joint with this actuator."""
+    first = len(actuator.parameters) + sum(actuator.motors * (1 + len(columns(one.Constants))) for one in stages[:number])
+    own, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
+    law, place = columns(JointKind)["law"], len(columns(JointKind)) + number
+    return Access(
+        acts=_number_at(law, first, own), own=_record_at(stage.Constants, law, first + 1, own),
+        memory=_record_at(stage.Memory, place, 1, memory), lose=_adding_at(place),
+    )  # fmt: skip
+
+
+def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int, apart: int) -> Any:
+    """Pointer to the number of a row in the column that column `column` of the kind contains, plus `first + apart * i`."""
+    from llvmlite import ir
+
+    word = ir.IntType(64)
+    begin = builder.load(builder.gep(builder.bitcast(kind, word.as_pointer()), [ir.Constant(word, column)]))
+    place = builder.add(builder.add(begin, ir.Constant(word, first)), builder.mul(i, ir.Constant(word, apart)))
+    return builder.gep(builder.bitcast(row, ir.DoubleType().as_pointer()), [place])
+
+
+@cache
+def _record_at(part: Any, column: int, first: int, apart: int) -> Any:
+    """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains."""
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+    found = _type(part)
+
+    def record_of(typing: Any, row: Any, kind: Any, i: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            place = _place_of(builder, arguments[0], arguments[1], column, arguments[2], first, apart)
+            return builder.bitcast(place, context.get_value_type(found))
+
+        return found(row, kind, kinds.int64), generate
+
+    record_of.__name__ = f"{part.__name__}_by_{column}_{first}_{apart}"
+    return intrinsic(record_of)
+
+
+@cache
+def _number_at(column: int, first: int, apart: int) -> Any:
+    """As `_record_at`, for one number."""
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+
+    def number_of(typing: Any, row: Any, kind: Any, i: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.load(_place_of(builder, arguments[0], arguments[1], column, arguments[2], first, apart))
+
+        return kinds.float64(row, kind, kinds.int64), generate
+
+    number_of.__name__ = f"number_by_{column}_{first}_{apart}"
+    return intrinsic(number_of)
+
+
+@cache
+def _adding_at(column: int) -> Any:
+    """Function for compiled code that adds a value to the number in a row at a place that the kind contains."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+
+    def add_to(typing: Any, row: Any, kind: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            zero = ir.Constant(ir.IntType(64), 0)
+            place = _place_of(builder, arguments[0], arguments[1], column, zero, 0, 0)
+            builder.store(builder.fadd(builder.load(place), arguments[2]), place)
+            return context.get_dummy_value()
+
+        return kinds.void(row, kind, kinds.float64), generate
+
+    add_to.__name__ = f"add_by_{column}"
+    return intrinsic(add_to)
 
 
 @cache

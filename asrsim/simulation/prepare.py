@@ -17,24 +17,22 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
-from asrsim.kinematics.sizing import weight_warnings
-from asrsim.registry.steppings import Stepping, stepping_called
-from asrsim.robot.doubts import warnings_of
+from asrsim.plugins import blame_laws
+from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, Frame, JointInfo, RunInfo
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+from asrsim.samples import Array, Frame, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
+from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
@@ -108,6 +106,8 @@ class Start:
 class Prepared:
     """A scenario that has been read, checked and prepared. It is immutable and can serve many simulations."""
 
+    plan: Plan = field(repr=False, compare=False)
+    """The examined scenario, without planned references and what `vary` and `with_references` change."""
     scenario: Scenario
     robot: Robot
     stepping: Stepping
@@ -120,6 +120,8 @@ class Prepared:
     """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
+    _latest: list[tuple[object, RobotModel]] = field(default_factory=list, repr=False, compare=False)
+    """Inertials of the latest variant, and its model."""
 
     @property
     def initial_positions(self) -> tuple[float, ...]:
@@ -248,9 +250,18 @@ class Prepared:
         robot, model = varied_robot(self.robot, parameters), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
         if model is not None and robot.inertials != self.robot.inertials:
-            model = robot_model(self.scenario, robot)
-            check_inertia(drives, model)
+            model = self._model_of(robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
+
+    def _model_of(self, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
+        """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
+        for inertials, model in self._latest:
+            if inertials == robot.inertials:
+                return model
+        model = robot_model(self.scenario, robot)
+        check_inertia(drives, model)
+        self._latest[:] = [(robot.inertials, model)]
+        return model
 
     def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""
@@ -259,76 +270,69 @@ class Prepared:
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
 
-def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
-    """The scenario of a file, or the given scenario itself. Raises ScenarioError and InputError."""
-    if not isinstance(scenario, Scenario):
-        return only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
-    if variant not in (None, scenario.variant) or overrides:
-        message = "variant and overrides are not allowed with a Scenario object"
-        raise InputError(message, hint="Give them when the scenario is loaded", code="usage")
-    return scenario
-
-
 def prepare(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Scenario | Plan,
     robot: Robot | None = None,
     *,
     variant: str | None = None,
     overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
     settable: bool = False,
 ) -> Prepared:
-    """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
+    """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. Raises RobotError,
+    ScenarioError or UnresolvedSpringError."""
+    plan = examine(scenario, robot, variant=variant, overrides=overrides, plugins=plugins)
+    return build(plan, settable=settable)
 
-    variant, overrides: of a scenario's file, as `asrsim.run` takes them. The number of substeps is chosen for the scenario's
-    references, and for all values in its `reference_ranges`. settable: whether callers may set all references within the limits
-    of the robot; the scenario then gets these limits as `reference_ranges`.
+
+@blame_laws()
+def build(plan: Plan, *, settable: bool = False) -> Prepared:
+    """Build the actuators and the engine of an examined scenario. Raises UnresolvedSpringError, and errors of the engine.
+
+    The number of substeps is chosen for the scenario's references and for all values in its `reference_ranges`. settable:
+    whether callers may set all references within the limits of the robot; the scenario then gets these limits as
+    `reference_ranges`.
     """
-    scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    robot, warnings = checked_robot(scenario, robot)
-    robot = apply_to_robot(scenario, robot)
-    weights = weight_warnings(scenario, robot)
-    stepping = stepping_called(scenario.stepping)
-    drives = make_drives(robot, stepping, scenario)
+    planned, drives = plan.scenario, plan.drives
     if settable:
         # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
         ranges = {
             joint: {name: pair for name, pair in own.items() if all(map(math.isfinite, pair))}
-            for joint, own in ranges_of(scenario, drives).items()
+            for joint, own in ranges_of(planned, drives).items()
         }
-        scenario = replace(scenario, reference_ranges=ranges)
-    if scenario.task is not None or any(scenario.inverse_dynamics.values()):
+        planned = replace(planned, reference_ranges=ranges)
+    if planned.task is not None or any(planned.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
 
-        scenario = plan_references(scenario, robot)
-    model = None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
+        planned = plan_references(planned, plan.robot)
+    model = None if ENGINES.get(planned.engine).prescribed else robot_model(planned, plan.robot)
     if model is not None:
-        if scenario.initial_equilibrium:
-            drives = at_equilibrium(scenario, drives, model)
+        if planned.initial_equilibrium:
+            drives = at_equilibrium(planned, drives, model)
         check_inertia(drives, model)
-    resolution = resolution_of(scenario, drives, model)
-    drives = with_sensors(drives, scenario, scenario.step / resolution.substeps)
-    engine, engine_warnings = make_engine(scenario, robot)
+    resolution = resolution_of(planned, drives, model)
+    drives = with_sensors(drives, planned, planned.step / resolution.substeps)
+    engine, engine_warnings = make_engine(planned, plan.robot)
     try:
-        info = describe(scenario, robot, drives, stepping, resolution, engine.version)
+        info = describe(planned, plan, drives, resolution, engine.version)
     except BaseException:
         engine.close()
         raise
     return Prepared(
-        scenario=scenario,
-        robot=robot,
-        stepping=stepping,
+        plan=plan,
+        scenario=planned,
+        robot=plan.robot,
+        stepping=plan.stepping,
         drives=drives,
         resolution=resolution,
         info=info,
         model=model,
         warnings=(
-            *map(scenario.placed, warnings_of(robot)),
-            *warnings,
-            *weights,
+            *plan.warnings,
             *engine_warnings,
-            *undersampled(scenario, resolution.substeps),
-            *resonance_doubts(scenario, drives, model, resolution),
+            *undersampled(planned, resolution.substeps),
+            *resonance_doubts(planned, drives, model, resolution),
         ),
         _spare=[engine],
     )
@@ -364,33 +368,18 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
         )
 
 
-def describe(
-    scenario: Scenario, robot: Robot, drives: Sequence[SteppedJoint], stepping: Stepping, resolution: Resolution, engine: str
-) -> RunInfo:
+def describe(scenario: Scenario, plan: Plan, drives: Sequence[SteppedJoint], resolution: Resolution, engine: str) -> RunInfo:
     """Description of the run for its log. engine: library and version of the engine."""
     from asrsim import __version__
 
-    joints = [
-        JointInfo(
-            name=drive.name,
-            actuator=drive.actuator.name if drive.actuator else "rigid",
-            mode=drive.mode.number if drive.mode else None,
-            namespace=drive.block.namespace if drive.block else "",
-            motors=drive.placed,
-            prismatic=drive.joint.kind == "prismatic",
-            quantities=recorded_quantities(drive),
-        )
-        for drive in drives
-    ]
-    order = {name: index for index, name in enumerate(scenario.joint_order)}
     return RunInfo(
-        robot=robot.name,
-        joints=tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))),
+        robot=plan.robot.name,
+        joints=plan.joints,
         step=scenario.step,
         log_every=scenario.log_every,
         variant=scenario.variant,
-        urdf=robot.text,
-        urdf_path=str(robot.path),
+        urdf=plan.robot.text,
+        urdf_path=str(plan.robot.path),
         scenario=scenario.text,
         scenario_path=str(scenario.path or ""),
         resolved={
@@ -402,8 +391,8 @@ def describe(
             "numpy": version("numpy"),
             "engine": scenario.engine,
             "engine_version": engine,
-            "stepping": stepping.name,
-            "order": str(stepping.order),
+            "stepping": plan.stepping.name,
+            "order": str(plan.stepping.order),
             "step": repr(scenario.step),
             "substeps": str(resolution.substeps),
             "motor_substeps": str(resolution.motor_substeps),
@@ -412,7 +401,7 @@ def describe(
             "gravity": repr(tuple(scenario.gravity)),
         },
         attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
-        frames=link_frames(scenario, robot),
+        frames=link_frames(scenario, plan.robot),
         frame_rate=scenario.tf_rate,
     )
 

@@ -2,32 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.records import declared
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.fields import JOINT, JointState, MotorState, motor_column, reader_of
 from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.shape import RowShape
 
 LOGGED = {path: one["log"] for path, one in declared(JointState).items() if one["log"]}
 """Name in logs of each number of a joint's state that is logged."""
 LOGGED_OF_MOTORS = {path: one["log"] for path, one in declared(MotorState).items() if one["log"]}
 """Name in logs of each number of a motor's state that is logged; {} stands for the number of the motor."""
-WATCHED = frozenset(one["log"] for one in declared(JointState).values() if one["watched"])
-"""Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
+_WATCHED = frozenset(one["log"] for one in declared(JointState).values() if one["watched"])
 
 
-def columns_of(motors: int) -> dict[str, int]:
-    """Column of S for each quantity, in rows with this number of motor blocks."""
-    found = {name: JOINT[path] for path, name in LOGGED.items()}
-    for i in range(motors):
-        found |= {name.format(i + 1): motor_column(path, i) for path, name in LOGGED_OF_MOTORS.items()}
+def is_watched(name: str) -> bool:
+    """Whether a quantity is computed only for watched worlds: an energy, or the stiffness of springs."""
+    return name in _WATCHED or any(name == stage.lost for stage in STAGES.loaded())
+
+
+def simulated_quantities(motors: int) -> tuple[str, ...]:
+    """Names of all quantities of links, motors and stages that a joint with this number of motors may have."""
+    of_stages = [one for stage in STAGES.loaded() for one in declared(stage.Memory).values()]
+    each = [*LOGGED_OF_MOTORS.values(), *(one["log"] for one in of_stages if one["log"])]
+    names = [*LOGGED.values(), *(name.format(i) for i in range(1, motors + 1) for name in each)]
+    return (*names, *(stage.lost for stage in STAGES.loaded() if stage.lost))
+
+
+Reader = Callable[[JointState], float]
+"""Function that returns a number of a joint's state."""
+
+
+def columns_of(shape: RowShape) -> dict[str, tuple[int, Reader]]:
+    """Column of S for each quantity, and its reader."""
+    columns = {name: JOINT[path] for path, name in LOGGED.items()}
+    for i in range(shape.motors):
+        columns |= {name.format(i + 1): motor_column(path, i) for path, name in LOGGED_OF_MOTORS.items()}
+    found = {name: (column, reader_of(column)) for name, column in columns.items()}
+    for index, stage in enumerate(shape.kept):
+        first, size = shape.place(stage), len(declared(stage.Memory))
+        if stage.lost:
+            found[stage.lost] = first, partial(_loss_of, index)
+        for place, (path, one) in enumerate(declared(stage.Memory).items()):
+            for i in range(shape.motors if one["log"] else 0):
+                found[one["log"].format(i + 1)] = first + 1 + i * size + place, partial(_memory_of, index, i, path)
     return found
+
+
+def _loss_of(index: int, joint: JointState) -> float:
+    return joint.stages[index].loss
+
+
+def _memory_of(index: int, motor: int, path: str, joint: JointState) -> float:
+    return getattr(joint.stages[index].motors[motor], path)  # type: ignore[no-any-return]
 
 
 def inputs_of(motors: int) -> dict[str, int]:
@@ -60,7 +95,10 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
         names += ["limit_loss"] if drive.joint.effort is not None else []
     names += ["friction_loss"] if drive.dynamic_motors else []
     names += ["winding_loss"] if any(drive.values[f"motor_{i}_resistance"] for i in drive.electric_motors) else []
-    names += ["hysteresis_loss"] if drive.hysteresis is not None else []
+    for stage in drive.stages:
+        names += [stage.lost] if stage.lost else []
+        acting = [i for i in range(1, drive.motors + 1) if drive.stage_constants(stage, i) is not None]
+        names += [one["log"].format(i) for one in declared(stage.Memory).values() if one["log"] for i in acting]
     names += ["damping_loss"] if damped else []
     return tuple(names)
 
@@ -80,7 +118,7 @@ def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None
     """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
     energies."""
     known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
-    possible = tuple(name for name in known if name == LOGGED["stiffness"] or name not in WATCHED)
+    possible = tuple(name for name in known if name == LOGGED["stiffness"] or not is_watched(name))
     require_recorded(possible if names is None else names, possible, possible)
     return possible if names is None else tuple(names)
 
@@ -88,17 +126,17 @@ def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None
 class RowColumns:
     """Columns of a recorded row: quantities of the state, then quantities of the inputs."""
 
-    def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
-        """motors: number of motor blocks in a row. names: recorded quantities; None: all quantities that any joint records."""
+    def __init__(self, drives: Sequence[SteppedJoint], shape: RowShape, names: Sequence[str] | None = None) -> None:
+        """shape: of the rows. names: recorded quantities; None: all quantities that any joint records."""
         known = tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
-        of_state, of_inputs = columns_of(motors), inputs_of(motors)
+        of_state, of_inputs = columns_of(shape), inputs_of(shape.motors)
         self.names = known if names is None else tuple(names)
         """Recorded quantities."""
-        require_recorded(self.names, of_state | of_inputs, known)
+        require_recorded(self.names, of_state.keys() | of_inputs.keys(), known)
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
-        self.of_state: NDArray[np.int64] = np.array([of_state[name] for name in first], dtype=np.int64)
+        self.of_state: NDArray[np.int64] = np.array([of_state[name][0] for name in first], dtype=np.int64)
         """Columns of S that are recorded."""
-        self.readers = [reader_of(column) for column in self.of_state.tolist()]
+        self.readers = [of_state[name][1] for name in first]
         """Functions that return the numbers in these columns from a joint's state."""
         self.of_inputs: NDArray[np.int64] = np.array([of_inputs[name] for name in second], dtype=np.int64)
         """Columns of the references that are recorded."""

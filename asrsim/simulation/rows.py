@@ -3,82 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from asrsim.actuators.hysteresis import HysteresisConstants
 from asrsim.actuators.motor import MotorConstants
-from asrsim.records import columns
+from asrsim.actuators.stages import Stage
+from asrsim.records import columns, numbers
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, row_of_link
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, StageState, row_of_link
 from asrsim.simulation.kernel import AT_STOP
-from asrsim.simulation.layout import CONTROLLED, DIRECT, GOALS, PASSIVE, SPRUNG
+from asrsim.simulation.layout import CONTROLLED, DIRECT, PASSIVE, SPRUNG
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
+from asrsim.simulation.shape import RowShape
 
 NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
 """Constants in the place of a motor that a joint does not have."""
-NO_HYSTERESIS = HysteresisConstants(level=0.0, length=1.0)
 
 
-@dataclass(frozen=True)
-class RowShape:
-    """Sizes of the variable parts of the rows, which are the same for all joints of a robot."""
-
-    motors: int
-    """Number of motors in every row."""
-    ring: int
-    """Number of values in the memory of one sensor."""
-    parameters: int
-    """Largest number of parameters of a spring's law."""
-
-    @property
-    def memory(self) -> int:
-        """Column of S at which the memory of the sensors begins."""
-        return len(columns(JointState)) + self.motors * len(columns(MotorState))
-
-    @property
-    def state(self) -> int:
-        """Number of columns of S."""
-        return self.memory + self.motors * self.ring
-
-    @property
-    def law(self) -> int:
-        """Column of P at which the parameters of the spring's law begin."""
-        return len(columns(JointConstants)) + self.motors * len(columns(MotorConstants))
-
-    @property
-    def goals(self) -> int:
-        """Number of columns of an input row, without the columns of sensors."""
-        return GOALS + self.motors
-
-
-def shape_of(drives: Sequence[SteppedJoint]) -> RowShape:
-    """Sizes of the rows that these joints need."""
-    return RowShape(
-        motors=max(drive.positions for drive in drives),
-        ring=max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0),
-        parameters=max(len(drive.elastic) for drive in drives),
-    )
-
-
-def kind_of(drive: SteppedJoint, shape: RowShape) -> JointKind:
-    """Kind of a joint, without the addresses of its functions."""
+def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]]) -> JointKind:
+    """Kind of a joint with these stages, without the addresses of its functions."""
     kind, mode, sensor = PASSIVE, drive.mode, drive.sensor
     if mode is not None:
         kind = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
     return JointKind(
         kind=kind, positions=drive.positions, dynamic=drive.dynamic_motors, springs=drive.motors if drive.placed else 0,
         placed=drive.placed, controllers=sensor.count if sensor else 0, on_link=int(sensor.on_link) if sensor else 0,
-        ring=shape.ring, memory=shape.memory, law=shape.law, spring_law=0, joint_step=0,
+        ring=shape.ring, memory=shape.memory, law=shape.law, spring_law=0, joint_step=0, stages=len(stages),
+        places=[shape.kept.index(stage) for stage in stages],
     )  # fmt: skip
 
 
-def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, cutoff: bool) -> JointConstants:
-    """Constants of a joint."""
+def constants_of(
+    drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]], *, motor_substeps: int, cutoff: bool
+) -> JointConstants:
+    """Constants of a joint with these stages."""
     joint, law, values, sensor = drive.joint, drive.link_damping, drive.values, drive.sensor
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
@@ -91,10 +54,11 @@ def constants_of(drive: SteppedJoint, shape: RowShape, *, motor_substeps: int, c
         proportional=values.get("controller_1_proportional", 0.0), integral=values.get("controller_1_integral", 0.0),
         derivative=values.get("controller_1_derivative", 0.0),
         substeps=float(motor_substeps if drive.dynamic_motors else 1), max_deflection=values.get("max_deflection", np.inf),
-        hysteresis=drive.hysteresis or NO_HYSTERESIS, sampled=float(bool(sensor and sensor.effects.rate)),
+        sampled=float(bool(sensor and sensor.effects.rate)),
         delay=sensor.delay if sensor else 0.0, quantum=sensor.effects.quantum if sensor else 0.0,
         drives=[_motor(drive, index) for index in range(1, shape.motors + 1)],
-        law=[*map(float, drive.elastic), *[0.0] * (shape.parameters - len(drive.elastic))],
+        law=[*map(float, drive.elastic)],
+        stages=[[drive.stage_constants(stage, i) for i in range(1, drive.motors + 1)] for stage in stages],
     )  # fmt: skip
 
 
@@ -127,7 +91,8 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
         x, v = (position, velocity) if sensor.on_link else (motor.position, motor.velocity)  # type: ignore[union-attr]
         seen = [*[x, v] * sensor.memory, 0.0, x, v]  # type: ignore[union-attr]
         joint.memory += [*seen, *[0.0] * (shape.ring - len(seen))]
-    joint.memory += [0.0] * (shape.motors * shape.ring - len(joint.memory))
+    joint.memory += [0.0] * (shape.sensors - len(joint.memory))
+    joint.stages = [StageState(motors=[stage.Memory() for _ in range(shape.motors)]) for stage in shape.kept]
     return joint
 
 
@@ -144,7 +109,21 @@ def scheme_of(prepared: Prepared) -> Scheme:
 
 def tables(prepared: Prepared, shape: RowShape) -> tuple[list[JointKind], Array]:
     """Kinds of the joints, without the addresses, and the table P (joints, ...)."""
-    kinds = [kind_of(drive, shape) for drive in prepared.drives]
+    pairs = list(zip(prepared.drives, shape.stages, strict=True))
+    kinds = [kind_of(drive, shape, stages) for drive, stages in pairs]
     substeps, cutoff = prepared.resolution.motor_substeps, prepared.velocity_cutoff
-    links = [constants_of(drive, shape, motor_substeps=substeps, cutoff=cutoff) for drive in prepared.drives]
-    return kinds, np.array([row_of_link(link) for link in links], dtype=float)
+    table = np.zeros((len(pairs), shape.constants))
+    for j, (drive, stages) in enumerate(pairs):
+        row = row_of_link(constants_of(drive, shape, stages, motor_substeps=substeps, cutoff=cutoff), stages)
+        table[j, : len(row)] = row
+    return kinds, table
+
+
+def table_of_kinds(kinds: Sequence[JointKind], shape: RowShape) -> NDArray[np.int64]:
+    """Table K (joints, ...) of kinds whose functions have addresses, for compiled code."""
+    most = max(kind.stages for kind in kinds)
+    rows = []
+    for kind in kinds:
+        places = [shape.place(shape.kept[place]) for place in kind.places]
+        rows.append((*numbers(kind), *places, *[0] * (most - len(places))))
+    return np.array(rows, dtype=np.int64)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +12,11 @@ import numpy as np
 
 from asrsim.compiling import available
 from asrsim.errors import DivergenceError, Problem
+from asrsim.plugins import blame_laws
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.observation import Counts
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recording import Sink
@@ -46,23 +47,8 @@ class Run:
     """Whether the loop ran compiled."""
 
 
-@contextmanager
-def blame_laws() -> Iterator[None]:
-    """Convert exceptions of a user's law to an ActuatorError with file and line."""
-    try:
-        yield
-    except (Exception, SystemExit) as error:
-        from asrsim.plugins import law_fault
-
-        fault = law_fault(error)
-        if fault is None:
-            raise
-        raise fault from error
-
-
-@blame_laws()
 def simulate(
-    scenario: Scenario | Prepared,
+    scenario: Scenario | Plan | Prepared,
     robot: Robot | None = None,
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
@@ -76,7 +62,7 @@ def simulate(
     """Result of a run of one scenario.
 
     Args:
-        scenario: The scenario, or a prepared scenario.
+        scenario: The scenario, or an examined or prepared scenario.
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
         keep: Collect all samples in the result.
@@ -92,6 +78,24 @@ def simulate(
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
+    return play(
+        prepared, sinks=sinks, keep=keep, progress=progress, stop=stop, commands=commands, duration=duration, alike=alike
+    )
+
+
+@blame_laws()
+def play(
+    prepared: Prepared,
+    *,
+    sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
+    keep: bool = True,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    commands: Iterable[Command | WrenchCommand] = (),
+    duration: float | None = None,
+    alike: int = 1,
+) -> Run:
+    """Result of a run of a prepared scenario; arguments and errors as for `simulate`."""
     # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
     # the memory is needed again. After a block of this size has been freed once, the library keeps such blocks.
     np.empty(1 << 21)

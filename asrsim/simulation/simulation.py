@@ -15,6 +15,7 @@ from asrsim.samples import Array, HeldWrench, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import HEALTHY, NO_VALUE
@@ -42,10 +43,11 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Prepared,
+        scenario: str | Path | Scenario | Plan | Prepared,
         *,
         variant: str | None = None,
         overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (),
         sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
         record: bool = False,
         names: Sequence[str] | None = None,
@@ -58,8 +60,8 @@ class Simulation:
 
         Args:
             scenario: Scenario file, loaded scenario, or prepared scenario.
-            variant, overrides: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for references that
-                you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
+            variant, overrides, plugins: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for
+                references that you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
             record: Keep the logged samples, as `samples`.
             names: Quantities that are recorded; None: all.
@@ -70,7 +72,7 @@ class Simulation:
             chunk: Largest number of substeps between chunks of samples.
         """
         if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides)
+            scenario = prepare(scenario, variant=variant, overrides=overrides, plugins=plugins)
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
         """Number of substeps per step."""

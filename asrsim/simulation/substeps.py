@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.hysteresis import stiffness_bound
 from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
 from asrsim.registry.steppings import stepping_called
@@ -40,12 +39,17 @@ MOTOR_TARGET = 0.3
 OVERSHOOT = 2.0
 """Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
 speeds of the references."""
+BISECTIONS = 30
+"""Number of bisections of a deflection: to 1e-9 of the largest one."""
 UNSTABLE = 2.0
 """omega h above which a spring gains energy in every step."""
+DAMPED = 1.0
+"""Product of damping rate and h above which an explicit damper gains energy in every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
 FADING = 0.1
-"""Largest product of growth rate and h with the automatic number of substeps, where friction decreases with speed."""
+"""Largest product of h and the rate of a torque that acts explicitly (friction that decreases with speed, dampers of stages)
+with the automatic number of substeps."""
 STEEPEST = math.sqrt(2.0 / math.e)
 """Largest magnitude of the slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
@@ -88,16 +92,18 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Rob
     # An engine without dynamics prescribes the motion of the links: springs need no substeps.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
+    places = couplings.expand(_configurations(drives))
     if model is not None:
-        configurations = _configurations(drives)
-        masses = model.mass_matrix(configurations)
-        loads = couplings.fold_sizes(loads) + np.max(np.abs(model.gravity_torques(configurations)), axis=0)
+        masses = model.mass_matrix(places)
+        held = couplings.fold_sizes(loads, places) + np.abs(model.gravity_torques(places))
+        loads = np.max(np.atleast_2d(held), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    # The spring of a follower moves all that its master moves.
-    inertias, loads = inertias[couplings.master] / couplings.ratio**2, loads[couplings.master] / np.abs(couplings.ratio)
+    # The spring of a follower moves all that its master moves; one that hardly moves has a share of it.
+    ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
+    inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    return _resolve(scenario, drives, couplings, masses, [_reachable_stiffness(*row, interval) for row in rows])
+    return _resolve(scenario, drives, couplings, places, masses, [_reachable_stiffness(*row, interval) for row in rows])
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
@@ -168,9 +174,17 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
     best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
-    if drive.hysteresis is not None:
-        best += count * stiffness_bound(drive.hysteresis)
-    return best
+    return best + _bound(drive, "stiffness_bound")
+
+
+def _bound(drive: SteppedJoint, law: str) -> float:
+    """Sum of the bounds of the joint's stages for all springs. law: `stiffness_bound` or `damping_bound`."""
+    total = 0.0
+    for stage in drive.stages:
+        for i in range(1, drive.motors + 1):
+            own = drive.stage_constants(stage, i)
+            total += 0.0 if own is None else getattr(stage, law)(own)
+    return total
 
 
 def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
@@ -180,16 +194,18 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
     if law(limit) <= bound:
         return limit
     low, high = 0.0, limit
-    for _ in range(60):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if law(middle) <= bound else (low, middle)
     return high
 
 
 def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, masses: Array, stiffness: Sequence[float]
-) -> Resolution:
-    """Numbers of substeps. masses: mass matrices (m, n, n) in the relevant configurations; stiffness: of each joint in N m/rad.
+    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, places: Array, masses: Array,
+    stiffness: Sequence[float],
+) -> Resolution:  # fmt: skip
+    """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of
+    each joint in N m/rad.
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """
@@ -205,7 +221,9 @@ def _resolve(
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
         for drive, k in zip(drives, limited, strict=True)
     ]
-    omega, shape = _fastest(masses, couplings.fold_gains(gains))
+    dampers = [_bound(drive, "damping_bound") for drive in drives]
+    rate = _fastest(masses, couplings.fold_gains(dampers, places))[0]
+    omega, shape = _fastest(masses, couplings.fold_gains(gains, places))
     group = couplings.master == int(np.argmax(np.abs(shape)))
     frequency, column = math.sqrt(omega), int(np.argmax(np.where(group, gains, -1.0)))
     stiffest = drives[column].name
@@ -221,25 +239,30 @@ def _resolve(
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
-        mobilities = (mobilities[couplings.master] * couplings.ratio**2).tolist()
+        mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
-        substeps = int(max(needed, min(scenario.substep_cap, _count(STEEPEST * max(growths) * step / FADING))))
+        fading = max(STEEPEST * max(growths), rate)
+        substeps = int(max(needed, min(scenario.substep_cap, _count(fading * step / FADING))))
     h = step / substeps
+    if rate * h >= DAMPED:
+        raise UnresolvedSpringError(
+            f"the dampers of the springs are unstable with {substeps} substeps of {h:g} s: damping times substep by inertia is "
+            f"{rate * h:.3g}, the limit is {DAMPED:g}. Use at least {_count(rate * step / FADING):.12g} substeps (or leave the "
+            "number automatic)"
+        )
     if frequency * h >= UNSTABLE and not stepping.released:
         raise UnresolvedSpringError(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
             f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
         )
     dampings = [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)]
-    decay = h * _fastest(masses, couplings.fold_gains(dampings))[0]
+    decay = h * _fastest(masses, couplings.fold_gains(dampings, places))[0]
     frequencies, motor_growths = zip(*map(_motor_rates, drives, limited), strict=True)
-    rates = max(max(frequencies) / MOTOR_TARGET, STEEPEST * max(motor_growths) / FADING)
+    rates = max(max(frequencies) / MOTOR_TARGET, max(motor_growths) / FADING)
     motor_substeps = 1 if stepping.released else scenario.motor_substeps or _count(rates * h)
     if motor_substeps > MOST_MOTOR_SUBSTEPS:
-        fastest = max(
-            range(len(drives)), key=lambda j: max(frequencies[j] / MOTOR_TARGET, STEEPEST * motor_growths[j] / FADING)
-        )
+        fastest = max(range(len(drives)), key=lambda j: max(frequencies[j] / MOTOR_TARGET, motor_growths[j] / FADING))
         own, whose = drives[fastest].drive, f"the motors of joint '{drives[fastest].name}'"
         if own is not None:
             whose += f" (inertia {min(own.motor_inertia):.4g} kg m^2)"
@@ -287,17 +310,19 @@ def _implicitness(decay: float, least: float) -> float:
 
 
 def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
-    """Largest eigenvalue of M^-1 diag(gains) over the mass matrices, and the eigenvector of this eigenvalue."""
+    """Largest eigenvalue of M^-1 diag(gains) over the mass matrices (m, n, n) with gains (n,) or (m, n), and the eigenvector of
+    this eigenvalue."""
     root = np.sqrt(gains)
-    values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(masses) * root)
+    values, vectors = np.linalg.eigh(root[..., :, None] * np.linalg.inv(masses) * root[..., None, :])
     largest = int(values[:, -1].argmax())
     return float(values[largest, -1]), vectors[largest, :, -1]
 
 
 def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
     """Largest natural frequency of the joint's motors in rad/s, from spring, controller and bristles, with a fixed link; and
-    the largest decrease of their friction with speed, divided by the inertia, 1/s."""
-    own, frequency, growth = drive.drive, 0.0, 0.0
+    the largest slope of a torque on them over the speed that acts explicitly (friction that decreases with speed, stages),
+    divided by the inertia, 1/s."""
+    own, frequency, growth, damping = drive.drive, 0.0, 0.0, _bound(drive, "damping_bound")
     for i, inertia in enumerate(own.motor_inertia if own else ()):
         motor = {
             name: drive.values[f"motor_{i + 1}_{name}"] for name in (*FRICTIONS, "friction_stiffness", "stribeck_velocity")
@@ -306,5 +331,6 @@ def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
         if any(motor[name] for name in FRICTIONS):
             springs += motor["friction_stiffness"]
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / inertia))
-        growth = max(growth, motor["stribeck_friction"] / (motor["stribeck_velocity"] * inertia))
+        fading = STEEPEST * (motor["stribeck_friction"] / motor["stribeck_velocity"])
+        growth = max(growth, fading / inertia, damping / inertia)
     return frequency, growth

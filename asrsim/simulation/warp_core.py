@@ -17,22 +17,23 @@ from asrsim.errors import InputError, SimulationError
 from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation.core import UNOBSERVED, Core
-from asrsim.simulation.fields import JOINT, row_of_joint
+from asrsim.simulation.fields import JOINT, motor_column, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTHY, NO_VALUE, RAN_AWAY
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import scheme_of, shape_of, start_of, tables
-from asrsim.simulation.warp_step import LOADS, program
+from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
+from asrsim.simulation.shape import shape_of
+from asrsim.simulation.warp_step import LOADS, law_of, program
 from asrsim.warping.program import loaded_warp
 
 INERTIALS = (
     "body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0",
 )  # fmt: skip
 """Fields of a model that follow from the inertials of the links."""
-STOP_STEPS = 2.0
-"""Time constant of the joint stops, in steps: the shortest that MuJoCo advises."""
+NO_STOP = 1e6
+"""Position of a stop that does not exist, rad or m."""
 
 
 class WarpCore(Core):
@@ -54,12 +55,13 @@ class WarpCore(Core):
         self.prepared, self.compiled, self._engine = prepared, True, engine
         self.shape = shape_of(prepared.drives)
         self._scheme = scheme_of(prepared)
-        made, actuators = program(prepared.drives)
+        made, laws = program(prepared.drives, self.shape)
         self._program: Any = made.load()
         joints, constants = tables(prepared, self.shape)
-        for k, drive in zip(joints, prepared.drives, strict=True):
-            k.spring_law = actuators.index(drive.actuator) + 1 if drive.actuator is not None else 0
-        kinds = np.array([numbers(joint) for joint in joints])
+        for k, drive, stages in zip(joints, prepared.drives, self.shape.stages, strict=True):
+            law = law_of(drive, stages)
+            k.spring_law = 0 if law is None else laws.index(law) + 1
+        kinds = table_of_kinds(joints, self.shape)
         self.S = np.zeros((worlds, len(kinds), self.shape.state), dtype=np.float32)
         self.P = np.repeat(constants[None].astype(np.float32), worlds, axis=0)
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
@@ -106,16 +108,17 @@ class WarpCore(Core):
         model.dof_solref[freedoms] = (-1.0, -HARD[0] / step)
         limited = np.isfinite(room.lower) | np.isfinite(room.upper)
         model.jnt_limited[joints] = limited
-        model.jnt_range[joints] = np.column_stack([np.maximum(room.lower, -1e9), np.minimum(room.upper, 1e9)])
-        model.jnt_solimp[joints] = HARD
-        model.jnt_solref[joints] = (STOP_STEPS * step, 1.0)
+        stops = np.column_stack([np.maximum(room.lower, -NO_STOP), np.minimum(room.upper, NO_STOP)])
+        model.jnt_range[joints], model.jnt_solimp[joints] = stops, HARD
+        model.jnt_solref[joints] = (-1.0 / step**2, -1.0 / step)
         with wp.ScopedDevice(self._device):
             m = self._m = self._mjw.put_model(model)
             self._d = self._mjw.make_data(model, nworld=worlds)
-            for name in (*INERTIALS, "dof_armature", "dof_frictionloss"):
+            for name in (*INERTIALS, "dof_armature", "dof_frictionloss", "jnt_range", "jnt_solref"):
                 one = getattr(m, name)
                 setattr(m, name, wp.array(np.repeat(one.numpy(), worlds, axis=0), dtype=one.dtype, device=self._device))
         self._inertials = {name: getattr(m, name).numpy().copy() for name in INERTIALS}
+        self._stops = self._new(np.column_stack([stops, joints, np.full(len(joints), step)]))
         self._freedoms, self._coordinates = self._new(room.joint_v, int), self._new(room.joint_q, int)
         self._places = {name: self._engine_array(name) for name in ("qpos", "qvel", "qacc_warmstart")}
 
@@ -141,6 +144,8 @@ class WarpCore(Core):
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
+        if shape_of(prepared.drives, self.shape) != self.shape:
+            raise SimulationError("stages that do not act at the start cannot be added on Warp: give all worlds one of them")
         _, self.P[world] = tables(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
             raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")
@@ -236,8 +241,28 @@ class WarpCore(Core):
             self._rows, self._graph = self._wp.zeros(shape, dtype=float, device=self._device), None
         return self._rows
 
-    def _send(self, which: NDArray[np.int64], given: Given, first: int, every: int) -> None:
-        """Copy to the device what has changed."""
+    def device_arrays(self) -> dict[str, Any]:
+        """Arrays of Warp that share the memory of the state on the device; see `asrsim.Worlds.device_arrays`."""
+        self._upload()
+        worlds, joints, size = self.S.shape
+        kind = self._s.dtype
+        columns = {"link_position": JOINT["position"], "link_velocity": JOINT["engine_velocity"]}
+        for i in range(self.shape.motors):
+            columns |= {f"motor_{i + 1}_velocity": motor_column("velocity", i)}
+        found = {
+            name: self._wp.array(
+                ptr=self._s.ptr + 4 * column, dtype=kind, shape=(worlds, joints), strides=(4 * joints * size, 4 * size),
+                device=self._device,
+            )
+            for name, column in columns.items()
+        }  # fmt: skip
+        for one in found.values():
+            # Keeps the memory.
+            one.state = self._s
+        return found
+
+    def _upload(self) -> None:
+        """Copy state and parameters to the device, if they have changed on this side."""
         if self._changed:
             self._s.assign(self.S.ravel())
             self._p.assign(self.P.ravel())
@@ -246,6 +271,10 @@ class WarpCore(Core):
             for name, table in self._inertials.items():
                 getattr(self._m, name).assign(table)
             self._changed = False
+
+    def _send(self, which: NDArray[np.int64], given: Given, first: int, every: int) -> None:
+        """Copy to the device what has changed."""
+        self._upload()
         if given is not self._given:
             cuts = given.cuts
             count = given.inputs.shape[1]
@@ -289,6 +318,7 @@ class WarpCore(Core):
             inputs=[
                 self._s, self._p, self._k, self._z, self._sizes, self._inputs, self._lengths, self._pieces, self._which,
                 self._done, self._ran, self._freedoms, self._loads, d.qfrc_applied, m.dof_armature, m.dof_frictionloss,
+                self._coordinates, self._stops, d.qpos, d.qvel, m.jnt_range, m.jnt_solref,
             ],
         )  # fmt: skip
         with wp.ScopedDevice(self._device):

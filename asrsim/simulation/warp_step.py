@@ -6,15 +6,19 @@ in a substep: if an input jumps, it receives the means of the torques over the p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
+from asrsim.actuators.stages import Stage
 from asrsim.records import columns
 from asrsim.simulation import kernel, laws
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
-from asrsim.simulation.layout import EXTERNAL
+from asrsim.simulation.layout import EXTERNAL, REMEMBER, WHOLE
+from asrsim.simulation.shape import RowShape
+from asrsim.simulation.staged import Access, Composed, begin_stages, compose
 from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
@@ -45,6 +49,8 @@ def load(
         kernel.remember_positions(joint, link, kind, scheme)
     begin, end, on_time = pieces[0], pieces[1], pieces[2]
     jumped = on_time >= 0
+    if kind.stages:
+        begin_stages(joint, scheme, v, jumped, first)
     since = 0.0 if first else -0.5 * scheme.staggered
     until = -since
     torque = applied = push = drag = force = damping = friction = fraction = 0.0
@@ -86,8 +92,8 @@ def settle(
     if first or scheme.staggered == 0.0:
         now = joint.engine_velocity
     kernel.read_engine(joint, link, scheme, velocity, now, False)
-    if link.hysteresis.level > 0.0:
-        kernel.remember_springs(joint, link, kind)
+    if kind.stages:
+        kernel.remember_stages(joint, link, kind, scheme)
 
 
 def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
@@ -112,15 +118,20 @@ STATE, CONSTANTS, KIND, SCHEME = (
 )  # fmt: skip
 
 
-def program(drives: Iterable[SteppedJoint]) -> tuple[Program, tuple[Any, ...]]:
-    """The program that advances joints with these drives, and their actuators: `spring_law` of a joint is the number of its
-    actuator, from 1. Raises TranslationError that names the actuator and the line."""
-    positions = {drive.actuator: drive.positions for drive in drives if drive.actuator is not None}
+Law = tuple[Any, int, tuple[type[Stage], ...]]
+"""Actuator, number of positions that its laws take, and stages."""
+
+
+def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[Program, list[Law]]:
+    """The program that advances joints with these drives, and their laws: `spring_law` of a joint is the number of its law,
+    from 1. Raises TranslationError that names the actuator and the line."""
+    found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
+    used = list(dict.fromkeys(law for law in found if law is not None))
     made = Program({
         laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
         laws.memory_of: _memory, laws.spring_law: _call_law, later: _later, kernel.find_state: _nothing,
     })  # fmt: skip
-    made.add(_law_text(made, positions))
+    made.add(_law_text(made, used))
     joint = STATE, CONSTANTS, KIND, SCHEME
     for function, kinds in (
         (load, (*joint, NUMBERS, INT, WHOLE_NUMBERS, NUMBERS, INT, BOOL, BOOL, NUMBERS)),
@@ -131,7 +142,12 @@ def program(drives: Iterable[SteppedJoint]) -> tuple[Program, tuple[Any, ...]]:
         name, _ = made.function(function, kinds)
         made.add(f"{function.__name__} = {name}")
     made.add(KERNELS)
-    return made, tuple(positions)
+    return made, used
+
+
+def law_of(drive: SteppedJoint, stages: tuple[type[Stage], ...]) -> Law | None:
+    """Law of a joint with these stages; None without actuator."""
+    return None if drive.actuator is None else (drive.actuator, drive.positions, stages)
 
 
 def _nothing(caller: Translation, given: list[Value]) -> Value:
@@ -156,47 +172,134 @@ def _call_law(caller: Translation, given: list[Value]) -> Value:
     # `call` is also the function by which other steppings advance a joint: they do not run on Warp.
     if len(given) != 6:
         return Value(None)
-    which, joint, link, law, q, whole = given
-    row = link.from_place(law.text)
-    values = [which.text, *joint.arguments, *row.arguments, q.text, number_as(whole, INT).text]
+    which, joint, link, kind, q, task = given
+    values = [which.text, *(text for row in (joint, link, kind) for text in row.arguments), q.text, number_as(task, INT).text]
     caller.line(f"spring_law({', '.join(values)})")
     return Value(None)
 
 
-def _law_text(made: Program, actuators: Mapping[Any, int]) -> str:
-    """A function that calls the laws of the actuator with a number. actuators: number of positions of each actuator."""
-    lines = ["@wp.func", (
-        "def spring_law(which: int, s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int, q: float, "
-        "whole: int):"
-    )]  # fmt: skip
-    for number, (actuator, count) in enumerate(actuators.items(), start=1):
-        kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
-        thetas = (f"s[s_at + {motor_column('theta', i)}]" for i in range(count))
-        values = ", ".join(["q", *thetas, "p", "p_at"])
-        try:
-            torques, found = made.function(actuator.elastic_torques, kinds)
-            stiffness, one = made.function(actuator.stiffness, kinds)
-        except TranslationError as error:
-            raise TranslationError(f"the laws of '{actuator.name}' have no translation to Warp: {error}") from error
-        names = [f"r_{number}_{i}" for i in range(len(found.kinds))]
-        lines += [f"    if which == {number}:", f"        {', '.join(names)} = {torques}({values})"]
-        lines += [
-            f"        s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
-            for i, (name, kind) in enumerate(zip(names, found.kinds, strict=True))
-        ]
-        stored = number_as(Value(one, f"{stiffness}({values})"), FLOAT).text
-        lines += ["        if whole != 0:", f"            s[s_at + {JOINT['stiffness']}] = {stored}"]
+ROWS = "s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int, k: wp.array(dtype=int), k_at: int"
+"""Arguments of a function that receives the state, the constants and the kind of a joint."""
+
+
+def _law_text(made: Program, used: Sequence[Law]) -> str:
+    """A function that calls the laws with a number."""
+    lines = ["@wp.func", f"def spring_law(which: int, {ROWS}, q: float, task: int):"]
+    for number, law in enumerate(used, start=1):
+        lines += [f"    if which == {number}:", *(f"        {line}" for line in _lines_of(made, *law, f"r_{number}"))]
     return "\n".join([*lines, "    return"])
 
 
+def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
+    """Lines that carry out a task of the laws of an actuator with stages. own: beginning of their names."""
+    kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
+    law = f"p_at + int(k[k_at + {columns(JointKind)['law']}])"
+    staged = compose(stages, partial(_access, made, actuator, stages)) if stages else None
+    place = staged.place if staged is not None else None
+    ends = [f"s[s_at + {motor_column('theta' if place is None else 'end', i)}]" for i in range(count)]
+    try:
+        torques, found = made.function(actuator.elastic_torques, kinds)
+        stiffness, one = made.function(actuator.stiffness, kinds)
+        names = dict.fromkeys(Composed._fields, "")
+        if staged is not None:
+            rows = [(task, rule) for task, rule in staged._asdict().items() if rule is not None]
+            for task, rule in rows:
+                names[task], _ = made.function(rule, [*JOINT_ROWS, *[FLOAT] * (task in ("place", "add"))])
+    except TranslationError as error:
+        of = "".join(f" with the stage '{stage.name}'" for stage in stages)
+        raise TranslationError(f"the laws of '{actuator.name}'{of} have no translation to Warp: {error}") from error
+    joint, results = "s, s_at, p, p_at, k, k_at", [f"{own}_{i}" for i in range(len(found.kinds))]
+
+    def called(rule: str, q: str = "q") -> str:
+        return f"{rule}({', '.join([q, *ends, 'p', law])})"
+
+    def placed(q: str) -> Iterator[str]:
+        if place is not None:
+            yield f"{names['place']}({joint}, {q})"
+
+    if staged is not None:
+        yield f"if task == {REMEMBER}:"
+        yield f"    {names['remember']}({joint})"
+        yield "    return"
+    if place is not None:
+        yield f"if task == {WHOLE}:"
+        sums = []
+        for sign, side in (("-", "below"), ("+", "above")):
+            yield from (f"    {line}" for line in placed(f"q {sign} {SLOPE_ON_WARP}"))
+            yield f"    {', '.join(f'{one}_{side}' for one in results)} = {called(torques, f'q {sign} {SLOPE_ON_WARP}')}"
+            sums.append(" + ".join(
+                number_as(Value(kind, f"{name}_{side}"), FLOAT).text for name, kind in zip(results, found.kinds, strict=True)
+            ))  # fmt: skip
+        yield f"    s[s_at + {JOINT['stiffness']}] = (({sums[0]}) - ({sums[1]})) / {2.0 * SLOPE_ON_WARP}"
+    yield from placed("q")
+    yield f"{', '.join(results)} = {called(torques)}"
+    for i, (name, kind) in enumerate(zip(results, found.kinds, strict=True)):
+        yield f"s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
+    if place is None:
+        yield f"if task == {WHOLE}:"
+        yield f"    s[s_at + {JOINT['stiffness']}] = {number_as(Value(one, called(stiffness)), FLOAT).text}"
+    if staged is not None:
+        yield f"{names['add']}({joint}, q)"
+
+
+SLOPE_ON_WARP = 1e-3
+"""As `asrsim.simulation.staged.SLOPE`, for single precision."""
+JOINT_ROWS = STATE, CONSTANTS, KIND
+
+
+def _access(made: Program, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+    """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
+    first = len(actuator.parameters) + sum(actuator.motors * (1 + len(columns(one.Constants))) for one in stages[:number])
+    size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
+    place = str(len(columns(JointKind)) + number)
+
+    def at(row: Value, column: Value, begin: int, i: Value, apart: int) -> str:
+        return f"int({column.text}) + {begin} + {i.text} * {apart}"
+
+    def acts(caller: Translation, given: list[Value]) -> Value:
+        return given[0].part(at(given[0], given[1].field("law"), first, given[2], size))
+
+    def own(caller: Translation, given: list[Value]) -> Value:
+        return given[0].from_place(at(given[0], given[1].field("law"), first + 1, given[2], size), stage.Constants)
+
+    def remembered(caller: Translation, given: list[Value]) -> Value:
+        return given[0].from_place(at(given[0], given[1].part(place), 1, given[2], memory), stage.Memory)
+
+    def lose(caller: Translation, given: list[Value]) -> Value:
+        there = given[0].part(given[1].part(place).text)
+        caller.line(f"{there.text} = {there.text} + {given[2].text}")
+        return Value(None)
+
+    return Access(*(made.special(one) for one in (acts, own, remembered, lose)))
+
+
 KERNELS = """
+@wp.func
+def stop_of(q: float, v: float, low: float, high: float, h: float):
+    # MuJoCo's stops act on joints beyond them only, so an impact would be late by a part of a step. A joint that would pass its
+    # stop within this step counts as just beyond, and keeps the velocity that takes it to the stop; one at its stop keeps none.
+    gap, speed, near = high - q, v, wp.vec2(low, q - 1.0e-6)
+    if q - low < gap:
+        gap, speed, near = q - low, -v, wp.vec2(q + 1.0e-6, high)
+    if gap > 0.0 and gap < 1.0e-4:
+        return near, wp.vec2(0.0, -1.0 / h)
+    if gap > 0.0 and speed * h > gap:
+        return near, wp.vec2(0.0, -(1.0 - gap / (h * speed)) / h)
+    if gap <= 0.0:
+        # Beyond its stop a joint returns slowly, so that it does not rebound.
+        return wp.vec2(low + 1.0e-6, high - 1.0e-6), wp.vec2(-0.2 / (h * h), -1.0 / h)
+    return wp.vec2(low, high), wp.vec2(0.0, -1.0 / h)
+
+
 @wp.kernel
 def load_joints(
     s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
     sizes: wp.array(dtype=int), inputs: wp.array(dtype=float), lengths: wp.array(dtype=float), pieces: wp.array(dtype=int),
     which: wp.array2d(dtype=int), done: wp.array(dtype=int), ran: wp.array(dtype=int), freedoms: wp.array(dtype=int),
     loads: wp.array(dtype=float), force: wp.array2d(dtype=float), armature: wp.array2d(dtype=float),
-    friction: wp.array2d(dtype=float),
+    friction: wp.array2d(dtype=float), coordinates: wp.array(dtype=int), stops: wp.array(dtype=float),
+    qpos: wp.array2d(dtype=float), qvel: wp.array2d(dtype=float), ranges: wp.array2d(dtype=wp.vec2),
+    references: wp.array2d(dtype=wp.vec2),
 ):
     w, j = wp.tid()
     joints, rows, columns = sizes[0], sizes[1], sizes[2]
@@ -212,6 +315,10 @@ def load_joints(
     force[w, freedom] = loads[i * 4]
     armature[w, freedom] = loads[i * 4 + 1]
     friction[w, freedom] = loads[i * 4 + 2]
+    joint = int(stops[j * 4 + 2])
+    limits, reference = stop_of(qpos[w, coordinates[j]], qvel[w, freedom], stops[j * 4], stops[j * 4 + 1], stops[j * 4 + 3])
+    ranges[w, joint] = limits
+    references[w, joint] = reference
 
 
 @wp.kernel

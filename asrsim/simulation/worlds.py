@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.engines.rigid import RigidEngine
 from asrsim.errors import InputError, SimulationError
@@ -24,11 +25,12 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, one_scenario, prepare
-from asrsim.simulation.quantities import WATCHED, RowColumns, without_energies
+from asrsim.simulation.prepare import Prepared, Start, prepare
+from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
 WARP = "mujoco_warp"
 """Name of the engine of worlds on a device of Warp."""
@@ -88,11 +90,12 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Prepared,
+        scenario: str | Path | Scenario | Plan | Prepared,
         count: int,
         *,
         variant: str | None = None,
         overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (),
         names: Sequence[str] | None = None,
         watched: bool = True,
         compiled: bool | None = None,
@@ -106,7 +109,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`, which also explains variant, overrides and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, plugins and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -115,17 +118,19 @@ class Worlds:
             threads: Number of threads that step the worlds, if the engine has a compiled step.
             chunk: Largest number of substeps whose inputs are sampled in one call.
             watch: Called before each step of the engine.
-            engine: Name of the engine; None: the scenario's. With "mujoco_warp", MuJoCo Warp moves the links, and Warp runs
-                asrsim's own laws in single precision; then energies and limits are not computed. It is made for thousands of
-                worlds: one world takes as long as hundreds.
+            engine: Name of the engine; None: the scenario's, and MuJoCo if the scenario states none. With "mujoco_warp", MuJoCo
+                Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are not
+                computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
         """
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
-            scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-            if engine is not None:
-                scenario = replace(scenario, engine=links_engine(engine) or scenario.engine)
+            if isinstance(scenario, Plan):
+                scenario = scenario.on(engine=engine_of_worlds(scenario.scenario, engine))
+            else:
+                scenario = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
+                scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
             scenario = prepare(scenario)
         elif engine not in (None, WARP, scenario.scenario.engine):
             raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
@@ -167,10 +172,10 @@ class Worlds:
     def record_as(self, prepared: Prepared) -> None:
         """Record the quantities of joints with these parameters; earlier snapshots can no longer be restored."""
         names, watched = self._options
-        self.columns = RowColumns(prepared.drives, self.core.shape.motors, names)
+        self.columns = RowColumns(prepared.drives, self.core.shape, names)
         self.names = self.columns.names
         """Quantities that are recorded."""
-        self._watched = not self.on_warp and (watched or not WATCHED.isdisjoint(self.names))
+        self._watched = not self.on_warp and (watched or any(map(is_watched, self.names)))
         self.core.record(self.columns, watched=self._watched)
         self._absent = np.repeat(self.columns.absent(prepared.drives)[None], self.count, axis=0)
         """Mask (count, joints, columns) of the quantities that the joints of each world do not record."""
@@ -471,7 +476,7 @@ class Worlds:
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
         # A follower is corrected through its master.
-        followers = [bool(drive.joint.mimic) for drive in self.prepared.drives]
+        followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.observer = observer.measured, np.array(observer.gains), engine.coordinates
         try:
@@ -488,6 +493,20 @@ class Worlds:
         for own, absent in zip(rows, self._absent[numbers], strict=True):
             own[:, absent] = np.nan
         return {name: values.copy() for name, values in self.columns.values(rows, names).items()}
+
+    def device_arrays(self) -> dict[str, Any]:
+        """Present state of worlds on a device of Warp, without a copy: arrays of Warp (N, n) in single precision by name
+        (`link_position` in rad or m, `link_velocity`, `motor_1_velocity`, ...).
+
+        The arrays stay valid, and change with every `advance`; after `reset` or `restore`, call this again. `warp.to_torch`,
+        `torch.from_dlpack` and `numpy.from_dlpack` (CPU) take them without a copy. Raises InputError without Warp.
+        """
+        self.check_open()
+        if not self.on_warp:
+            raise InputError("only worlds on Warp have arrays on a device", key="engine", hint=f"engine: {WARP}", code="warp")
+        core: Any = self.core
+        found: dict[str, Any] = core.device_arrays()
+        return found
 
     def sane(self, world: int) -> bool:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
@@ -543,9 +562,15 @@ class Worlds:
         self.close()
 
 
-def links_engine(engine: str | None) -> str | None:
-    """Name of the engine of a scenario whose worlds have this engine: Warp takes the links' model from MuJoCo."""
-    return "mujoco" if engine == WARP else engine
+def engine_of_worlds(scenario: Scenario, engine: str | None) -> str:
+    """Name of the engine whose model the worlds have. engine: as the caller states it.
+
+    Warp takes the links' model from MuJoCo. If neither caller nor scenario states an engine, it is MuJoCo where it is
+    installed: it steps many worlds about ten times faster than PyBullet.
+    """
+    if engine == WARP or (engine is None and not scenario.states_engine and ENGINES.get("mujoco").available):
+        return "mujoco"
+    return engine or scenario.engine
 
 
 def _warp_core(prepared: Prepared, engine: Engine, count: int, device: str) -> Core:

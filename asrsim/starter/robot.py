@@ -20,6 +20,7 @@ from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.mounting import reference_names, with_rotors
 from asrsim.scenario.check import nothing_moves
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data
@@ -133,13 +134,12 @@ class StarterJoint:
         if not mode.spring:
             levels = [(mode.units[0], torque if mode.number == 0 else position)]
         elif mode.direct:
-            levels = [(mode.units[0], torque), tuned if actuator.adjuster else (mode.units[-1], torque)]
+            levels = [*[(mode.units[0], torque)] * actuator.motors, *[tuned] * actuator.adjuster]
         elif mode.mapped or actuator.adjuster:
             levels = [("rad", position), tuned]
         else:
             levels = [("rad", motor) for motor in actuator.motor_references(position, preset)]
-        count = 2 if actuator.motors > 1 or actuator.adjuster else 1
-        return [(name, *level) for name, level in zip(mode.references, levels[:count], strict=False)]
+        return [(name, *level) for name, level in zip(reference_names(self.block), levels, strict=False)]
 
     def references(self, preset: float) -> dict[str, Any]:
         """Signals of the starter's step by reference, as plain data."""
@@ -290,10 +290,14 @@ def write_starter(
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
     changed = with_actuators(loaded, given, {})
     bare = Starter(
-        robot=with_overrides(changed, modes={} if mode is None else {"*": mode}),
+        robot=with_rotors(with_overrides(changed, modes={} if mode is None else {"*": mode}), {}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or ("*" in given and not joint.mimic)),
+        given=tuple(
+            joint.name
+            for joint in loaded.moving_joints
+            if joint.name in given or ("*" in given and joint.name not in loaded.followers)
+        ),
     )
     bare = _sized(bare, _rotors(bare))
     for fastest in FASTEST if given else FASTEST[:1]:
@@ -338,7 +342,8 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
         message = f"its joints have too little damping, so the arm would oscillate {_lasting(lasts)} after a step"
         hint = "`link_damping` in the scenario damps it" if starter.given else f"`link_damping: {damped}` would damp it"
         notes.append(Problem(message, file=loaded.path, hint=hint, code="swings-on"))
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints if not joint.mimic}
+    leading = {joint.name for joint in starter.robot.moving_joints} - starter.robot.followers
+    held = {one.joint for one in found.joints} == leading
     starter = replace(
         starter,
         damped={joint: keys for joint, keys in damped.items() if joint in starter.given},

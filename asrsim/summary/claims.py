@@ -20,8 +20,8 @@ Reader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function that takes quantities and joints, and returns all samples of these series, with bodies and contacts."""
 
 
-def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> None:
-    """Check before the run that every claim can be evaluated; raises ScenarioError with every claim that cannot."""
+def claim_problems(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> list[Problem]:
+    """Problems of claims that cannot be evaluated, found before the run. joints: empty if they are unknown."""
     problems: list[Problem] = []
     measurable: set[tuple[object, ...]] = set()
     for claim in claims:
@@ -35,10 +35,9 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
                 message = f"'{name}' is not recorded for joint '{joint.name}'"
                 choices = tuple(sorted(known))
                 problems.append(Problem(message, line=claim.line, key="expect", choices=choices, code="expect"))
-        if claim.against is not None and not problems:
+        if claim.against is not None and joints and not problems:
             problems += _unreadable(claim, joints)
-    if problems:
-        raise ScenarioError([replace(problem, file=problem.file or file) for problem in problems])
+    return [replace(problem, file=problem.file or file) for problem in problems]
 
 
 def claim_results(
@@ -56,7 +55,7 @@ class Claims:
     def __init__(
         self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
     ) -> None:
-        """file: path of the scenario in error messages; checked: `check_claims` has accepted the claims already."""
+        """file: path of the scenario in error messages; checked: `claim_problems` has accepted the claims already."""
         self._joints, self._file, self._checked = tuple(joints), file, checked
         self._single = [
             (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))

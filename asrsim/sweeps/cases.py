@@ -17,10 +17,11 @@ from asrsim.quantities import LIMITS, linear_unit
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
-from asrsim.scenario import Scenario, apply_to_robot, checked_robot, load_scenario
+from asrsim.scenario import Scenario, load_scenario
 from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
+from asrsim.simulation.examine import examine
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
@@ -90,11 +91,7 @@ class Payload:
 
 def make_payload(study: Study) -> Payload:
     """Checked data for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
-    from asrsim.plugins import load_plugin_file
-
-    for plugin in study.plugins:
-        load_plugin_file(plugin)
-    scenarios = load_scenario(study.scenario, overrides=study.overrides)
+    scenarios = load_scenario(study.scenario, overrides=study.overrides, plugins=study.plugins)
     known = tuple(one.variant for one in scenarios)
     for name in study.variants:
         if name not in known:
@@ -117,15 +114,15 @@ def _is_numeric(study: Study, key: str) -> bool:
 
 
 def _case(study: Study, scenario: Scenario, numeric: Mapping[str, bool]) -> Case:
-    robot, _ = checked_robot(scenario)
+    plan = examine(scenario)
     case = Case(
         name=scenario.name,
         variant=scenario.variant,
         resolved=scenario.resolved,
         base_dir=study.scenario.parent.absolute(),
         files=scenario.attachments,
-        robot=robot,
-        plan=plan_keys(study.keys, numeric, scenario, apply_to_robot(scenario, robot)),
+        robot=plan.source,
+        plan=plan_keys(study.keys, numeric, scenario, plan.robot),
         substeps={},
         joints=(),
         claims=(),

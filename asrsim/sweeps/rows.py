@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 
 from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.plain import finite_or_none
+from asrsim.plugins import blame_laws
 from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.prepare import Prepared, Start
-from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
+from asrsim.simulation.run import Run, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
 from asrsim.summary import Collector
-from asrsim.summary.claims import check_claims, needs_of
+from asrsim.summary.claims import needs_of
 from asrsim.sweeps.cases import MEASURES, TIP, Case, Payload
 from asrsim.sweeps.study import Study
 
@@ -121,7 +122,6 @@ class _Kind:
     def __init__(self, case: Case, prepared: Prepared, size: int, expected_substeps: int) -> None:
         self._case, self.size = case, size
         scenario, joints = prepared.scenario, prepared.info.joints
-        check_claims(scenario.expect, joints, file=scenario.path)
         self._needs = needs_of(scenario.expect, joints)
         wanted = Collector(joints, samples=scenario.steps + 1, needs=self._needs).quantities
         recorded = dict.fromkeys(name for joint in joints for name in joint.quantities if name in wanted)
@@ -201,7 +201,7 @@ def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
     """Cells of a run that is prepared and simulated alone. Raises AsrsimError."""
     with blame_laws():
         prepared = case.prepared(values)
-        collector = collector_of(prepared.scenario, prepared.info)
+        collector = collector_of(prepared.plan)
         with Simulation(prepared, sinks=[collector]) as simulation:
             try:
                 run = run_to_end(simulation)

@@ -17,6 +17,7 @@ from asrsim.plugins import check_named
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
 from asrsim.scenario.digest import input_hashes
+from asrsim.simulation.examine import examine
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
 from asrsim.sweeps.rows import Row, Runner, row_of
@@ -163,5 +164,6 @@ def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str
     payload = make_payload(replace(study, variants=(variant,)))
     case = replace(payload.cases[variant], substeps=table.manifest["substeps"][variant])
     with owned(folder):
-        executed = execute(case.scenario(case.plan.settings(values)), folder, robot=case.robot_of(values), overwrite=True)
+        plan = examine(case.scenario(case.plan.settings(values)), case.robot_of(values))
+        executed = execute(plan, folder, overwrite=True)
         return write_summary(executed).summary

@@ -25,7 +25,7 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.twin import Twin
+from asrsim.twin.twin import Twin, TwinStep
 
 MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
@@ -89,6 +89,7 @@ def follow(
     scenario: Path, recording: Path, *, bandwidth: float | None = None, mapping: Any = None, rate: float | None = None,
     clock_offset: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
     progress: Callable[[float], None] = lambda share: None, stop: Callable[[], bool] = lambda: False,
+    watch: Callable[[float, Array, TwinStep], None] = lambda time, positions, found: None,
 ) -> Followed:  # fmt: skip
     """Estimates of a twin that follows a recording of positions and commands.
 
@@ -102,6 +103,7 @@ def follow(
         variant, overrides: As for `asrsim.run`.
         progress: Receives the finished fraction of the recording.
         stop: Ends the work early when it returns True.
+        watch: Receives the time in s, the measured positions (n,) and the estimates of each step as they are found.
 
     Raises:
         RecordingError: The recording has no position of any joint of the robot, or wrong units.
@@ -143,6 +145,7 @@ def follow(
                     break
             found = twin.step(row, {})
             rows.append(np.array([getattr(found, name) for name in FIELDS]))
+            watch(at, row, found)
             notes += [f"{at:.3f} s: {note}" for note in found.notes]
     table = dict(zip(FIELDS, np.array(rows).swapaxes(0, 1), strict=True))
     slides = [drive.joint.kind == "prismatic" for drive in ready.drives]

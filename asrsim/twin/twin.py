@@ -114,7 +114,7 @@ class Twin:
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
-        self._followers = np.flatnonzero([bool(drive.joint.mimic) for drive in ready.drives])
+        self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._observer = Observer(shape[::-1], step=step, bandwidth=bandwidth)
         self._noise_gain = noise_gain(step, bandwidth)

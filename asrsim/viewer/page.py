@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import html
+import math
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from threading import RLock
 from typing import Any
+
+import numpy as np
 
 from asrsim.samples import Samples
 from asrsim.viewer.colours import SCALES, words_of
@@ -23,6 +26,12 @@ PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
 """Number of ghosts from which they are hidden at first, and from which plots begin with one joint."""
+NARROW = 700
+"""Width of a window whose controls stand below the robot, pixels."""
+LIFT = 0.2
+"""Distance by which the robot stands above the middle of a narrow window, as a fraction of the window's height."""
+UP = (0.0, 0.0, 1.0)
+"""Direction that is up on the page."""
 OWN = "their own"
 """Choice of the links' own colours."""
 BRAND = (0, 90, 140)
@@ -40,7 +49,19 @@ class Page:
         self.plots: Plots
         self._drawn = self._plotted = -1.0
         """Wall-clock times of the last pictures, s."""
+        self.server.on_client_connect(self._make_room)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
+
+    def _make_room(self, client: Any) -> None:
+        """Move the robot up in a narrow window, where the controls stand below it."""
+        start, camera = self.server.initial_camera, client.camera
+        if camera.image_width >= NARROW:
+            return
+        way = np.subtract(start.look_at, start.position)
+        above = np.cross(np.cross(way, UP), way)
+        above *= LIFT * np.linalg.norm(way) * 2.0 * math.tan(0.5 * start.fov) / max(float(np.linalg.norm(above)), 1e-9)
+        with client.atomic():
+            camera.position, camera.look_at = start.position - above, start.look_at - above
 
     def show(self, subject: Subject, *, companions: Sequence[Companion] = ()) -> Any:
         """Begin with a new subject; returns the group of tabs, to which the caller adds its own."""

@@ -39,34 +39,60 @@ def followed_player(page: Page, prepared: Prepared, found: Followed) -> Player:
     return Player(page, twin_subject(prepared, samples), events=sorted(events))
 
 
-class TwinView:
-    """A twin beside a robot in real time."""
+class TwinPage:
+    """Measured robot and external torques on a page, as a twin finds them."""
 
-    def __init__(self, page: Page, twin: LiveTwin) -> None:
-        self._page, self._twin, self._subject = page, twin, twin_subject(twin.prepared)
+    def __init__(self, page: Page, prepared: Prepared) -> None:
+        self._page, self._prepared, self._subject = page, prepared, twin_subject(prepared)
         self._rows: list[tuple[float, Array, Array, Array]] = []
-        self._alarms = ""
-        twin.watch = self._watch
         page.show(self._subject)
         page.finish()
         page.say("Waiting for positions.")
+
+    def note(self, time: float, positions: Array, found: TwinStep) -> None:
+        """Show a step at a time in s; pictures are drawn at the page's rate."""
+        self._rows.append((time, positions.copy(), found.external_torque, found.stiffness))
+        if not self._page.due():
+            return
+        names = [self._prepared.drives[j].name for j in np.flatnonzero(found.alarm).tolist()]
+        times, *columns = zip(*self._rows, strict=True)
+        values = dict(zip(QUANTITIES, map(np.array, columns), strict=True))
+        joints = tuple(drive.name for drive in self._prepared.drives)
+        self._subject.history.write(Samples(time=np.array(times), joints=joints, values=values))
+        self._rows.clear()
+        latest = self._subject.history.latest
+        if latest is not None:
+            self._page.draw(latest)
+        alarms = f" · alarm: {plain(', '.join(names))}" if names else ""
+        self._page.say(f"**{time:.2f} s** followed{alarms}")
+
+
+class TwinView(TwinPage):
+    """A twin beside a robot in real time."""
+
+    def __init__(self, page: Page, twin: LiveTwin) -> None:
+        super().__init__(page, twin.prepared)
+        self._twin = twin
+        twin.watch = lambda positions, found: self.note(found.time, positions, found)
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Follow the robot until `stop` returns True."""
         self._twin.run(stop=stop)
 
-    def _watch(self, positions: Array, found: TwinStep) -> None:
-        """Show a step; pictures are drawn at the page's rate."""
-        self._rows.append((found.time, positions.copy(), found.external_torque, found.stiffness))
-        names = [self._twin.prepared.drives[j].name for j in np.flatnonzero(found.alarm).tolist()]
-        self._alarms = f" · alarm: {plain(', '.join(names))}" if names else ""
-        if self._page.due():
-            time, *columns = zip(*self._rows, strict=True)
-            values = dict(zip(QUANTITIES, map(np.array, columns), strict=True))
-            joints = tuple(drive.name for drive in self._twin.prepared.drives)
-            self._subject.history.write(Samples(time=np.array(time), joints=joints, values=values))
-            self._rows.clear()
-            latest = self._subject.history.latest
-            if latest is not None:
-                self._page.draw(latest)
-            self._page.say(f"**{found.time:.2f} s** followed{self._alarms}")
+
+class FollowView(TwinPage):
+    """A twin that follows a recording: the torques as they are found, and then played back."""
+
+    def __init__(self, page: Page, prepared: Prepared, work: Callable[..., Followed], done: Callable[[Followed], None]) -> None:
+        """work: function that follows the recording, with the arguments `watch` and `stop` of `asrsim.twin.follow.follow`;
+        done: called with the result before it is played back."""
+        super().__init__(page, prepared)
+        self._work, self._done = work, done
+
+    def run(self, stop: Callable[[], bool]) -> Followed:
+        """Follow the recording, and play the result until `stop` returns True."""
+        found = self._work(watch=self.note, stop=stop)
+        self._done(found)
+        if not found.interrupted:
+            followed_player(self._page, self._prepared, found).run(stop)
+        return found

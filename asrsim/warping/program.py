@@ -41,6 +41,15 @@ class Program:
         self._texts: list[str] = []
         self._running: list[Any] = []
 
+    def special(self, call: Call) -> Any:
+        """A function whose calls are translated by `call`."""
+
+        def function(*arguments: Any) -> Any:
+            raise NotImplementedError("calls of this function are translated")
+
+        self._calls[function] = call
+        return function
+
     def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
         """Translation of the call of a function. Raises TranslationError."""
         own = self._calls.get(function) if function.__hash__ else None

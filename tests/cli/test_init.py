@@ -11,8 +11,9 @@ from asrsim.cli.app import app
 from asrsim.errors import OutputError, RobotError, ScenarioError
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import load_scenario
 from asrsim.starter.robot import SCHEMA_FILE, write_starter
+from support.examined import check_against_robot
 from support.paths import ROOT
 
 URDF = """<robot name="{name}">
@@ -100,6 +101,16 @@ def test_springs_of_light_fingers_are_soft_enough_for_a_run(tmp_path, actuator, 
     robot, out = tmp_path / "arm.urdf", tmp_path / "s.yaml"
     robot.write_text(URDF.format(name="arm", joints=ARM_WITH_FINGER.format(mass=2e-6, inertia=inertia)))
     write_starter(robot, out, actuators={"*": actuator})
+    for scenario in load_scenario(out, overrides=["duration=0.2"]):
+        assert asrsim.run(scenario).status == "complete"
+
+
+def test_springs_are_soft_enough_where_the_rotor_moves_to_the_motor(tmp_path):
+    """A rotor of 4e-4 kg m^2 at a finger of 1e-9 kg m^2: behind a spring it no longer moves with the finger."""
+    robot, out = tmp_path / "arm.urdf", tmp_path / "s.yaml"
+    rotor = ARM_WITH_FINGER.replace('effort="1" velocity="5"/>', 'effort="1" velocity="5"/><dynamics armature="4e-4"/>')
+    robot.write_text(URDF.format(name="arm", joints=rotor.format(mass=2e-6, inertia="1.1e-9")))
+    write_starter(robot, out, actuators={"*": "qbmove"})
     for scenario in load_scenario(out, overrides=["duration=0.2"]):
         assert asrsim.run(scenario).status == "complete"
 

@@ -19,8 +19,9 @@ from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import write_from_recording
-from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+from asrsim.scenario import apply_to_robot, load_scenario
 from support.bags import START, write_bag
+from support.examined import check_against_robot
 from support.paths import ROOT
 
 EXAMPLES = ROOT / "examples" / "urdf"

@@ -91,3 +91,49 @@ def test_an_environment_observes_each_motor(three):
     assert seen.shape == (5,)
     assert np.isfinite(seen).all()
     assert seen[1] != 0.0
+
+
+@pytest.mark.parametrize(("mode", "file_mode", "names"), [(5, 6, "reference_{}"), (4, 4, "motor_{}_torque")])
+def test_init_plays_the_command_of_each_motor(three, asrsim_command, mode, file_mode, names):
+    """Three references are those of motors, also if the robot file states equilibrium and preset."""
+    moves = {names.format(i): f"{{sinusoid: {{amplitude: {0.1 * i}, frequency: {i}}}}}" for i in (1, 2, 3)}
+    commands = ", ".join(f"{name}: {signal}" for name, signal in moves.items())
+    (three / "c.yaml").write_text(f"robot: arm.urdf\nmodes: {mode}\nduration: 0.4\nreferences: {{elbow: {{{commands}}}}}\n")
+    assert asrsim_command("run", "c.yaml", "--plugin", "three.py", "--out", "c").code == 0
+    samples = read_log(three / "c/log.mcap").samples
+    recorded = {names.format(i): samples.values[f"reference_{i}"][:, 0] for i in (1, 2, 3)}
+    recorded["link_position"] = samples.values["link_position"][:, 0]
+    header = ",".join(["time", *(f"elbow.{name}" for name in recorded)])
+    table = np.column_stack([samples.time, *recorded.values()])
+    np.savetxt(three / "played.csv", table, delimiter=",", header=header, comments="")
+    text = (three / "arm.urdf").read_text().replace("<operation_mode>6", f"<operation_mode>{file_mode}")
+    (three / "arm.urdf").write_text(text)
+    outcome = asrsim_command("init", "arm.urdf", "--experiment", "played.csv", "--out", "p.yaml", "--plugin", "three.py")
+    assert outcome.code == 0, outcome.err
+    assert asrsim_command("run", "p.yaml", "--plugin", "three.py", "--out", "again").code == 0
+    again = read_log(three / "again/log.mcap").samples
+    rows = len(again.time)
+    moved = np.ptp(recorded["link_position"])
+    np.testing.assert_allclose(again.values["link_position"][:, 0], recorded["link_position"][:rows], atol=1e-3 * moved)
+
+
+def test_learning_moves_each_motor(three, asrsim_command):
+    """The inverse model's first guess is already near the motion, with a gain of its own for each motor."""
+    gains = ", ".join(f"controller_{i}_proportional: {30 * i}" for i in (1, 2, 3))
+    (three / "l.yaml").write_text(
+        f"robot: arm.urdf\nduration: 1\nparameters: {{elbow: {{{gains}}}}}\n"
+        "references: {elbow: {stiffness_preset: 0.15}}\nilc:\n"
+        "  trajectory: {elbow: {minimum_jerk: {duration: 0.6, to: 0.4}}}\n  tolerance: 0.001\n  max_iterations: 3\n"
+    )
+    outcome = asrsim_command("ilc", "l.yaml", "--plugin", "three.py", "--out", "learned", "--no-plot")
+    assert outcome.code == 0, outcome.err
+    trials = json.loads((three / "learned/ilc.json").read_text())["trials"]
+    assert trials[0]["largest_error"]["elbow"] < 0.03
+
+
+@pytest.mark.slow
+def test_design_proposes_a_motion_of_three_motors(three, asrsim_command):
+    (three / "limits.yaml").write_text("limits: {elbow: {link_position: [-1, 1], motor_torque: 30}}\n")
+    options = ["--limits", "limits.yaml", "--free", "elbow.k", "--duration", "0.5", "--plugin", "three.py", "--no-plot"]
+    assert asrsim_command("design", "s.yaml", *options, "--out", "d.csv").code == 0
+    assert asrsim_command("run", "d.yaml", "--plugin", "three.py", "--out", "designed").code == 0

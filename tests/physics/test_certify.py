@@ -7,6 +7,7 @@ import pytest
 
 from asrsim import load_scenario, make_scenario
 from asrsim.simulation.accuracy import certify
+from asrsim.simulation.examine import examine
 from asrsim.simulation.run import simulate
 from support.paths import ROOT
 
@@ -27,7 +28,7 @@ def test_certificate_is_accurate_at_reduced_order(stepping, limited):
     assert run.samples is not None
     assert fine.samples is not None
     error = run.samples.values["link_position"] - fine.samples.values["link_position"]
-    reported = certify(scenario, run)
+    reported = certify(examine(scenario), run)
     found = reported["joints"]["joint_1"]
     assert bool(reported["warnings"]) == (found["order"] < reported["scheme_order"] - 0.3)
     assert found["position_rms"] == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=0.22)
@@ -38,5 +39,5 @@ def test_certificate_does_not_depend_on_the_order_of_joints():
     """A manager file may list the joints in another order than the robot."""
     (given,) = load_scenario(ROOT / "examples/scenarios/step_2dof.yaml", variant="soft", overrides={"duration": 0.2})
     scenarios = [replace(given, joint_order=order) for order in ((), ("joint_2", "joint_1"))]
-    first, second = (certify(scenario, simulate(scenario))["joints"] for scenario in scenarios)
+    first, second = (certify(examine(scenario), simulate(scenario))["joints"] for scenario in scenarios)
     assert first == second

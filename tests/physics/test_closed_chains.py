@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import AsrsimError
+from asrsim.errors import AsrsimError, RobotError
+from asrsim.export import export_mjcf
 from support import four_bar
+from support import parallelogram as pair
 from validation.models import INSTALLED
 
 TORQUE = 0.2
@@ -70,11 +72,7 @@ REFUSED = {
                      "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}]}, "dead centre|close it"),
     "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is no joint of the loop|no moving joint|elbow"),
     "one link twice": ({"loops": [{"links": ["B", "B"], "points": [[0, 0, 0], [0.1, 0, 0]]}]}, "no joints lie between"),
-    "two loops with one joint": ({"loops": [LOOP, LOOP]}, "belongs to another loop"),
-    "equilibrium": ({"initial": "equilibrium"}, "closed chains"),
-    "two masters": (
-        {"actuators": {"crank": {"type": "sea", "mode": 6}, "rocker": {"type": "sea", "mode": 6}}}, "several driven joints",
-    ),
+    "two masters": ({"loops": [LOOP | {"master": "crank"}, LOOP | {"master": "rocker"}]}, "two masters"),
 }  # fmt: skip
 
 
@@ -83,3 +81,171 @@ def test_loops_that_cannot_be_simulated_are_refused_in_words(tmp_path, case):
     keys, words = REFUSED[case]
     with pytest.raises(AsrsimError, match=words):
         run(tmp_path, "mujoco", duration=0.01, **keys)
+
+
+def swing(folder, engine, words, *, limit=None, **keys):
+    """Run of a parallelogram without gravity under a torque of .02 N m on its crank."""
+    path = folder / "parallelogram.urdf"
+    path.write_text(pair.urdf(words, **({"limit": limit} if limit else {})))
+    keys = {"duration": 0.5, "gravity": [0, 0, 0], "initial": pair.START, "external_torques": {"crank": TORQUE / 10}, **keys}
+    return asrsim.run(asrsim.make_scenario(path, engine=engine, **keys)).run.samples.values["link_position"]
+
+
+def turned(inertia, torque=TORQUE / 10, time=0.5):
+    return 1.2 + torque * time**2 / (2 * inertia)
+
+
+@pytest.mark.parametrize("words", [pair.BALL, pair.HINGE, pair.SDF], ids=["ball", "hinge", "sdf"])
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_loop_that_the_file_states_is_closed(tmp_path, engine, words):
+    """q = T t^2 / (2 I): the links of a parallelogram turn by equal angles, and its inertia is constant."""
+    q = swing(tmp_path, engine, words)
+    np.testing.assert_allclose(q[-1], turned(pair.INERTIA) * np.array([1.0, -1.0, 1.0]), rtol=0.0, atol=1e-6)
+    free = swing(tmp_path, engine, "")
+    assert np.abs(free[-1, 2] - 1.2) < 1e-12
+
+
+def test_the_scenario_states_another_point_for_the_loop_of_a_file(tmp_path):
+    """Of two closures between the same links that of the scenario counts: here the elbow of a kite, not of a parallelogram."""
+    loop = {"links": ["C", "bar"], "points": [[0.25, 0, 0], [0.35, 0, 0]]}
+    q = swing(tmp_path, "mujoco", pair.BALL, loops=[loop])[-1]
+    ends = [
+        pair.A * np.exp(1j * q[0]) + 0.35 * np.exp(1j * (q[0] + q[1])),
+        pair.B + 0.25 * np.exp(1j * q[2]),
+    ]
+    assert abs(ends[0] - ends[1]) < 1e-12
+
+
+THIRD = (
+    pair.joint("third", "base", "D", 2 * pair.B) + pair.link("D", pair.ARM, pair.A)
+    + f'<loop_joint name="more" type="spherical"><link1 link="bar" xyz="{2 * pair.B} 0 0"/>'
+    f'<link2 link="D" xyz="{pair.A} 0 0"/></loop_joint>'
+)  # fmt: skip
+HALF = (
+    pair.joint("hand", "C", "half", pair.A) + pair.link("half", 0.3, 0.0)
+    + f'<loop_joint name="glue" type="fixed"><link1 link="bar" xyz="{pair.B} 0 0"/><link2 link="half"/></loop_joint>'
+)  # fmt: skip
+GEARED = pair.joint("gear", "base", "G", 0.0, '<mimic joint="rocker" multiplier="-2" offset="0.3"/>') + pair.link("G", 0.0, 0.0)
+MORE = {
+    "two loops that share two joints": (pair.BALL + THIRD, pair.INERTIA + pair.CRANK, {"third": 1.2}),
+    "a coupler of two parts that are fixed to each other": (HALF, pair.INERTIA + 0.3 * pair.A**2, {"hand": -1.2}),
+    "a wheel geared to a follower": (pair.BALL + GEARED, pair.INERTIA + 4 * pair.TURN, {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MORE)
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_loops_that_share_joints_and_couplings_move_as_one(tmp_path, engine, case):
+    words, inertia, more = MORE[case]
+    q = swing(tmp_path, engine, words, initial=pair.START | more)
+    end = turned(inertia)
+    assert q[-1, [0, 2]] == pytest.approx([end, end], abs=1e-6)
+    if "geared" in case:
+        assert q[-1, 3] == pytest.approx(0.3 - 2 * end, abs=1e-6)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_limit_of_a_follower_stops_the_master(tmp_path, engine, compiled):
+    """The rocker of a parallelogram turns with the crank: at its limit both stop."""
+    limit = 'lower="0" upper="1.3" effort="100" velocity="99"'
+    q = swing(tmp_path, engine, pair.BALL, limit=limit, duration=1.0, external_torques={"crank": 0.2}, compiled=compiled)
+    assert q[-1] == pytest.approx([1.3, -1.3, 1.3], abs=1e-9)
+    assert q[:, 2].max() < 1.3 + 1e-9
+
+
+def test_the_limit_of_a_follower_that_turns_back_stops_the_master_just_before(tmp_path):
+    """The largest angle of the rocker of a crank-rocker is that of a triangle; a limit just below it stops the crank."""
+    g, a, b, c = four_bar.GROUND, four_bar.CRANK, four_bar.COUPLER, four_bar.ROCKER
+    farthest = np.pi - np.arccos((g * g + c * c - (b + a) ** 2) / (2 * g * c))
+    limit = f'lower="-9" upper="{-farthest - 1e-4}" effort="99" velocity="99"'
+    text = four_bar.urdf()
+    head, tail = text.split('<joint name="rocker" type="continuous">')
+    text = head + '<joint name="rocker" type="revolute">' + tail.replace("<dynamics", f"<limit {limit}/><dynamics", 1)
+    keys = {"external_torques": {"crank": 2.0}, "gravity": [0, 0, 0], "duration": 2.0}
+    q = run(tmp_path, "mujoco", text=text, **keys)["link_position"]
+    assert q[:, 2].max() <= -farthest - 1e-4 + 1e-9
+    assert q[-1, 0] == pytest.approx(q[-200, 0], abs=1e-9)
+
+
+def energy(q):
+    """Potential energy in J of the four-bar linkage at joint positions (3,)."""
+    t, b, c = q[0], q[0] + q[1], q[2]
+    heights = (
+        four_bar.CRANK / 2 * np.sin(t), four_bar.CRANK * np.sin(t) + four_bar.COUPLER / 2 * np.sin(b),
+        four_bar.ROCKER / 2 * np.sin(c),
+    )  # fmt: skip
+    return -four_bar.G * sum(mass * height for mass, height in zip(four_bar.MASSES.values(), heights, strict=True))
+
+
+@pytest.mark.parametrize("master", ["crank", "rocker"])
+def test_a_closed_chain_starts_at_equilibrium(tmp_path, master):
+    """The weight of all links, by the derivative of their energy along the linkage, balances the spring, and nothing moves."""
+    keys = {"actuators": {master: {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 20.0}}}, "duration": 0.2,
+            "references": {master: {"equilibrium_position": 1.0 if master == "crank" else -2.4}}}  # fmt: skip
+    loops = [four_bar.LOOPS[0] | {"master": master}]
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf('<limit effort="100" velocity="100"/>'))
+    values = asrsim.run(asrsim.make_scenario(path, loops=loops, initial="equilibrium", **keys)).run.samples.values
+    q, j = values["link_position"], ["crank", "coupler", "rocker"].index(master)
+    assert np.ptp(q, axis=0).max() < 1e-9
+    ends = []
+    for nudge in (-1e-5, 1e-5):
+        crank = q[0, 0] + nudge
+        (b, c), _ = four_bar.closed(crank, np.array([q[0, 0] + q[0, 1], q[0, 2]]))
+        ends.append(np.array([crank, b - crank, c]))
+    slope = (energy(ends[1]) - energy(ends[0])) / (ends[1][j] - ends[0][j])
+    assert values["elastic_torque_1"][-1, j] == pytest.approx(slope, abs=1e-6)
+
+
+def test_inverse_dynamics_of_a_closed_chain_gives_back_the_motion(tmp_path):
+    """Torque along the motion of the equation of one freedom: that which drove it."""
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf())
+    start = {"crank": 1.0, "coupler": -2.25, "rocker": -2.4}
+    ready = asrsim.prepare(asrsim.make_scenario(path, duration=1.0, loops=four_bar.LOOPS, initial=start))
+    times = np.linspace(0.0, 1.0, 2001)
+    crank = four_bar.solve(times, TORQUE)
+    q = np.column_stack([crank, 0 * crank, 0 * crank])
+    v, a = (np.column_stack([rate, 0 * crank, 0 * crank]) for rate in (
+        np.gradient(crank, times), np.gradient(np.gradient(crank, times), times),
+    ))  # fmt: skip
+    model = ready.model
+    torque = model.inverse_dynamics(q, v, a)[:, 0]
+    full = model.couplings.expand(q)
+    assert four_bar.gap(full).max() < 1e-12
+    loss = four_bar.DAMPING * np.square(model.couplings.ratios(full)).sum(axis=1) * v[:, 0]
+    np.testing.assert_allclose((torque + loss)[5:-5], TORQUE, rtol=0.0, atol=1e-4)
+
+
+def test_a_loop_in_a_world_with_contacts_is_closed_at_second_order(tmp_path):
+    """MuJoCo's own step has an equality constraint for each loop; the gap falls with the square of the step."""
+    times, gaps, errors = np.linspace(0.0, 0.5, 6), [], []
+    truth = four_bar.solve(times, TORQUE)
+    for step in (2e-3, 1e-3):
+        q = run(tmp_path, "mujoco", step=step, duration=0.5, world={"ground": True}, base={"position": [0, 0, 5]})
+        errors.append(np.abs(q["link_position"][np.round(times / step).astype(int), 0] - truth).max())
+        gaps.append(four_bar.gap(q["link_position"]).max())
+    assert gaps[1] < 1e-5
+    assert errors[1] < 1e-4
+    assert gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+
+
+@pytest.mark.skipif("bullet" not in INSTALLED, reason="PyBullet has no wheel here")
+def test_pybullet_refuses_loops_in_a_world_with_contacts(tmp_path):
+    with pytest.raises(RobotError, match="PyBullet cannot simulate a closed chain in a world with contacts"):
+        run(tmp_path, "bullet", world={"ground": True})
+
+
+def test_an_exported_closed_chain_moves_in_mujoco_as_in_asrsim(tmp_path):
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf('<limit effort="100" velocity="100"/>'))
+    scenario = asrsim.make_scenario(
+        path, duration=0.5, loops=four_bar.LOOPS, initial={"crank": 1.0, "coupler": -2.25, "rocker": -2.4},
+        actuators={"crank": {"type": "sea", "mode": 6}}, link_damping={"crank": {"constant": 0.3}},
+        references={"crank": {"equilibrium_position": {"step": {"at": 0.1, "to": 1.5}}}},
+    )  # fmt: skip
+    replay = export_mjcf(scenario, tmp_path / "four_bar.xml", plot=False).replay
+    assert np.abs(replay.error).max() < 2.5  # mrad
+    assert np.ptp(asrsim.run(scenario).run.samples.values["link_position"][:, 0]) > 0.3

@@ -137,6 +137,21 @@ def test_coupled_joints_in_a_world_with_contacts_follow_within_1e_9(tmp_path):
     np.testing.assert_allclose(q, free, rtol=0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_link_without_gravity_stays_at_rest_in_a_world_with_contacts(tmp_path, engine):
+    path = tmp_path / "arm.urdf"
+    inertia = '<inertia ixx="0.02" iyy="0.02" izz="0.02"/>'
+    arm = f'<link name="a"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>{inertia}</inertial></link>'
+    text = SINGLE.format("").replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>')
+    head, _, _ = text.partition('<link name="a">')
+    path.write_text(head + arm + '<gazebo reference="a"><turnGravityOff>true</turnGravityOff></gazebo></robot>')
+    keys = {"engine": engine, "duration": 0.3, "world": {"ground": True}, "base": {"position": [0, 0, 5]}}
+    q = asrsim.run(asrsim.make_scenario(path, **keys)).run.samples.values["link_position"]
+    assert np.abs(q).max() < 1e-12
+    path.write_text(head + arm + "</robot>")
+    assert np.ptp(asrsim.run(asrsim.make_scenario(path, **keys)).run.samples.values["link_position"]) > 0.1
+
+
 @pytest.mark.skipif("bullet" not in INSTALLED, reason="PyBullet has no wheel here")
 def test_pybullet_refuses_coupled_joints_and_rotors_in_a_world_with_contacts(tmp_path):
     with pytest.raises(RobotError, match="PyBullet cannot simulate a coupled joint in a world with contacts") as caught:

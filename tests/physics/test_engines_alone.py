@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+from asrsim.scenario import load_scenario, only_variant
+from asrsim.simulation.examine import examine
 
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
 AXES = ("0 1 0", "1 0 0", "0 1 0.3", "0 0 1", "1 0 1")
@@ -45,8 +46,7 @@ def chain(folder):
 
 def make(engine, path):
     scenario = only_variant(load_scenario(path))
-    robot, _ = checked_robot(scenario, None)
-    return ENGINES.get(engine).make(scenario, apply_to_robot(scenario, robot))[0]
+    return ENGINES.get(engine).make(scenario, examine(scenario).robot)[0]
 
 
 def motion(engine, path, *, stops=False, friction=0.05):

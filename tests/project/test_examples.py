@@ -8,7 +8,8 @@ import asrsim
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import load_scenario
+from support.examined import check_against_robot
 from support.paths import EXAMPLES
 
 ROBOTS = sorted((EXAMPLES / "urdf").glob("*.urdf"))

@@ -10,7 +10,8 @@ import yaml
 from asrsim.actuators import ACTUATORS
 from asrsim.robot import read_robot
 from asrsim.robot.doubts import warnings_of
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import load_scenario
+from support.examined import check_against_robot
 from support.paths import ROOT
 from support.tiny import PENDULUM
 

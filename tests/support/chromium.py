@@ -10,8 +10,16 @@ import pytest
 
 from support.browser import CHROMIUM
 
-FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+FLAGS = (
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-vsync",
+    "--disable-extensions", "--disable-background-networking", "--disable-lcd-text",
+)  # fmt: skip
 """Flags for machines without a graphics card and for users without a sandbox."""
+SLOWLY = """{
+  const next = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (draw) => setTimeout(() => next(draw), 150);
+}"""
+"""Without a graphics card, each picture takes the time of a core: the page draws a few in a second."""
 KNOWN = ("Unable to preventDefault inside passive event listener",)
 """Messages of viser's own client while a user drags."""
 
@@ -25,14 +33,12 @@ def open_page():
         pytest.skip("needs Chromium (apt-get install chromium), or ASRSIM_CHROMIUM=PATH")
     with library.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        pages = []
+
+        # Few pixels and one page: without a graphics card each of them takes time.
+        page = PageOfView(browser.new_page(device_scale_factor=0.2))
 
         def make(address, *, width=1000, height=450):
-            for old in pages:
-                old.close()
-            # Few pixels: without a graphics card each of them takes time.
-            pages[:] = [browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=0.2)]
-            return PageOfView(pages[0], address)
+            return page.opened(address, width, height)
 
         yield make
         browser.close()
@@ -41,14 +47,24 @@ def open_page():
 class PageOfView:
     """A page of `asrsim view` in the browser."""
 
-    def __init__(self, page, address):
+    def __init__(self, page):
         self.page, self.errors = page, []
         page.set_default_timeout(120_000)
         page.on("console", self._hear)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.goto(address)
-        # viser notes that WebGL runs in software, above the controls of a small window.
-        page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        page.add_init_script(SLOWLY)
+
+    def opened(self, address, width, height):
+        """This page, at an address in a window of a size in pixels."""
+        size = {"width": width, "height": height}
+        if self.page.viewport_size != size:
+            self.page.set_viewport_size(size)
+        if self.page.url.rstrip("/") != address:
+            self.errors.clear()
+            self.page.goto(address)
+            # viser notes that WebGL runs in software, above the controls of a small window.
+            self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        return self
 
     def _hear(self, message):
         if message.type == "error" and not message.text.startswith(KNOWN):
@@ -73,7 +89,7 @@ class PageOfView:
         field = self._row(label).locator("input[type=text], input[inputmode]").first
         # Key by key, as a person types.
         field.press("Control+a")
-        field.press_sequentially(str(value), delay=100)
+        field.press_sequentially(str(value), delay=30)
         field.press("Enter")
 
     def check(self, label):

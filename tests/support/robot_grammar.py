@@ -28,12 +28,21 @@ GAZEBO_OF_JOINTS = (
 GAZEBO_OF_LINKS = (
     "<mu1>0.2</mu1>", "<turnGravityOff>true</turnGravityOff>", "<selfCollide>true</selfCollide>", "<gravity>true</gravity>",
 )  # fmt: skip
+EMPTY = (
+    '<link name="{name}"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0"/></inertial><visual><geometry>'
+    '<mesh filename="package://away/b.stl" scale="0.001 0.001 -0.001"/></geometry></visual></link>'
+)
+"""A link without mass, in the middle of an arm or at its end."""
+START = (
+    '<ros2_control name="c_{name}" type="system"><joint name="{name}"><state_interface name="position">'
+    '<param name="initial_value">{value}</param></state_interface></joint></ros2_control>'
+)
 PROLOGS = ('<?xml version="1.0"?>', '\n<?xml version="1.0"?>', '<!-- a -- b -->\n<?xml version="1.0" encoding="utf-8"?>', "")
 
 
 def random_file(seed, *, joints=6):
     """Text of a random robot file. joints: largest number of joints."""
-    source = np.random.default_rng([seed, 49])
+    source, more = np.random.default_rng([seed, 49]), np.random.default_rng([seed, 50])
     count = int(source.integers(1, joints + 1))
     floor, links, parts, extra = str(source.choice(["base", "world"])), [], [], []
     if floor == "base" or source.random() < 0.5:
@@ -45,8 +54,11 @@ def random_file(seed, *, joints=6):
         kind = str(source.choice(KINDS)) if i > 1 else "revolute"
         parent, name = names[-1] if source.random() < 0.8 else str(source.choice(names)), f"l{i}"
         mass *= 10.0 ** source.uniform(-1.2, 0.0)
-        links.append(_link(name, source, heavy=kind != "fixed" or source.random() < 0.5, mass=mass))
-        parts.append(_joint(f"j{i}", kind, parent, name, moving, source))
+        heavy = kind != "fixed" or source.random() < 0.5
+        links.append(_link(name, source, heavy=heavy, mass=mass) if more.random() > 0.12 else EMPTY.format(name=name))
+        parts.append(_joint(f"j{i}", kind, parent, name, moving, source, stretch=more.choice([1.0, 1.0, 1.0, 0.5, 2.0, 1.001])))
+        if kind != "fixed" and more.random() < 0.15:
+            extra.append(START.format(name=f"j{i}", value=more.choice([0.0, 0.25, "0.1"])))
         if kind != "fixed":
             moving.append(f"j{i}")
         if source.random() < 0.3:
@@ -61,15 +73,20 @@ def random_file(seed, *, joints=6):
                 "</transmission>"
             )
         names.append(name)
+    if more.random() < 0.15:
+        links.append('<link name="odom"/>')
+        parts.append(f'<joint name="float" type="floating"><parent link="odom"/><child link="{floor}"/></joint>')
+        if not any(f'<link name="{floor}"' in link for link in links):
+            links.append(f'<link name="{floor}"/>')
     space = ' xmlns="http://example.org/urdf"' if source.random() < 0.2 else ""
     return f'{source.choice(PROLOGS)}<robot name="r{seed}"{space}>{"".join(links)}{"".join(parts)}{"".join(extra)}</robot>'
 
 
-def _joint(name, kind, parent, child, moving, source):
+def _joint(name, kind, parent, child, moving, source, *, stretch):
     limit = f"<limit {source.choice(LIMITS)}/>" if kind in ("revolute", "prismatic") and source.random() < 0.95 else ""
     if kind == "continuous" and source.random() < 0.5:
         limit = '<limit effort="20" velocity="4"/>'
-    axis = "" if kind == "fixed" else f'<axis xyz="{_text(_axis(source))}"/>'
+    axis = "" if kind == "fixed" else f'<axis xyz="{_text(_axis(source) * stretch)}"/>'
     mimic = ""
     if kind != "fixed" and moving and source.random() < 0.15:
         mimic = f'<mimic joint="{source.choice(moving)}" multiplier="{source.choice([1.0, -0.8, 0.5])}" offset="0"/>'

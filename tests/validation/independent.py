@@ -78,12 +78,13 @@ def step_responses() -> Iterator[Check]:
 def certificates() -> Iterator[Check]:
     """Ratio of the numerical error that `--certify` reports and the true error."""
     from asrsim.simulation.accuracy import certify
+    from asrsim.simulation.examine import examine
 
     truth = np.load(DATA / "ideal.npz")
     for case, stepping in product(CASES, ("leapfrog", "euler")):
         result = simulate_case(case, stepping=stepping)
         error = positions(result) - truth[case][:, 1]
-        certificate = certify(result.scenario, result, load_robot(result.scenario.robot))
+        certificate = certify(examine(result.scenario), result)
         reported = certificate["joints"]["joint"]
         ratios = (reported["position_rms"] / rms(error), reported["position_max"] / float(np.max(np.abs(error))))
         factor = max(max(ratio, 1.0 / ratio) for ratio in ratios)

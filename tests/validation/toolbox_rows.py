@@ -14,10 +14,11 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.fields import JointState, Scheme
+from asrsim.simulation.interpreted import bound_law
 from asrsim.simulation.kernel import advance
-from asrsim.simulation.laws import bound_law
 from asrsim.simulation.released import released_step
-from asrsim.simulation.rows import constants_of, kind_of, shape_of, start_of
+from asrsim.simulation.rows import constants_of, kind_of, start_of
+from asrsim.simulation.shape import shape_of
 
 OUTPUTS = (
     "link_torque", "elastic_torque_1", "elastic_torque_2", "stiffness",
@@ -30,8 +31,8 @@ def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) ->
     """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
     (drive,) = make_drives(robot, STEPPINGS["toolbox"], Scenario(name="toolbox", robot=robot.path))
     shape = shape_of([drive])
-    k = kind_of(drive, shape)
-    p = constants_of(drive, shape, motor_substeps=1, cutoff=False)
+    k = kind_of(drive, shape, ())
+    p = constants_of(drive, shape, (), motor_substeps=1, cutoff=False)
     actuator: Any = drive.actuator
     if actuator is not None and drive.mode is not None and drive.mode.spring:
         k.spring_law = bound_law(actuator, drive.positions)

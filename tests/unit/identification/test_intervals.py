@@ -43,13 +43,13 @@ def test_differences_are_never_taken_beyond_bounds():
     parameters = [
         Parameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b) for key, a, b in zip("abcde", low, high, strict=True)
     ]
-    problem = modelled(lambda x: tried.append(x) or slopes @ x + x.sum() ** 2, parameters, 50)
-    x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.1])
-    for found in (jacobian(problem, x, step), with_faint_directions(problem, x, jacobian(problem, x, step))):
+    problem = modelled(lambda x: tried.append(x) or slopes @ x + 100.0 * x.sum() ** 2, parameters, 50)
+    x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.01])
+    for found in (jacobian(problem, x, step), with_faint_directions(problem, x, jacobian(problem, x))):
         assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
-        np.testing.assert_allclose(found, slopes + 2.0 * x.sum(), atol=1.01 * step)
+        np.testing.assert_allclose(found, slopes + 200.0 * x.sum(), atol=101.0 * step)
     # Central differences of a parabola are exact.
-    np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 2.0 * x.sum(), atol=1e-9)
+    np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 200.0 * x.sum(), atol=1e-9)
 
 
 def test_white_noise_gives_the_deviation_of_least_squares():

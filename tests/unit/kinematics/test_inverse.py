@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from asrsim.actuators import Sea
+from asrsim.actuators import Actuator, Sea
 from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import demands_of
 from support.robots import drive_with
@@ -39,3 +39,32 @@ def test_demands_on_a_spring_and_its_motor_are_those_of_the_closed_form():
         assert (abs(one.needed), abs(one.limit), one.unit) == (pytest.approx(needed, rel=0.01), pytest.approx(limit), unit), (
             what
         )
+
+
+def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_says():
+    """The laws and the reference map are linear here: four equations for three motors and the equilibrium."""
+    stiffness, gains, preset, q, torque = np.array([5.0, 8.0, 12.0]), np.array([30.0, 60.0, 90.0]), 0.2, 0.3, 2.5
+
+    class Three(Actuator):
+        name, motors = "three_unequal", 3
+
+        @staticmethod
+        def elastic_torques(q, theta_1, theta_2, theta_3, parameters):
+            return 5.0 * (theta_1 - q), 8.0 * (theta_2 - q), 12.0 * (theta_3 - q)
+
+        @staticmethod
+        def motor_references(equilibrium, preset):
+            return equilibrium + preset, 2.0 * equilibrium, equilibrium - 3.0 * preset
+
+    values = {"proportional": gains, "integral": np.zeros(3), "derivative": np.ones(3), "inertia": np.full(3, 0.01),
+              "damping": np.full(3, 0.1), "friction_torque": np.zeros(3)}  # fmt: skip
+    drive = drive_with(Three, (), mode=6, **{name: tuple(value) for name, value in values.items()})
+    time = np.linspace(0.0, 1.0, 101)
+    still = np.zeros(101)
+    found = drive_backwards(drive, time, still + q, still, still + torque, still + preset)
+    rho, offsets = np.array([1.0, 2.0, 1.0]), np.array([preset, 0.0, -3.0 * preset])
+    # Unknown: theta_i and e; k_i (theta_i - q) = P_i (rho_i e + c_i - theta_i), sum k_i (theta_i - q) = torque.
+    balance = np.block([[np.diag(stiffness + gains), -(gains * rho)[:, None]], [stiffness, 0.0]])
+    *motors, equilibrium = np.linalg.solve(balance, [*(gains * offsets + stiffness * q), torque + stiffness.sum() * q])
+    np.testing.assert_allclose(found.motors[50], motors, atol=1e-6)
+    assert found.inputs[50] == pytest.approx(equilibrium, abs=1e-6)

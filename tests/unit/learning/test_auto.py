@@ -17,8 +17,9 @@ from asrsim.learning.optimal import InputSplines, NormOptimal, lift, standing
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import learning_model, prepare_learning
 from asrsim.learning.twin import Unexplained, fit_twin
-from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
+from asrsim.scenario import apply_to_robot, make_scenario
 from asrsim.simulation.run import simulate
+from support.examined import checked_robot
 from support.identify_files import save
 from support.lessons import inputs_in, learned, plant_of, play, record
 from support.paths import ROOT

@@ -11,7 +11,8 @@ from asrsim.metrics.expect import compares, subject_of
 from asrsim.samples import TIP, TIP_GOAL, JointInfo, Samples
 from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
-from asrsim.summary.claims import check_claims, claim_results
+from asrsim.summary.claims import claim_results
+from support.examined import check_claims
 
 TIME = np.linspace(0, 2, 2001)
 POSES = np.column_stack([0.05 * TIME, np.zeros_like(TIME), np.full_like(TIME, 0.1), np.tile([0, 0, 0, 1.0], (len(TIME), 1))])

@@ -14,7 +14,7 @@ from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.layout import PanelGrid
 from asrsim.plots.panels import PANELS, draw_panel
-from asrsim.plots.view import show_values
+from asrsim.plots.view import label_values, show_values
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
 
@@ -93,6 +93,27 @@ def test_every_tick_has_its_own_label(low, high):
     labels = [label.get_text().replace("\u2212", "-") for label in axes[0, 0].get_yticklabels()]
     np.testing.assert_allclose([float(label) for label in labels], axes[0, 0].get_yticks(), rtol=1e-9, atol=1e-15)
     assert len({*labels}) == len(labels)
+
+
+@pytest.mark.parametrize(
+    ("largest", "unit", "label", "tick"),
+    [
+        (7.5e-5, "m", "way (mm)", 0.05),
+        (2e-6, "m", "way (µm)", 2.0),
+        (1.2e-3, "rad", "way (mrad)", 1.0),
+        (0.2, "m", "way (m)", 0.2),
+        (1e-4, "%", "way (%)", 1e-4),
+    ],
+)
+def test_small_values_have_a_smaller_unit(largest, unit, label, tick):
+    axes = new_figure(4, 3).subplots()
+    curve = Curve(time=np.linspace(0, 1, 20), values=np.linspace(0.0, largest, 20))
+    show_values(axes, [curve], brief=False)
+    label_values(axes, "way", unit)
+    axes.figure.canvas.draw()
+    texts = {float(text.get_text().replace("\N{MINUS SIGN}", "-")) for text in axes.get_yticklabels()}
+    assert axes.get_ylabel() == label
+    assert min(abs(one - tick) for one in texts) < 1e-6 * tick
 
 
 @pytest.mark.parametrize(("joints", "pages"), [(3, 1), (5, 2)])

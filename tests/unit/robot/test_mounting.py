@@ -8,7 +8,8 @@ import asrsim
 from asrsim.actuators import ACTUATORS
 from asrsim.cli.app import app
 from asrsim.errors import ScenarioError
-from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
+from asrsim.scenario import apply_to_robot, load_scenario, make_scenario
+from support.examined import checked_robot
 from support.robots import write_plain_arm
 
 REFERENCES = {"*": {"equilibrium_position": {"step": {"at": 0.05, "to": 0.2}}}}

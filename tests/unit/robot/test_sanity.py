@@ -10,7 +10,8 @@ from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
-from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario import load_scenario
+from support.examined import check_against_robot
 
 MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
 

@@ -19,6 +19,7 @@ from asrsim.runs.folder import find_logs, new_log, open_folder
 from asrsim.runs.repeat import repeat
 from asrsim.samples import Samples
 from asrsim.scenario import load_scenario
+from asrsim.simulation.examine import examine
 from support.log_example import INFO, example_samples, part
 
 COUNT = 60
@@ -173,7 +174,7 @@ def test_a_repeated_run_names_the_meshes_that_changed(tiny):
     part = tiny.folder / "part.obj"
     part.write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
     (tiny.folder / "out").mkdir()
-    execute(load_scenario(tiny.scenario)[0], tiny.folder / "out")
+    execute(examine(tiny.scenario), tiny.folder / "out")
     assert repeat(tiny.folder / "out" / "log.mcap").changed == ()
     part.write_text(part.read_text().replace("0.1", "0.11"))
     assert repeat(tiny.folder / "out" / "log.mcap").changed == ("part.obj",)

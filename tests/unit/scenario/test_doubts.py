@@ -6,8 +6,9 @@ import yaml
 from asrsim.kinematics.sizing import weight_warnings
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
-from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+from asrsim.scenario import apply_to_robot, load_scenario
 from asrsim.scenario.signal_checks import undersampled
+from support.examined import check_against_robot
 
 STRONG = """modes: 5
 stepping: toolbox

@@ -1,12 +1,16 @@
 """Worlds on Warp move as asrsim's own worlds do: laws are the same, numbers have single precision."""
 
+import re
+
 import numpy as np
 import pytest
 
 import asrsim
+from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
+from asrsim.plugins import load_plugin_file
 from asrsim.simulation.prepare import Start
-from support.paths import EXAMPLES
+from support.paths import EXAMPLES, ROOT
 
 pytest.importorskip("mujoco_warp", reason='needs the extra "warp"')
 
@@ -15,6 +19,9 @@ PARTS = {
     "integral action": {"parameters": {"joint_1": {"controller_1_integral": 50.0}}},
     "motor friction": {"parameters": {"joint_1": {"motor_1_friction_torque": 0.3, "motor_1_stribeck_friction": 0.3}}},
     "hysteresis": {"parameters": {"joint_1": {"hysteresis_torque": 0.3, "hysteresis_deflection": 0.02}}},
+    "damper": {"parameters": {"joint_1": {"spring_damping": 0.1}}},
+    "backlash": {"parameters": {"joint_1": {"backlash": 0.05}}},
+    "heating": {"parameters": {"joint_1": {"thermal_resistance": 2.0, "thermal_capacity": 0.2, "winding_heat": 50.0}}},
     "delay": {"effects": {"commands": {"joint_1": {"delay": 0.0104}}, "sensors": {"joint_1": {"delay": 0.002}}}},
 }
 
@@ -23,6 +30,12 @@ def scenario(actuator, *, preset=None, motion=STEP, duration=0.25, **keys):
     references = {"equilibrium_position": motion} | ({} if preset is None else {"stiffness_preset": preset})
     keys = {"duration": duration, "references": {"joint_1": references}, "modes": {"*": 6}} | keys
     return asrsim.make_scenario(EXAMPLES / "urdf" / f"dof1_{actuator}.urdf", engine="mujoco", **keys)
+
+
+@pytest.fixture
+def my_vsa(monkeypatch):
+    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
+    load_plugin_file(EXAMPLES / "plugins" / "my_vsa.py")
 
 
 def errors(given, starts=None):
@@ -46,6 +59,12 @@ def check(error):
 @pytest.mark.parametrize(("actuator", "preset"), [("sea", None), ("qbmove", 0.2), ("bavs", 0.1), ("awas_ii", 0.02)])
 def test_joints_move_as_in_asrsim(actuator, preset, motion):
     check(errors(scenario(actuator, preset=preset, motion=motion)))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("my_vsa")
+def test_an_actuator_of_a_user_moves_as_in_asrsim():
+    check(errors(scenario("qbmove", preset=0.2, actuators={"joint_1": {"type": "my_vsa", "mode": 6}})))
 
 
 @pytest.mark.slow
@@ -76,6 +95,40 @@ def test_references_are_set_and_worlds_are_reset_one_by_one():
         np.testing.assert_array_equal(after.link_position[[0, 2]], before.link_position[[0, 2]])
 
 
+@pytest.mark.slow
+def test_the_page_on_worlds_does_what_it_says(monkeypatch, capsys):
+    lines = (ROOT / "docs" / "worlds.md").read_text().splitlines()
+    monkeypatch.chdir(ROOT)
+    found = {}
+    exec("\n".join(line[4:] for line in lines if line.startswith("    ") or not line), found)
+    assert len(re.findall(r"-?\d+\.\d+", capsys.readouterr().out)) == 64
+    assert found["shared"].shape == (64, 2)
+
+
+def test_the_state_on_the_device_is_shared_without_copies():
+    with asrsim.Worlds(scenario("qbmove", preset=0.2), 3, engine="mujoco_warp") as worlds:
+        shared = {name: array.numpy() for name, array in worlds.device_arrays().items()}
+        worlds.set_reference("joint_1", "equilibrium_position", np.array([0.3, -0.3, 0.0]))
+        worlds.advance(3)
+        seen = worlds.observe()
+        np.testing.assert_array_equal(shared["link_position"], seen.link_position)
+        np.testing.assert_array_equal(shared["link_velocity"], seen.link_velocity)
+        np.testing.assert_array_equal(shared["motor_2_velocity"], seen.motor_velocity[..., 1])
+    with asrsim.Worlds(scenario("qbmove", preset=0.2), 1) as plain, pytest.raises(InputError, match="only worlds on Warp"):
+        plain.device_arrays()
+
+
+def test_torch_shares_the_state_on_the_device():
+    pytest.importorskip("torch")
+    import warp
+
+    with asrsim.Worlds(scenario("sea"), 2, engine="mujoco_warp") as worlds:
+        positions = warp.to_torch(worlds.device_arrays()["link_position"])
+        worlds.advance(60)
+        assert (positions > 0.0).all()
+        np.testing.assert_array_equal(positions.numpy(), worlds.observe().link_position)
+
+
 def test_energies_and_unknown_devices_are_refused():
     with pytest.raises(InputError, match="spring_energy"):
         asrsim.Worlds(scenario("sea"), 2, engine="mujoco_warp", names=["spring_energy"])
@@ -92,3 +145,19 @@ def test_environments_run_on_warp():
     with_warp.close()
     assert seen[0, 1] > 0.0 > seen[1, 1]
     assert (rewards[:2] < 0.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("actuator", ["sea", "qbmove"])
+def test_a_link_meets_its_stop_as_in_asrsim(tmp_path, actuator):
+    """The link arrives at about 4 rad/s, rests at the stop, and leaves it."""
+    text = (EXAMPLES / "urdf" / f"dof1_{actuator}.urdf").read_text()
+    stopped = text.replace('type="continuous"', 'type="revolute"').replace("<limit ", '<limit lower="-0.4" upper="0.4" ')
+    assert stopped.count('upper="0.4"') == 1
+    (tmp_path / "robot.urdf").write_text(stopped)
+    there_and_back = {"sum": [{"step": {"at": 0.05, "to": 1.0}}, {"step": {"at": 0.4, "to": -1.2}}]}
+    references = {"equilibrium_position": there_and_back} | ({} if actuator == "sea" else {"stiffness_preset": 0.1})
+    given = asrsim.make_scenario(
+        tmp_path / "robot.urdf", engine="mujoco", duration=0.6, references={"joint_1": references}, modes={"*": 6}
+    )
+    assert np.abs(errors(given)).max() < 0.1

@@ -1,4 +1,7 @@
-"""The page in a real browser: what a user does there reaches the simulation, and what happens reaches the page."""
+"""The page in a real browser: what a user does there reaches the simulation, and what happens reaches the page.
+
+All tests share a browser, a live view and a played-back log, since a page takes long to load without a graphics card.
+"""
 
 import re
 import time
@@ -12,7 +15,6 @@ from asrsim.runs.repeat import repeat
 from support.chromium import open_page
 from support.paths import EXAMPLES
 
-SOFT_ARM = EXAMPLES / "scenarios" / "step_2dof.yaml"
 STIFFNESS = 5.0
 """Stiffness of the spring of the joint that is pulled, N m/rad."""
 
@@ -23,18 +25,26 @@ def browser():
         yield make
 
 
-@pytest.fixture
-def arm(tmp_path, browser):
-    """A live view of the soft arm, and its page."""
-    with asrsim.view(SOFT_ARM, variant="soft", out=tmp_path / "run") as view:
-        yield view, browser(view.address)
+@pytest.fixture(scope="module")
+def live(tmp_path_factory):
+    """A live view of an arm whose reference moves, and the folder of its first log."""
+    folder = tmp_path_factory.mktemp("live") / "run"
+    scenario = asrsim.make_scenario(
+        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, gravity=[0, 0, 0], compiled=False,
+        references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.5, "frequency": 0.7}}}},
+        parameters={"joint_1": {"spring_stiffness": STIFFNESS}}, link_damping={"joint_1": {"constant": 0.2}},
+    )  # fmt: skip
+    with asrsim.view(scenario, out=folder) as view:
+        yield view, folder
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
+def played(tmp_path_factory):
+    """A log that is played back beside another one, and the folder of both."""
     folder = tmp_path_factory.mktemp("runs")
-    asrsim.run_variants(SOFT_ARM, out=folder, overrides={"duration": 1.0})
-    return folder / "soft" / "log.mcap"
+    asrsim.run_variants(EXAMPLES / "scenarios" / "step_2dof.yaml", out=folder, overrides={"duration": 1.0})
+    with asrsim.view(folder / "soft", folder / "stiff") as view:
+        yield view, folder
 
 
 def until(fact, patience=120.0):
@@ -46,114 +56,111 @@ def until(fact, patience=120.0):
     return found
 
 
-def positions(view):
-    return view.show.session.simulation.observe().link_position
+def position(view):
+    return view.show.session.simulation.observe().link_position[0]
 
 
 def at_rest(view):
-    """Whether the first joint stays where it is for 0.6 s of simulated time."""
+    """Whether the joint stays where it is for 0.6 s of simulated time."""
     readings = []
     for _ in range(4):
-        readings.append(positions(view)[0])
+        readings.append(position(view))
         then = view.show.session.time + 0.2
         until(lambda then=then: view.show.session.time > then)
     return np.ptp(readings) < 1e-9
 
 
-def test_a_typed_number_moves_the_robot_while_the_scenarios_reference_moves(tmp_path, browser):
-    wave = {"sinusoid": {"amplitude": 0.5, "frequency": 0.7}}
-    scenario = asrsim.make_scenario(
-        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, gravity=[0, 0, 0],
-        references={"joint_1": {"equilibrium_position": wave}},
-        parameters={"joint_1": {"spring_stiffness": STIFFNESS}}, link_damping={"joint_1": {"constant": 0.2}},
-    )  # fmt: skip
-    with asrsim.view(scenario, out=tmp_path / "run") as view:
-        page = browser(view.address)
-        page.tab("Joints")
-        page.number("equilibrium position, rad", -0.3)
-        until(lambda: abs(positions(view)[0] + 0.3) < 1e-3)
+def test_a_typed_number_moves_the_robot_while_the_scenarios_reference_moves(live, browser):
+    view, _ = live
+    page = browser(view.address)
+    page.tab("Joints")
+    page.number("equilibrium position, rad", -0.3)
+    until(lambda: abs(position(view) + 0.3) < 1e-3)
 
 
-def test_pause_step_reset_and_what_was_done_is_in_a_log_that_repeats(arm, tmp_path):
-    view, page = arm
-    page.click("Pause")
+def test_a_dragged_link_rests_where_spring_and_pull_balance(live, browser):
+    """Mode 3: the motor stands at its reference. At rest, the deflection is the torque of the pull divided by the stiffness."""
+    view, _ = live
+    page = browser(view.address)
+    page.tab("Joints")
+    page.number("equilibrium position, rad", 0)
+    until(lambda: abs(position(view)) < 1e-6)
+    # The ball hangs 0.04 m below the axis.
+    with page.dragging(page.place(view, (0.0, 0.0, 0.21)), (60, -15)):
+        desk = view.show.session.operator
+        until(lambda: desk._pull is not None and np.linalg.norm(desk._pull.force) > 0.5)
+        # The hand rests too.
+        until(lambda: at_rest(view))
+        pull, grip = desk._pull, desk._grip
+        q = view.show.session.simulation.observe().link_position
+        torque = view.show.session.simulation.model.jacobian(q, grip.body, grip.point)[:3, 0] @ pull.force
+        assert abs(torque) > 5e-3
+        assert q[0] == pytest.approx(torque / STIFFNESS, abs=1e-6)
+        assert np.linalg.norm(pull.force) == pytest.approx(50.0 * np.linalg.norm(pull.target - pull.point), rel=1e-6)
+        until(lambda: page.has(re.compile(r"pull [\d.]+ N")))
+    until(lambda: abs(position(view)) < 1e-6)
+
+
+def test_pause_step_reset_and_what_was_done_is_in_logs_that_repeat(live, browser):
+    view, folder = live
+    page = browser(view.address)
+    page.tab("Joints")
+    page.number("equilibrium position, rad", 0.25)
     session = view.show.session
+    until(lambda: session.operator._by_hand[("joint_1", "equilibrium_position")] == 0.25)
+    page.tab("Run")
+    page.click("Pause")
     until(lambda: session.paused)
     before = until(lambda: session.time)
     page.click("Step")
     until(lambda: session.time == pytest.approx(before + 1e-3))
     page.click("Go on")
-    page.tab("Joints")
-    page.number("equilibrium position, rad", 0.25)
-    until(lambda: session.figures()["applied"])
-    page.tab("Run")
+    until(lambda: session.time > before + 0.1)
     page.click("Reset")
-    until(lambda: view.show.session is not session)
-    page.tab("Joints")
-    page.number("equilibrium position, rad", -0.4)
-    until(lambda: view.show.session.operator._by_hand.get(("joint_1", "equilibrium_position")) == -0.4)
-    until(lambda: view.show.session.time > 0.5)
-    view.close()
-    first, path = (tmp_path / "run" / name / "log.mcap" for name in ("soft", "soft_2"))
-    assert list(open_log(first).commands())[-1].value == 0.25
-    commands = list(open_log(path).commands())
-    assert {(one.joint, one.reference) for one in commands} == {("joint_1", "equilibrium_position")}
-    assert commands[-1].value == -0.4
-    assert repeat(path).identical
+    second = until(lambda: view.show.session if view.show.session is not session else None)
+    until(lambda: second.time > 0.2)
+    page.click("Reset")
+    until(lambda: view.show.session is not second)
+    assert not page.errors
+    logs = [folder.with_name(name) / "log.mcap" for name in ("run", "run_2")]
+    assert list(open_log(logs[0]).commands())[-1].value == 0.25
+    assert not list(open_log(logs[1]).commands())
+    assert repeat(logs[0]).identical
 
 
-def test_a_dragged_link_rests_where_spring_and_pull_balance(tmp_path, browser):
-    """Mode 3: the motor stands at its reference. At rest, the deflection is the torque of the pull divided by the stiffness."""
-    scenario = asrsim.make_scenario(
-        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, gravity=[0, 0, 0],
-        parameters={"joint_1": {"spring_stiffness": STIFFNESS}}, link_damping={"joint_1": {"constant": 0.2}},
-    )  # fmt: skip
-    with asrsim.view(scenario, out=tmp_path / "run") as view:
-        page = browser(view.address)
-        until(view.server.viser.get_clients)
-        # The ball hangs 0.04 m below the axis.
-        with page.dragging(page.place(view, (0.0, 0.0, 0.21)), (60, -15)):
-            desk = view.show.session.operator
-            until(lambda: desk._pull is not None and np.linalg.norm(desk._pull.force) > 0.5)
-            # The hand rests too.
-            until(lambda: at_rest(view))
-            pull, q, simulation = desk._pull, positions(view), view.show.session.simulation
-            grip = desk._grip
-            torque = simulation.model.jacobian(q, grip.body, grip.point)[:3, 0] @ pull.force
-            assert abs(torque) > 5e-3
-            assert q[0] == pytest.approx(torque / STIFFNESS, abs=1e-6)
-            assert np.linalg.norm(pull.force) == pytest.approx(50.0 * np.linalg.norm(pull.target - pull.point), rel=1e-6)
-            assert page.has(re.compile(r"pull [\d.]+ N"))
-        until(lambda: abs(positions(view)[0]) < 1e-6)
-    assert repeat(tmp_path / "run" / "log.mcap").identical
-
-
-def test_a_log_is_played_back_with_a_ghost_and_plots(log, browser):
-    with asrsim.view(log, log.parents[1] / "stiff" / "log.mcap") as view:
-        page = browser(view.address)
-        player = view.show
-        until(lambda: not player.playing)
-        assert player.time == pytest.approx(1.0)
-        page.number("Time, s", 0.25)
-        until(lambda: player.time == pytest.approx(0.25))
-        (companion, ghost), = player._page.stage.ghosts.values()  # fmt: skip
-        until(lambda: ghost.nodes["link_1"].wxyz[0] < 0.9999)
-        stiff = read_log(log.parents[1] / "stiff" / "log.mcap").samples
-        row = int(np.abs(stiff.time - 0.25).argmin())
-        assert companion.history.at(0.25).values["link_position"][0].tolist() == stiff.values["link_position"][row].tolist()
-        plot = player._page.plots.plots[0]._plot
-        until(lambda: plot.data[0][-1] == pytest.approx(0.25, abs=0.01))
-        assert [one["label"] for one in plot.series][:2] == ["s", "joint_1"]
-        assert page.count(".uplot canvas") == 2
-        page.tab("Show")
-        page.check(companion.label)
-        until(lambda: not ghost.visible)
+def test_a_log_is_played_back_with_a_ghost_and_plots(played, browser):
+    view, folder = played
+    page = browser(view.address)
+    player = view.show
+    until(lambda: not player.playing)
+    assert player.time == pytest.approx(1.0)
+    page.number("Time, s", 0.25)
+    until(lambda: player.time == pytest.approx(0.25))
+    (companion, ghost), = player._page.stage.ghosts.values()  # fmt: skip
+    until(lambda: ghost.nodes["link_1"].wxyz[0] < 0.9999)
+    stiff = read_log(folder / "stiff" / "log.mcap").samples
+    row = int(np.abs(stiff.time - 0.25).argmin())
+    assert companion.history.at(0.25).values["link_position"][0].tolist() == stiff.values["link_position"][row].tolist()
+    plot = player._page.plots.plots[0]._plot
+    until(lambda: plot.data[0][-1] == pytest.approx(0.25, abs=0.01))
+    assert [one["label"] for one in plot.series][:2] == ["s", "joint_1"]
+    assert page.count(".uplot canvas") == 2
+    page.tab("Show")
+    page.check(companion.label)
+    until(lambda: not ghost.visible)
 
 
 @pytest.mark.parametrize("width", [1280, 420])
-def test_no_error_reaches_the_console(log, browser, width):
-    with asrsim.view(log) as view:
-        page = browser(view.address, width=width)
-        until(lambda: page.has("step_2dof / soft"))
-        time.sleep(1.0)
-        assert not page.errors
+def test_no_error_reaches_the_console(played, browser, width):
+    view, _ = played
+    page = browser(view.address, width=width, height=600)
+    page.page.reload()
+    until(lambda: page.has("step_2dof / soft"))
+    # The robot is drawn after the controls.
+    until(lambda: page.count("canvas"))
+    time.sleep(1.0)
+    assert not page.errors
+    if width < 500:
+        # The controls stand below the robot, in the lower half of the window.
+        until(lambda: len(view.server.viser.get_clients()) == 1)
+        assert page.place(view, view.show._page.server.initial_camera.look_at)[1] < 0.4 * 600

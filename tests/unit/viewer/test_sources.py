@@ -1,6 +1,7 @@
 """What a page shows comes from logs, recordings, twins and robot files alike."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from asrsim.log import open_log
 from asrsim.outfile import csv_text
 from asrsim.runs.repeat import repeat
 from asrsim.simulation.prepare import prepare
-from asrsim.twin.follow import follow
+from asrsim.twin.follow import Followed, follow
 from asrsim.viewer.events import limit_events
 from asrsim.viewer.history import History
 from asrsim.viewer.page import Page
@@ -21,7 +22,7 @@ from asrsim.viewer.recorded import recorded
 from asrsim.viewer.server import PageServer
 from asrsim.viewer.stage import Stage
 from asrsim.viewer.subject import logged
-from asrsim.viewer.twin import followed_player
+from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
 from support.plot_example import made_up_log
 
@@ -115,6 +116,34 @@ def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
         found.external_torque[np.abs(found.time - start).argmin()], nan_ok=True
     )
     assert player._page.stage._arrows["torque"].visible
+
+
+def test_a_twin_s_torques_are_shown_as_they_are_found_and_then_played(server):
+    """Steps of a twin are on the page before the last one is done."""
+    prepared = prepare(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft")
+    page, count, seen, results = Page(server), 40, [], []
+    torques = np.outer(np.arange(count), [0.1, -0.2])
+
+    def work(watch, stop):
+        for k, torque in enumerate(torques):
+            step = SimpleNamespace(external_torque=torque, stiffness=np.full(2, 5.0), alarm=np.array([k > 20, False]))
+            watch(k * 0.01, np.full(2, 0.01 * k), step)
+            time.sleep(0.01)
+            seen.append(view._subject.history.span[1])
+        times = 0.01 * np.arange(count)
+        return Followed(
+            name="lab", joints=("joint_1", "joint_2"), units={}, time=times, positions=np.outer(times, [1, 1]),
+            external_torque=torques, stiffness=np.full((count, 2), 5.0), residual=0 * torques, threshold=0 * torques + 1,
+            alarm=torques > 2.0, notes=(),
+        )  # fmt: skip
+
+    view = FollowView(page, prepared, work, results.append)
+    found = view.run(lambda: bool(results))
+    assert results == [found]
+    assert 0.1 < seen[len(seen) // 2] < seen[-1]
+    latest = view._subject.history.latest
+    row = round(latest.time[0] / 0.01)
+    assert latest.values["external_torque"][0].tolist() == torques[row].tolist()
 
 
 def test_a_log_without_poses_and_an_unknown_variant_are_errors_before_a_page_opens(tmp_path):

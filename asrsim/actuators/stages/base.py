@@ -1,0 +1,113 @@
+"""The interface of a stage: a part of an actuator beside its springs, such as a damper, with parameters, memory and laws.
+
+The laws are static methods of numbers. They use only the module `math`, so that one source runs interpreted, compiled and on
+Warp. A law receives the memory of the stage at one motor, and the constants there. A stage declares only the laws that it
+needs; the others have no effect. Laws are composed when the robot is built: joints without the stage contain nothing of it.
+
+    class Friction(Stage):
+        name = "slip"
+        title = "Slip of the clutch"
+        parameters = (Parameter(name="slip_damping", default=0.0, unit="N m s/rad", minimum=0.0, optional=True, doc="..."),)
+        Constants = SlipConstants          # a dataclass with slots of `asrsim.records.constant`
+
+        @classmethod
+        def constants(cls, values, motor, mode):
+            damping = values["slip_damping"]
+            return SlipConstants(damping) if damping > 0.0 else None
+
+        @staticmethod
+        def torque(memory, own, deflection, velocity):
+            return own.damping * velocity
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from asrsim.actuators.modes import Mode
+from asrsim.actuators.parameters import Parameter
+from asrsim.quantities import Quantity
+
+
+@dataclass(slots=True)
+class NoMemory:
+    """Memory of a stage that remembers nothing."""
+
+
+class Stage:
+    """Base of all stages. Subclasses are declarations: they have no state and are never instantiated."""
+
+    name: ClassVar[str]
+    """Name in the registry."""
+    title: ClassVar[str]
+    """Name for display."""
+    source: ClassVar[str] = ""
+    """Publication of the model."""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    """Parameters of the stage. They are shared by all motors of a joint; at their defaults the stage must not act."""
+    Memory: ClassVar[Any] = NoMemory
+    """Record of the state of the stage at one motor: a dataclass with slots of numbers `asrsim.records.value`."""
+    Constants: ClassVar[Any]
+    """Record of the constants of the stage at one motor: a dataclass with slots of numbers `asrsim.records.constant`."""
+    quantities: ClassVar[tuple[Quantity, ...]] = ()
+    """Quantities that the stage adds to logs: the numbers of the memory that have a name in logs (`log=`), and `lost`."""
+    lost: ClassVar[str] = ""
+    """Name in logs of the energy that the stage has lost since the start, in J; empty for a stage without `loss`."""
+
+    @classmethod
+    def constants(cls, values: Mapping[str, float], motor: int, mode: Mode) -> Any:
+        """Constants at motor 1, 2, ... for the values of the actuator's parameters; None where the stage does not act."""
+        raise NotImplementedError
+
+    @staticmethod
+    def place(memory: Any, own: Any, deflection: float) -> float:
+        """Deflection of the spring in rad for a deflection (motor minus link) in rad: a part in series with the spring. The
+        function does not decrease, and has no slope above 1."""
+        return deflection
+
+    @staticmethod
+    def torque(memory: Any, own: Any, deflection: float, velocity: float) -> float:
+        """Torque in N m of a part parallel to the spring: it pulls the link towards the motor.
+
+        deflection: motor minus link, rad; velocity: rate of the deflection, rad/s.
+        """
+        return 0.0
+
+    @staticmethod
+    def limit(memory: Any, own: Any, torque: float) -> float:
+        """Largest torque of the motor in N m, which is `torque` without the stage."""
+        return torque
+
+    @staticmethod
+    def remember(memory: Any, own: Any, deflection: float, velocity: float, torque: float, step: float) -> None:
+        """Advance the memory to a kick of the motor, once per substep.
+
+        deflection in rad and velocity in rad/s at the kick; torque: of the motor in the kick, N m; step: time between kicks, s.
+        """
+
+    @staticmethod
+    def energy(memory: Any, own: Any) -> float:
+        """Energy in J that the stage stores after `remember`, beside that of the spring."""
+        return 0.0
+
+    @staticmethod
+    def loss(memory: Any, own: Any) -> float:
+        """Energy in J that the stage has lost between the last two kicks, at least 0."""
+        return 0.0
+
+    @staticmethod
+    def stiffness_bound(own: Any) -> float:
+        """Largest stiffness in N m/rad that the stage adds: the slope of `torque` over the deflection."""
+        return 0.0
+
+    @staticmethod
+    def damping_bound(own: Any) -> float:
+        """Largest damping in N m s/rad that the stage adds: the slope of `torque` over the velocity."""
+        return 0.0
+
+    @classmethod
+    def has(cls, law: str) -> bool:
+        """Whether the stage declares the law of this name."""
+        return getattr(cls, law) is not getattr(Stage, law)

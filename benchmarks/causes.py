@@ -1,0 +1,58 @@
+"""Causes that a fit names: robots with one effect that their model lacks, and right models.
+
+    python benchmarks/causes.py                      every effect, --seeds each, and as many right models
+    python benchmarks/causes.py --only backlash --seeds 10
+
+Prints for each robot whether the effect was named first, named at all, and what was named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+WORDS = {
+    "backlash": ("backlash",),
+    "cubic spring": ("spring's law", "cubic", "amplitude"),
+    "second mode": ("mode is missing", "second mode"),
+    "hysteresis": ("hysteresis",),
+    "stribeck": ("static friction",),
+    "torque limit": ("max_torque",),
+    "speed limit": ("max_velocity",),
+    "load": ("mass", "load"),
+}
+"""Words of a cause, by effect."""
+
+
+def main() -> None:
+    """Print a row for each robot."""
+    from asrsim import identify
+    from support.odd_arm import EFFECTS, record
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=(*EFFECTS, "right"))
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    effects = [options.only] if options.only else [*EFFECTS, "right"]
+    for effect in effects:
+        named = 0
+        for seed in range(options.first, options.first + options.seeds):
+            began = time.process_time()
+            with tempfile.TemporaryDirectory() as folder:
+                scenario, recording, truth = record(effect if effect != "right" else "", seed, Path(folder))
+                result = identify(scenario, [recording], free=list(truth))
+            first = result.causes[0] if result.causes else ""
+            right = any(word in first.partition(" would bring")[0] for word in WORDS.get(effect, ()))
+            named += right
+            print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {' | '.join(result.causes)}")
+        print(f"{effect}: {named} of {options.seeds} named first")
+
+
+if __name__ == "__main__":
+    main()
