@@ -11,12 +11,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
+from typing import TypeVar
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.declaration import declaration_problem, declaration_problems, file_of
+from asrsim.actuators.stage_checker import stage_problems
+from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import ActuatorError, Problem
 from asrsim.plain import one_or_more
 from asrsim.registry import Registry, plugin_file
+
+C = TypeVar("C")
 
 MODULES = "asrsim_plugin_"
 """Prefix of the module names of plugin files."""
@@ -53,32 +58,35 @@ def load_plugin_files(files: str | Path | Sequence[str | Path]) -> tuple[Path, .
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
-    """Run a plugin file and register every actuator class that it defines; a file may be loaded again.
+    """Run a plugin file and register every class of an actuator or a stage that it defines; a file may be loaded again.
 
     The file may also add to any other registry of asrsim: signals, measures, recording readers, engines. The file
     runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
     Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
-    malformed actuator.
+    malformed actuator or stage.
     """
     path = Path(path)
     if not path.is_file():
         raise ActuatorError("no such plugin file", file=path, code="missing-file")
     before = Registry.added
     module = _run(path)
-    found = [
-        entry
-        for name, entry in vars(module).items()
-        if inspect.isclass(entry)
-        and issubclass(entry, Actuator)
-        and entry.__module__ == module.__name__
-        and not name.startswith("_")
-    ]
-    if not found and Registry.added == before:
+    found, stages = _classes(module, Actuator), _classes(module, Stage)
+    if not (found or stages) and Registry.added == before:
         raise ActuatorError(
             "adds nothing to asrsim", file=path, code="empty-plugin",
-            hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS or ENGINES",
+            hint="Derive a class from asrsim.actuators.Actuator or asrsim.actuators.stages.Stage, or add to SIGNALS, MEASURES, "
+            "READERS or ENGINES",
         )  # fmt: skip
-    problems = [problem for actuator in found for problem in declaration_problems(actuator)]
+    problems = [problem for stage in stages for problem in stage_problems(stage)]
+    problems += [
+        declaration_problem(stage, f"another stage is called '{stage.name}'", "name-taken", key="name")
+        for stage in stages
+        if not problems and stage.name in STAGES and file_of(STAGES.get(stage.name)) != path.resolve()
+    ]
+    if not problems:
+        for stage in stages:
+            STAGES.add(stage.name, stage, replace=True)
+    problems += [problem for actuator in found for problem in declaration_problems(actuator)]
     if not problems:
         names = [actuator.name for actuator in found]
         taken = {name for name in names if name in ACTUATORS and file_of(ACTUATORS.get(name)) != path.resolve()}
@@ -92,6 +100,18 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     for actuator in found:
         ACTUATORS.add(actuator.name, actuator, replace=True)
     return tuple(found)
+
+
+def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
+    """Classes derived from `base` that a module defines, but those whose names begin with an underscore."""
+    return [
+        entry
+        for name, entry in vars(module).items()
+        if inspect.isclass(entry)
+        and issubclass(entry, base)
+        and entry.__module__ == module.__name__
+        and not name.startswith("_")
+    ]
 
 
 @contextmanager

@@ -50,6 +50,7 @@ def parts() -> dict[str, str]:
         "packages": packages(),
         "actuators": actuators(),
         "models": models(),
+        "stages": stages(),
         "steppings": steppings(),
         "engines": engines(),
         "transports": transports(),
@@ -163,20 +164,40 @@ def actuators() -> str:
 
 
 def models() -> str:
-    """Every optional parameter of an actuator with one motor, off at its default."""
+    """Every optional parameter of an actuator with one motor, off at its default, but those of stages."""
     from asrsim.actuators import ACTUATORS
+    from asrsim.actuators.stages import STAGES
     from asrsim.robot.tags import parameter_tags
 
     actuator = ACTUATORS.get("sea")
-    tags = parameter_tags(actuator)
+    tags, own = parameter_tags(actuator), {one.name for stage in STAGES.loaded() for one in stage.parameters}
     return markdown_table(
         ("parameter", "tag", "unit", "default", "what", "source"),
         [
             (f"`{one.name}`", f"`<{tags[one.name]}>`", one.unit, f"{one.default:g}", one.doc, one.source)
             for one in actuator.all_parameters()
-            if one.optional
+            if one.optional and one.name not in own
         ],
     )
+
+
+def stages() -> str:
+    """Every stage with its parameters and the quantities that it logs."""
+    from asrsim.actuators import ACTUATORS
+    from asrsim.actuators.stages import STAGES
+    from asrsim.robot.tags import parameter_tags
+
+    tags = parameter_tags(ACTUATORS.get("sea"))
+    return markdown_table(
+        ("stage", "parameter", "tag", "unit", "default", "what", "logs"),
+        [
+            (
+                "" if number else stage.title, f"`{one.name}`", f"`<{tags[one.name]}>`", one.unit, f"{one.default:g}", one.doc,
+                f"`{stage.quantities[0].name}`" if stage.quantities and not number else "",
+            )
+            for stage in STAGES.loaded() for number, one in enumerate(stage.parameters)
+        ],
+    )  # fmt: skip
 
 
 def engines() -> str:

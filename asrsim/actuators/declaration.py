@@ -84,13 +84,13 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
             yield problem(f"must give {wanted}", "law-result", value=result)
 
 
-def file_of(actuator: type[Actuator]) -> Path | None:
+def file_of(actuator: type[Any]) -> Path | None:
     """File that defines the class."""
     file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
     return Path(file).resolve() if file else None
 
 
-def declaration_problem(actuator: type[Actuator], message: str, code: str, *, key: str, value: object | None = None) -> Problem:
+def declaration_problem(actuator: type[Any], message: str, code: str, *, key: str, value: object | None = None) -> Problem:
     """Problem of a class, with file and line of the class. key: name of the wrong attribute or law."""
     line: int | None = None
     with suppress(OSError, TypeError):

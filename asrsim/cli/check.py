@@ -19,6 +19,7 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 def check(
     files: Annotated[Files, argument("[FILE]...", "URDF, xacro and scenario files.")] = None,
     actuator: Annotated[str | None, option("Check this actuator's laws instead of files.")] = None,
+    stage: Annotated[str | None, option("Check the laws of this stage of actuators instead of files.")] = None,
     strict: Annotated[bool, option("Treat warnings as errors: exit code 1 if there is a warning.", "--strict")] = False,
     arg: Arguments = None,
     package: Packages = None,
@@ -32,20 +33,24 @@ def check(
     Example: asrsim check --strict examples/urdf/dof2_vertical.urdf
 
     Example: asrsim check --actuator my_vsa --plugin examples/plugins/my_vsa.py
+
+    Example: asrsim check --stage clutch --plugin examples/plugins/my_clutch.py
     """
     from asrsim.cli import findings
     from asrsim.cli.tables import print_check_report, print_reports
 
-    if actuator is not None:
+    if actuator is not None or stage is not None:
         from asrsim.actuators import ACTUATORS
         from asrsim.actuators.checker import check_actuator
+        from asrsim.actuators.stage_checker import check_stage
+        from asrsim.actuators.stages import STAGES
 
-        laws = check_actuator(ACTUATORS.get(actuator))
+        laws = check_stage(STAGES.get(stage)) if stage is not None else check_actuator(ACTUATORS.get(actuator or ""))
         return Done(
             data={**asdict(laws), "passed": laws.passed}, always=lambda: print_check_report(laws), code=int(not laws.passed)
         )
     if not files:
-        raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
+        raise typer.BadParameter("name a file, an actuator with --actuator, or a stage with --stage", param_hint="FILES")
     if (arg or package) and all(map(_is_scenario, files)):
         raise typer.BadParameter("belongs to robots; a scenario states it under `robot`", param_hint="--arg or --package")
     arguments, packages = pairs(arg, "--arg"), folders(package, "--package")

@@ -6,7 +6,7 @@ These words belong to several dialects: URDF, transmissions of ROS, Drake, Gazeb
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -39,7 +39,7 @@ def read_mechanics(
             findings.warn(message, mimic.element, mimic.follower or "mimic", code="mimic-joint", hint=hint)
         elif not joint.mimic:
             found[joint.name] = replace(joint, mimic=mimic.master, multiplier=mimic.ratio, offset=mimic.offset)
-    floating = {name for name, off in _gravity(root) if off}
+    floating = {name for name, off in _gravity(findings, root, {link.name for link in links}) if off}
     coupled = _coupled(findings, tuple(found.values()))
     return tuple(replace(link, gravity=False) if link.name in floating else link for link in links), coupled
 
@@ -203,22 +203,28 @@ def _first(findings: Findings, parents: Sequence[Any], names: tuple[str, ...], k
 # -- gravity and start -------------------------------------------------------------------------------------------------
 
 
-def _gravity(root: Any) -> Iterator[tuple[str, bool]]:
+def _gravity(findings: Findings, root: Any, links: Container[str]) -> Iterator[tuple[str, bool]]:
     """Link, and whether its gravity is off, for each word about it; of several words the last counts."""
     words: dict[str, bool] = {}
-    for gazebo in elements(root, "gazebo"):
-        for tag in elements(gazebo):
-            text = text_of(tag).lower()
-            if tag.tag == "turnGravityOff" and text in (*TRUE, *FALSE):
-                words[name_of(gazebo, "reference")] = text in TRUE
-            elif tag.tag == "gravity" and text in (*TRUE, *FALSE):
-                words[name_of(gazebo, "reference")] = text in FALSE
-    for link in elements(root, "link"):
-        for tag in elements(link, "gravity"):
-            text = (tag.get("value") or text_of(tag)).lower()
-            if text in (*TRUE, *FALSE):
-                words[name_of(link)] = text in FALSE
+    uses = [
+        (name_of(one, "reference"), tag) for one in elements(root, "gazebo") for tag in elements(one) if tag.tag in _GRAVITY
+    ]
+    uses += [(name_of(link), tag) for link in elements(root, "link") for tag in elements(link, "gravity")]
+    for name, tag in uses:
+        text = (tag.get("value") or text_of(tag)).lower()
+        if text not in (*TRUE, *FALSE):
+            message = f"<{tag.tag}> is neither true nor false, so it has no effect"
+            findings.warn(message, tag, name or "gazebo", code="not-a-boolean", value=text)
+        elif name in links:
+            words[name] = (text in TRUE) == _GRAVITY[tag.tag]
+        elif (text in TRUE) == _GRAVITY[tag.tag]:
+            message = f"<{tag.tag}> has no effect: {'the robot has no such link' if name else 'it names no link'}"
+            findings.warn(message, tag, name or "gazebo", code="misplaced-tag")
     yield from words.items()
+
+
+_GRAVITY = {"turnGravityOff": True, "gravity": False}
+"""Words about gravity, and the value that switches it off."""
 
 
 def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
@@ -226,8 +232,13 @@ def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
     for joint in _controlled(root):
         for interface in elements(joint, "state_interface"):
             for tag in elements(interface, "param"):
+                value = _number(findings, tag, name_of(joint), 0.0) if name_of(tag) == "initial_value" else 0.0
                 if name_of(interface) == "position" and name_of(tag) == "initial_value":
-                    yield name_of(joint), _number(findings, tag, name_of(joint), 0.0)
+                    yield name_of(joint), value
+                elif name_of(interface) == "velocity" and value:
+                    message = "the start velocity of ros2_control is left out: the joint starts at rest"
+                    hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario gives it"
+                    findings.warn(message, tag, name_of(joint), code="left-out", value=f"{value:g}", hint=hint)
 
 
 def _controlled(root: Any) -> Iterator[Any]:

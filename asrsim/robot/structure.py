@@ -95,7 +95,8 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Col
     )  # fmt: skip
     inertials = elements(element, "inertial")
     if len(inertials) > 1:
-        findings.error("has more than one <inertial>", inertials[1], name, code="duplicate-tag")
+        message = "has more than one <inertial>; only the first counts, as in other readers"
+        findings.warn(message, inertials[1], name, code="duplicate-tag")
     if not inertials:
         return link
     centre, rpy = findings.origin(inertials[0], name)

@@ -67,24 +67,25 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
             return
 
 
+def carries_mass(robot: Robot, joint: Joint) -> bool:
+    """Whether a link behind the joint has mass or inertia."""
+    bodies, behind = {link.name: link for link in robot.links}, [joint.child]
+    while behind:
+        link = bodies[behind.pop()]
+        if link.mass or any(link.inertia or ()):
+            return True
+        behind += [carried.child for carried in robot.carried.get(link.name, ())]
+    return False
+
+
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     """Robot in which joints with neither mass nor inertia behind them are fixed, since their motion is undefined.
 
     Such a joint is an error if it has an actuator, and where no other joint moves. A rotor gives a joint inertia, and so do the
     joints that follow it; a joint that follows another one moves with it.
     """
-    bodies = {link.name: link for link in robot.links}
     driven = {block.joint for block in robot.actuators}
-    light = []
-    for joint in robot.moving_joints:
-        behind = [joint.child]
-        heavy = joint.rotor_inertia > 0.0
-        while behind and not heavy:
-            link = bodies[behind.pop()]
-            heavy = bool(link.mass) or any(link.inertia or ())
-            behind += [carried.child for carried in robot.carried.get(link.name, ())]
-        if not heavy:
-            light.append(joint)
+    light = [joint for joint in robot.moving_joints if not (joint.rotor_inertia > 0.0 or carries_mass(robot, joint))]
     moved = {joint.mimic for joint in robot.moving_joints if joint not in light}
     massless = [joint for joint in light if not joint.mimic and joint.name not in moved]
     held = [joint for joint in massless if joint.name not in driven]

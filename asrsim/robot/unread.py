@@ -16,7 +16,7 @@ SEVERAL = {
     "actuator", "plugin",
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
-OPEN = ("gazebo", "transmission", "actuator", "ros2_control", "mujoco")
+OPEN = ("gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")
 """Elements with the words of other programs, which may repeat words."""
 
 
@@ -104,7 +104,7 @@ def _place(element: Any, name: str, kind: str, place: str) -> str:
 
 def _plugin(element: Any) -> Word | None:
     """Word of a plugin that moves or couples bodies in Gazebo; None for other plugins."""
-    filename = name_of(element, "filename").lower()
+    filename = name_of(element, "filename").lower().replace("-", "_")
     return next((word for parts, word in PLUGINS if any(part in filename for part in parts)), None)
 
 

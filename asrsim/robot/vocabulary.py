@@ -125,6 +125,10 @@ def _traits(tag: Any, _text: str) -> Effect | None:
     return _spring(tag, tag.get("spring_k", ""))
 
 
+def _from_shapes(_compiler: Any, text: str) -> Effect | None:
+    return Effect("MuJoCo computes masses from shapes; asrsim uses those of the file") if text == "true" else None
+
+
 def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
     """Plugins with other words than those that `asrsim.robot.mechanics` reads."""
     if {"joint", "mimicJoint"} <= {tag.tag for tag in elements(plugin)}:
@@ -139,10 +143,12 @@ _SPRING = special(
     hint="Gazebo and asrsim read springs from <gazebo reference='JOINT'> <springStiffness>, <springReference>",
 )  # fmt: skip
 _STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
+_MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses those of the file"
 _SDF = left("<gazebo> changes it by SDF's words; this has no effect here", neutral=None)
 
 WORDS: Mapping[str, Mapping[str, Word]] = {
     "robot": {
+        "fixed_frame": SILENT,
         **_words(READ, "@name"), **_words(SILENT, "@version @type @verbose verbose sensor group gripper @gripper_name"),
         **_words(SILENT, "frame parameter bullet @xsi:* schedule_topic_creator_file xacro:*"),
         **_within("link", "joint", "material", "gazebo", "transmission", "ros2_control", "mujoco"),
@@ -233,9 +239,16 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
     "mujoco": {
-        **_words(SILENT, "compiler size visual asset statistic"),
+        **_words(SILENT, "size visual asset statistic"), **_within("compiler"),
         **{word: left("MuJoCo's options have no effect: the scenario states step, gravity and engine", neutral=None)
            for word in ("option", "default")},
+    },
+    "compiler": {
+        **_words(left(_MASS), "@boundmass @boundinertia"), "@settotalmass": left(_MASS, neutral=-1.0),
+        "@inertiafromgeom": special(_from_shapes, "MuJoCo computes masses from shapes; asrsim uses those of the file"),
+        **_words(SILENT, "@angle @autolimits @balanceinertia @coordinate @convexhull @discardvisual @eulerseq @exactmeshinertia"
+                         " @fitaabb @fusestatic @meshdir @texturedir @assetdir @strippath @usethread @alignfree @saveinertial"
+                         " @inertiagrouprange @name lengthrange"),
     },
     "gazebo": {
         "@reference": READ, "plugin": Word(use="read", inside="plugin"),
@@ -266,7 +279,8 @@ PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
     (
         ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
          "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "force",
-         "joint_damp", "spring", "gearbox", "disable"),
+         "joint_damp", "spring", "gearbox", "disable", "detachable", "velocity_control", "mecanum", "ackermann", "tracked",
+         "wrench", "harness", "conveyor", "joint_torque"),
         left("the plugin acts on the robot in Gazebo; here it has no effect", neutral=None),
     ),
 )  # fmt: skip

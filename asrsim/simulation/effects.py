@@ -21,6 +21,10 @@ from asrsim.signals.common import rounded
 
 _BLOCK = 4096
 """Number of noise samples that are drawn in one call."""
+LOOKS, BISECTIONS = 4, 40
+"""Looks at a quantised command in each step, and halvings of the time between two looks until a jump is found."""
+SAME = 1e-6
+"""Smallest time between two jumps, as a fraction of a step."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,11 @@ class Imperfect(Signal):
     seed: tuple[int, ...]
 
     def values(self, time: Array) -> Array:
+        exact, quantum = self._exact(time), self.effects.quantum
+        return quantum * np.round(exact / quantum) if quantum else exact
+
+    def _exact(self, time: Array) -> Array:
+        """Values before they are rounded to the quantum."""
         effects = self.effects
         period = 1.0 / effects.rate if effects.rate else self.step
         # A tick at the time of a sample belongs to this sample, even if rounding makes the tick slightly later.
@@ -63,8 +72,6 @@ class Imperfect(Signal):
         values = self._delayed.values(np.maximum(seen, effects.delay))
         if effects.noise:
             values = values + Noise(self.seed, effects.noise).draw(ticks)
-        if effects.quantum:
-            values = effects.quantum * np.round(values / effects.quantum)
         return values
 
     def jumps(self, start: float, end: float) -> Array:
@@ -72,7 +79,31 @@ class Imperfect(Signal):
         if effects.rate:
             return ticks(1.0 / effects.rate, start, end)
         jumps = self._delayed.jumps(max(start, effects.delay), end)
-        return np.union1d(jumps, ticks(self.step, start, end)) if effects.noise else jumps
+        if effects.noise:
+            jumps = np.union1d(jumps, ticks(self.step, start, end))
+        if effects.quantum:
+            jumps = np.union1d(jumps, self._crossings(start, end))
+            # A jump of the signal is a crossing, too.
+            jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
+        return jumps
+
+    def _crossings(self, start: float, end: float) -> Array:
+        """Times in [start, end] at which the rounded value changes by one quantum, s.
+
+        The value is looked at `LOOKS` times a step. A value that moves by several quanta from one look to the next is as good
+        as one without a quantum.
+        """
+        apart = self.step / LOOKS
+        times = apart * np.arange(np.floor(start / apart), np.ceil(end / apart) + 1)
+        quantum = self.effects.quantum
+        levels = np.round(self._exact(times) / quantum)
+        at = np.flatnonzero(np.abs(np.diff(levels)) == 1.0)
+        low, high = times[at], times[at + 1]
+        for _ in range(BISECTIONS if len(at) else 0):
+            middle = 0.5 * (low + high)
+            before = np.round(self._exact(middle) / quantum) == levels[at]
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return high[(start <= high) & (high <= end)]
 
     @cached_property
     def _delayed(self) -> Signal:

@@ -134,13 +134,15 @@ class Inputs:
         given = self._chunk(first, last - first)
         begin, end = substep - first, substep - first + length
         if length < last - first:
-            cuts = given.cuts[:, slice(*np.searchsorted(given.cuts[0, :, 0], (begin, end)).tolist())]
+            cuts = given.cuts
             rows: Any = slice(begin, end)
+            if cuts.size:
+                cuts = cuts[:, slice(*np.searchsorted(cuts[0, :, 0], (begin, end)).tolist())]
             if cuts.size:
                 piece, stop = int(cuts[0, 0, 1]), int(cuts[0, -1, 2])
                 rows = np.r_[rows, piece:stop]
                 cuts = cuts - np.array([begin, *[piece - length] * 3])
-            inputs, references, wrenches, lengths = (table[0, rows][None] for table in given[:4])
+            inputs, references, wrenches, lengths = (table[:, rows] for table in given[:4])
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given

@@ -26,6 +26,7 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.examine import Plan, one_scenario
+from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
@@ -158,6 +159,8 @@ class Worlds:
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
             self._worlds = [World(Start(), scenario, self._home_inputs, scenario)] * count
+            self._equal_inputs: bool | None = None
+            """Whether all worlds have the same inputs; None: not known since a change."""
             self._everyone = np.arange(count)
             self._block: InputBlock | None = None
             """Inputs of the next substeps; None after a change from outside."""
@@ -255,22 +258,32 @@ class Worlds:
         if self._block is not None and self._block.numbers is numbers:
             ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
             length = max(length, min(2 * self._block.end, *ends))
-        alike: dict[tuple[int, int], list[int]] = {}
-        for place, world in enumerate(numbers.tolist()):
-            alike.setdefault((id(self._worlds[world].inputs), int(self.core.done[world])), []).append(place)
         parts: list[Given] = []
         count = 0
         which = np.empty((len(numbers), 4), dtype=np.int64)
         which[:, 0], which[:, 2] = numbers, self._everyone[: len(numbers)]
-        for (_, substep), places in alike.items():
-            worlds = numbers[places]
-            held = self.core.held[worlds]
+        for inputs, substep, places in self._alike(numbers):
+            held = self.core.held[numbers[places]]
             free = bool(np.isnan(held).all())
-            which[places, 1] = count if free else count + np.arange(len(places))
+            which[places, 1] = count if free else count + self._everyone[: len(held)]
             which[places, 3] = len(parts)
-            parts.append(self._worlds[worlds[0]].inputs.given(substep, length, None if free else held))
+            parts.append(inputs.given(substep, length, None if free else held))
             count += len(parts[-1].inputs)
         return InputBlock(numbers, which, self.core.taken(joined(parts)), length)
+
+    def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
+        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and places in `numbers`."""
+        done, first = self.core.done[numbers], self._worlds[numbers[0]].inputs
+        substep = int(done[0])
+        if self._equal_inputs is None:
+            self._equal_inputs = len({id(world.inputs) for world in self._worlds}) == 1
+        if self._equal_inputs and (len(done) == 1 or bool((done == substep).all())):
+            return [(first, substep, slice(None))]
+        found: dict[tuple[int, int], tuple[Inputs, int, list[int]]] = {}
+        for place, (world, substep) in enumerate(zip(numbers.tolist(), done.tolist(), strict=True)):
+            inputs = self._worlds[world].inputs
+            found.setdefault((id(inputs), substep), (inputs, substep, []))[2].append(place)
+        return list(found.values())
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -311,10 +324,18 @@ class Worlds:
         self.check_open()
         return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
+    def links(self) -> tuple[Array, Array]:
+        """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
+        self.check_open()
+        return self.core.S[..., JOINT["position"]].copy(), self.core.S[..., JOINT["engine_velocity"]].copy()
+
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
         self.check_open()
         self.columns.check(names)
+        if self.core.done.all():
+            return self.columns.values(np.where(self._absent, np.nan, self.core.rows), names)
+        # Worlds at their start have no step yet: they show the values of the first one.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
@@ -431,7 +452,7 @@ class Worlds:
         """Store parameters, inputs and start of a world."""
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)
-        self._worlds[number] = world
+        self._worlds[number], self._equal_inputs = world, None
 
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""

@@ -21,6 +21,7 @@ from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.mounting import reference_names, with_rotors
+from asrsim.robot.tree import carries_mass
 from asrsim.scenario.check import nothing_moves
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data
@@ -287,17 +288,19 @@ def write_starter(
     file exists or cannot be written.
     """
     loaded = moving_robot(robot, arguments, packages)
-    given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
+    chosen = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
+    # Behind a spring a rotor moves with the motor: a joint that carries nothing else would then have no inertia.
+    carrying = [
+        joint.name for joint in loaded.moving_joints if joint.name not in loaded.followers and carries_mass(loaded, joint)
+    ]
+    given = {joint: chosen["*"] for joint in carrying if "*" in chosen}
+    given |= {joint: entry for joint, entry in chosen.items() if joint != "*"}
     changed = with_actuators(loaded, given, {})
     bare = Starter(
         robot=with_rotors(with_overrides(changed, modes={} if mode is None else {"*": mode}), {}),
         file=robot_key(robot, out.parent, arguments, packages),
         mode=mode if loaded.actuators else None,
-        given=tuple(
-            joint.name
-            for joint in loaded.moving_joints
-            if joint.name in given or ("*" in given and joint.name not in loaded.followers)
-        ),
+        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given),
     )
     bare = _sized(bare, _rotors(bare))
     for fastest in FASTEST if given else FASTEST[:1]:

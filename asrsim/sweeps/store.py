@@ -39,6 +39,8 @@ GROUP = 20_000
 """Number of rows in a group of the final file, and largest number of rows in a part."""
 PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
+MOST_PARTS = 32
+"""Number of parts with fewer rows than a group that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
     "study": "its study varies other keys", "inputs": "its inputs have changed",
@@ -137,6 +139,8 @@ class Store:
             raise InputError(f"contains rows of runs beyond the study's {total}", file=folder, code="sweep-part")
         self.done[runs] = True
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
+        self._small = parts_of(folder)
+        """Parts that may have fewer rows than a group."""
 
     @property
     def missing(self) -> list[int]:
@@ -163,9 +167,26 @@ class Store:
         if not self._waiting:
             return
         rows = sorted(self._waiting, key=lambda row: row[0])
-        table = pa.table([list(column) for column in zip(*rows, strict=True)], schema=self._schema)
-        self._save(self.folder / f"part-{self._part:06d}.parquet", table)
-        self._waiting, self._part = [], self._part + 1
+        self._add_part(pa.table([list(column) for column in zip(*rows, strict=True)], schema=self._schema))
+        self._waiting = []
+        if len(self._small) >= MOST_PARTS:
+            self._merge()
+
+    def _add_part(self, table: Any) -> None:
+        path = self.folder / f"part-{self._part:06d}.parquet"
+        self._save(path, table)
+        self._part += 1
+        if len(table) < GROUP:
+            self._small.append(path)
+
+    def _merge(self) -> None:
+        """Write the rows of small parts as one part, so that a study of days has few files. If the program is killed before the
+        small parts are removed, rows stand twice, which readers allow. Raises OutputError."""
+        small, self._small = self._small, []
+        rows = read_rows(small, self._schema)
+        self._add_part(rows.take(np.unique(rows["run"].to_numpy(), return_index=True)[1]))
+        for part in small:
+            part.unlink(missing_ok=True)
 
     def finish(self) -> None:
         """Write the waiting rows; if no run is missing, write all rows as one file. Raises OutputError."""

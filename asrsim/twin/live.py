@@ -20,8 +20,7 @@ from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transp
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.prepare import prepare
-from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
+from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep, prepared_twin
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 """Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
@@ -47,7 +46,7 @@ class LiveTwin:
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
         stops.
         """
-        prepared = prepare(scenario, settable=True)
+        prepared = prepared_twin(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
         self._commands = CommandInput(prepared.info.joints, ranges, prefix=prefix, tell=tell)

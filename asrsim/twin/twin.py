@@ -15,8 +15,9 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Worlds, engine_of_worlds
 from asrsim.twin.mismatch import Mismatch, varied
 from asrsim.twin.observer import Observer, noise_gain
 
@@ -77,6 +78,20 @@ class TwinStep:
     """Messages about faults of this step, after which the twin continues."""
 
 
+def prepared_twin(
+    scenario: str | Path | Scenario | Plan | Prepared, *, variant: str | None = None, overrides: Overrides = (),
+    settable: bool = False,
+) -> Prepared:  # fmt: skip
+    """The scenario of a twin, in MuJoCo if it states no engine, since a twin has to keep up with its robot. Raises the errors
+    of `asrsim.prepare`, which explains the arguments."""
+    if isinstance(scenario, Prepared):
+        return scenario
+    if isinstance(scenario, Plan):
+        return prepare(scenario.on(engine=engine_of_worlds(scenario.scenario, None)), settable=settable)
+    scenario = one_scenario(scenario, variant=variant, overrides=overrides)
+    return prepare(replace(scenario, engine=engine_of_worlds(scenario, None)), settable=settable)
+
+
 class Twin:
     """Twin of a robot that a scenario describes; a context manager.
 
@@ -95,7 +110,7 @@ class Twin:
     ) -> None:  # fmt: skip
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides: as for
         `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
-        ready = scenario if isinstance(scenario, Prepared) else prepare(scenario, variant=variant, overrides=overrides)
+        ready = prepared_twin(scenario, variant=variant, overrides=overrides)
         step = self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / step:
             message = f"must be above 0 and at most a twentieth of the rate of steps, {0.05 / step:g} Hz"
@@ -122,6 +137,8 @@ class Twin:
         self._every = max(1, round(EVERY / step))
         self._stiffness, self._masses = np.full(n, np.nan), np.eye(n)
         self._peak, self._variance = np.zeros(n), np.zeros(n)
+        self._carried = np.zeros(n)
+        """Largest torque of the springs of each joint so far, N m (N)."""
         self._alarm, self._missing = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.int64)
         self._before = np.full((2, n), np.nan)
         """Positions that were measured in the last two steps."""
@@ -153,8 +170,8 @@ class Twin:
         # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
         positions = np.clip(positions, *self._stops)
         begins = self._steps == 0 or bool((lost & np.isfinite(positions)).any())
-        state = self.worlds.observe()
-        distances = positions - state.link_position[0]
+        links, velocities = self.worlds.links()
+        distances = positions - links[0]
         jumped = [] if begins else np.flatnonzero(np.abs(distances) > JUMP).tolist()
         for j in jumped:
             why = "another robot, a motor that is off, or a wrong command?"
@@ -162,14 +179,14 @@ class Twin:
             self._note(f"{self.joints[j]}: {text}", notes)
         if begins or jumped:
             self._place(positions)
-            state = self.worlds.observe()
-        error = positions - state.link_position
-        torques = self._pull(error, state.link_position[0])
+            links, velocities = self.worlds.links()
+        error = positions - links
+        torques = self._pull(error, links[0])
         self.worlds.advance()
         if not self.worlds.healthy.all():
             self._note("the twin diverged: it is set to the robot's position", notes)
             self._place(positions)
-        found = self._estimate(error[0], self._mismatch.take(torques, state.link_velocity[0]), notes)
+        found = self._estimate(error[0], self._mismatch.take(torques, velocities[0]), notes)
         self._steps += 1
         return found
 
@@ -240,7 +257,9 @@ class Twin:
         if self._springs:
             self._stiffness = read["stiffness"][0]
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
+        self._carried = np.maximum(self._carried, self._peak)
         noise = self._noise_gain * np.sqrt(self._masses**2 @ self._variance)
+        self._say_deaf(SIGMAS * noise, notes)
         tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
         friction = self._friction * np.where(self._mismatch.moves, FRICTION, STICKING)
         # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
@@ -256,6 +275,18 @@ class Twin:
             stiffness=np.where(known, self._stiffness * (1.0 + self._mismatch.spring), np.nan), residual=error,
             threshold=threshold, alarm=self._alarm, notes=tuple(notes),
         )  # fmt: skip
+
+    def _say_deaf(self, threshold: Array, notes: list[str]) -> None:
+        """Note joints whose threshold (n,), from noise alone, exceeds all that their springs have carried in motion, N m."""
+        deaf = (threshold > self._carried) & self._mismatch.learned
+        for j in np.flatnonzero(deaf).tolist() if deaf.any() else ():
+            noise = 1e3 * math.sqrt(self._variance[j])
+            self._note(
+                f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._carried[j]:.3g} that its springs "
+                f"have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller bandwidth, or "
+                "measure more often",
+                notes,
+            )
 
     def _note(self, text: str, notes: list[str]) -> None:
         """Add a note, unless a note with equal text but other numbers was given within the last `REPEAT` seconds."""

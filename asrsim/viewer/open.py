@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 ROBOTS = (".urdf", ".xacro", ".xml")
 """Suffixes of robot files."""
 SCENARIOS = (".yaml", ".yml")
+SLOWEST, FASTEST = 0.01, 100.0
+"""Range of the simulated seconds per second."""
 HEIGHT = 640
 """Height of the page in a notebook, pixels."""
 
@@ -147,6 +149,9 @@ def maker(
     """Function that returns what a page shows; arguments and errors as for `view`. All files are read before the page opens."""
     from asrsim.plugins import load_plugin_file
 
+    if not SLOWEST <= speed <= FASTEST:
+        message = f"must be from {SLOWEST:g} to {FASTEST:g}"
+        raise InputError(message, key="speed", value=speed, code="speed")
     recordings: dict[str, Any] = {"lag": lag, "mapping": mapping, "rate": rate}
     others = [as_companion(logged(path), _name_of(path)) for file in beside for path in find_logs(Path(file))[0]]
     if not isinstance(target, Scenario):

@@ -26,6 +26,7 @@ PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
 """Number of ghosts from which they are hidden at first, and from which plots begin with one joint."""
+PREPARING = "The simulation is being prepared. The first one after an installation is compiled, which may take half a minute."
 NARROW = 700
 """Width of a window whose controls stand below the robot, pixels."""
 LIFT = 0.2
@@ -50,6 +51,7 @@ class Page:
         self._drawn = self._plotted = -1.0
         """Wall-clock times of the last pictures, s."""
         self.server.on_client_connect(self._make_room)
+        self.server.gui.add_markdown(PREPARING)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
 
     def _make_room(self, client: Any) -> None:
@@ -71,7 +73,7 @@ class Page:
             self.server.scene.reset()
             gui.set_panel_label(subject.title)
             self.stage = Stage(self.server, subject)
-            self._status = gui.add_markdown("")
+            self._status = gui.add_markdown(PREPARING)
             tabs = gui.add_tab_group()
             panel = gui.add_panel()
             panel.dock_left()

@@ -30,6 +30,8 @@ class PageServer:
         """port: port of the page; 0: any free port. tell: receives one sentence for each refused origin. Raises InputError if
         viser is missing or the port is taken."""
         server: Any = library("viser", "view").ViserServer
+        if not 0 <= port <= 65535:
+            raise InputError("must be from 0 to 65535", key="port", value=port, code="port")
 
         class Local(server):  # type: ignore[misc]
             """Server that stays on this machine: viser's public address for sharing a page is refused."""

@@ -254,7 +254,7 @@ def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator, springs)
             if springs == 2 else {})}, duration=0.01, compiled=False,
         )  # fmt: skip
         found.append(result.resolution.stiffness[0])
-    assert found[1] - found[0] == pytest.approx(springs * 0.05 / 0.02)
+    assert found[1] - found[0] == pytest.approx(springs * 2.0 * 0.05 / 0.02)
 
 
 # -- all of it, everywhere -----------------------------------------------------------------------------------------------

@@ -1,10 +1,14 @@
 """Controllers that read late, held, noisy and quantised measurements move as in an independent solution, at second order."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from asrsim.errors import ScenarioError
 from asrsim.scenario.data import Effects
+from asrsim.signals import Sinusoid
 from asrsim.simulation.effects import Noise
 from support.late_sensors import Plant, Sensor, solve
 from validation.models import INSTALLED, Body, chain, column, run
@@ -48,6 +52,33 @@ def test_imperfect_sensors_are_of_second_order(engine, on_link, effects):
         errors.append(abs(column(result, "link_position")[-1] - truth[0]))
     # Without imperfections, the first error is 5e-6 rad (link) and 3e-6 rad (motor).
     assert max(errors[0], 4.0 * errors[1], 9.0 * errors[2], 50.0 * errors[3]) < 2e-5
+
+
+@pytest.mark.parametrize("frequency", [2.0, 3.1])
+@pytest.mark.parametrize("late", [0.0, 2.37e-3])
+def test_a_quantised_command_jumps_between_steps(frequency, late):
+    """Own solution: the command is constant between the times at which arcsin puts the sine half a quantum from a level."""
+    quantum, amplitude, inertia = 0.013, 0.3, 0.02
+    w, levels = 2.0 * np.pi * frequency, np.arange(-40, 40) + 0.5
+    phases = np.arcsin(np.clip(levels[np.abs(quantum * levels) < amplitude] * quantum / amplitude, -1.0, 1.0))
+    turns = np.concatenate([phases, np.pi - phases, 2.0 * np.pi + phases]) / w + late
+    edges = np.concatenate([[0.0], np.sort(turns[(turns > late) & (turns < END)]), [END]])
+    state = np.array([0.3, 1.0])
+    for begin, end in pairwise(edges):
+        middle = max(0.5 * (begin + end) - late, 0.0)
+        goal = quantum * np.round(amplitude * np.sin(w * middle) / quantum)
+        change = np.array([[0.0, 1.0], [-GAINS["proportional"] / inertia, -GAINS["derivative"] / inertia]])
+        state = expm(change * (end - begin)) @ (state - [goal, 0.0]) + [goal, 0.0]
+    errors = []
+    for substeps in (1, 4):
+        result = run(
+            chain(LINK), mode=1, gravity=0.0, duration=END, substeps=substeps, initial=[0.3], compiled=False,
+            references={"link_position": Sinusoid(amplitude=amplitude, frequency=frequency)},
+            parameters={f"controller_1_{name}": gain * (name != "integral") for name, gain in GAINS.items()},
+            initial_velocities={"joint_1": 1.0}, command_effects={"*": Effects(quantum=quantum, delay=late)},
+        )  # fmt: skip
+        errors.append(abs(column(result, "link_position")[-1] - state[0]))
+    assert max(errors[0], 16.0 * errors[1]) < 2e-5
 
 
 def test_noise_of_commands_does_not_depend_on_the_substeps():

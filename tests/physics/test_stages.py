@@ -1,5 +1,6 @@
 """Stages of actuators compared with independent solutions: damper, backlash, heating; stages that come later."""
 
+import json
 from dataclasses import dataclass
 from itertools import pairwise
 from math import sin, tau
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import asrsim
 from asrsim.actuators.stages import STAGES
 from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
@@ -195,6 +197,41 @@ def test_heating_of_an_electric_motor_is_that_of_its_winding():
             held = np.sqrt((found[-1] - 25.0) / (2.0 * 2.0))
             assert column(result, "motor_1_current")[-1] == pytest.approx(held, rel=1e-3)
             assert result.counts.saturation.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "fixed", "truth"),
+    [
+        ({"damping": 0.4}, {}, {"spring_damping": 0.4}), ({"play": 0.04}, {}, {"backlash": 0.04}),
+        ({"heat": 120.0, "largest": 2.5}, WARM | {"motor_1_max_torque": 2.5}, {"thermal_resistance": R, "thermal_capacity": C}),
+    ],
+    ids=["damper", "backlash", "heating"],
+)  # fmt: skip
+def test_parameters_of_a_stage_are_identified_from_an_independent_solution(tmp_path, model, fixed, truth):
+    pendulum = Pendulum(**model)
+    times = np.arange(0.0, 2.0, 5e-3)
+    states = pendulum.solution(times)
+    states += np.random.default_rng(1).normal(size=states.shape) * [[1e-4], [0.0], [1e-4], [0.0], [0.02]]
+    columns = {
+        "time": times, "joint_1.reference_1": pendulum.amplitude * np.sin(tau * pendulum.frequency * times),
+        "joint_1.link_position": states[0], "joint_1.motor_1_position": states[2],
+    }  # fmt: skip
+    if "heat" in model:
+        columns["joint_1.motor_1_temperature"] = 25.0 + states[4]
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    (tmp_path / "robot.urdf").write_text(chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)).text)
+    start = {name: 0.7 * value if "thermal" in name else 0.0 for name, value in truth.items()}
+    keys = {
+        "robot": "robot.urdf", "duration": 2.0, "modes": {"*": 5}, "initial": {"joint_1": 0.1}, "engine": "mujoco",
+        "parameters": {"joint_1": FREE | fixed | {name: value for name, value in start.items() if value}},
+    }  # fmt: skip
+    lab = tmp_path / "lab.yaml"
+    lab.write_text(json.dumps(keys))
+    result = asrsim.identify(lab, [path], free=[f"joint_1.{name}" for name in truth])
+    for name, value in truth.items():
+        assert result.find(f"joint_1.{name}").value == pytest.approx(value, rel=0.05)
 
 
 ALL = {

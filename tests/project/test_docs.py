@@ -19,6 +19,7 @@ from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
 from support.paths import ROOT
+from validation.sections import SECTIONS
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -54,6 +55,11 @@ def snippets(language):
     cells = re.findall(rf'<pre lang="{language}">\n(.*?)</pre>', README, re.DOTALL)
     fenced = [code for name, code in FENCE.findall(README) if name == language]
     return [code.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&") for code in cells] + fenced
+
+
+def test_the_page_of_validations_has_the_text_of_each_section():
+    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
+    assert [section.title for section in SECTIONS if section.text not in page] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import contextmanager
 
 import numpy as np
@@ -28,7 +27,7 @@ KNOWN = ("Unable to preventDefault inside passive event listener",)
 def open_page():
     """Function (address, width) that opens a page; skips the test where Chromium or Playwright is missing."""
     library = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    path = os.environ.get("ASRSIM_CHROMIUM") or CHROMIUM
+    path = CHROMIUM
     if path is None:
         pytest.skip("needs Chromium (apt-get install chromium), or ASRSIM_CHROMIUM=PATH")
     with library.sync_playwright() as playwright:

@@ -96,8 +96,8 @@ class Hysteresis(Stage):
 
     @staticmethod
     def stiffness_bound(own: HysteresisConstants) -> float:
-        # The element is stiffest where a motion reverses.
-        return own.level / own.length
+        # The element is stiffest where a motion reverses: there it pulls with -tau, and approaches tau.
+        return 2.0 * own.level / own.length
 
 
 def dahl(torque: float, change: float, level: float, length: float) -> float:

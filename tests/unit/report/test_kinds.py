@@ -17,7 +17,7 @@ from asrsim.report import write_report
 from asrsim.report.charts import plot_data
 from asrsim.report.series import unpack
 from asrsim.sweeps import make_study
-from support.browser import CHROMIUM, Browser
+from support.browser import CHROMIUM
 from support.identify_files import CHIRP, SEA, record, write
 from support.pages import Page
 from support.paths import ROOT
@@ -166,12 +166,11 @@ def test_a_band_is_shaded_only_where_it_holds():
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 420])
-def test_a_browser_draws_each_kind_without_complaint(tmp_path, fit, study, twin, learned, width):
-    with Browser(tmp_path / "profile") as browser:
-        for name, folder in (("fit", fit), ("study", study), ("twin", twin / "twin.csv"), ("ilc", learned / "ilc.json")):
-            page = write_report(folder, tmp_path / f"{name}.html")
-            browser.open(page, width=width)
-            browser.evaluate("new Promise((done) => setTimeout(done, 500))")
-            assert browser.complaints == [], name
-            assert browser.evaluate("asrsimCharts.length") == len(titles(page)), name
-            assert browser.evaluate("document.documentElement.scrollWidth") == width, name
+def test_a_browser_draws_each_kind_without_complaint(browser, tmp_path, fit, study, twin, learned, width):
+    for name, folder in (("fit", fit), ("study", study), ("twin", twin / "twin.csv"), ("ilc", learned / "ilc.json")):
+        page = write_report(folder, tmp_path / f"{name}.html")
+        browser.open(page, width=width)
+        browser.evaluate("new Promise((done) => setTimeout(done, 500))")
+        assert browser.complaints == [], name
+        assert browser.evaluate("asrsimCharts.length") == len(titles(page)), name
+        assert browser.evaluate("document.documentElement.scrollWidth") == width, name

@@ -18,7 +18,7 @@ from asrsim.report import write_report
 from asrsim.report.content import read_parameters
 from asrsim.report.plots import joint_sections
 from asrsim.report.series import pack, read_runs, unpack
-from support.browser import CHROMIUM, Browser
+from support.browser import CHROMIUM
 from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
 
@@ -40,12 +40,6 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     return write_report(folder)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 def test_the_page_loads_nothing_from_anywhere(page):

@@ -49,6 +49,7 @@ AS_WRITTEN = {
         '</inertial><collision><geometry><mesh filename="" scale="1 1 1 1"/></geometry></collision>',
         "empty-shape too-many-numbers",
     ),
+    "two inertials": ("</inertial>", '</inertial><inertial><mass value="9"/></inertial>', "duplicate-tag"),
     "four angles": ("<axis", '<origin rpy="0 0 0 0"/><axis', "too-many-numbers"),
     "mesh without name": (
         "</inertial>", '</inertial><collision><geometry><mesh filename=""/></geometry></collision>', "empty-shape",
@@ -202,3 +203,50 @@ def test_elements_of_xacro_that_a_urdf_keeps_have_no_effect(space, tiny):
         )
     )
     assert "a1" in [link.name for link in load_robot(tiny.robot).links]
+
+
+STARTING = (
+    '<ros2_control><joint name="elbow"><state_interface name="velocity"><param name="initial_value">2</param>'
+    "</state_interface></joint></ros2_control>"
+)
+WORDS = {
+    # what: (words in <robot>, part of the warning)
+    "gravity of no link": ('<gazebo reference="wrist"><turnGravityOff>true</turnGravityOff></gazebo>', "no such link"),
+    "gravity as a vector": ('<gazebo reference="arm"><gravity>0 0 -1.6</gravity></gazebo>', "neither true nor false"),
+    "start velocity": (
+        STARTING,
+        "start velocity",
+    ),
+    "masses of a compiler": ('<mujoco><compiler boundmass="0.5" meshdir="m"/></mujoco>', "changes masses"),
+    "plugin of the newer Gazebo": (
+        '<gazebo><plugin name="p" filename="gz-sim-lift-drag-system"/></gazebo>', "acts on the robot",
+    ),
+    "gearbox": (
+        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "cannot close it",
+    ),
+    "loop of one joint": (
+        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="arm"/></loop_joint>', "stays open",
+    ),
+    "loop of no link": (
+        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="x"/></loop_joint>', "no link 'x'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_words_with_physics_that_are_left_out_are_told(case, tiny):
+    words, told = WORDS[case]
+    tiny.robot.write_text(PENDULUM.replace("</robot>", f"{words}</robot>"))
+    (problem,) = load_robot(tiny.robot).findings
+    assert told in problem.message
+
+
+def test_the_rotor_below_a_transmission_is_read_as_below_its_actuator(tiny):
+    """1e-4 kg m^2 times 50 squared, in both places."""
+    ratio, inertia = "<mechanicalReduction>50</mechanicalReduction>", "<motorInertia>1e-4</motorInertia>"
+    for inner, outer in ((ratio + inertia, ""), ("", ratio + inertia), (ratio, inertia)):
+        words = f'<transmission name="t"><joint name="elbow"/><actuator name="m">{inner}</actuator>{outer}</transmission>'
+        tiny.robot.write_text(PENDULUM.replace("</robot>", f"{words}</robot>"))
+        robot = load_robot(tiny.robot)
+        assert robot.joint("elbow").rotor_inertia == pytest.approx(0.25)
+        assert not robot.findings

@@ -116,7 +116,6 @@ def test_missing_file_and_folder(tmp_path):
         (GOOD + link("c") + joint("k", "b", "c", '<parent link="a"/>' + LIMIT), "missing-tag"),
         (link("a", "") + joint("j", "a", "b") + link("b", MASSLESS), "massless-joint"),
         (GOOD.replace('"j"', f'"{"j" * 300}"'), "long-name"),
-        (GOOD.replace(INERTIAL, INERTIAL * 2), "duplicate-tag"),
         (GOOD.replace('<inertia ixx="0.1" iyy="0.1" izz="0.1"/>', ""), "missing-tag"),
     ],
 )  # fmt: skip

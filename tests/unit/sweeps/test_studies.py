@@ -495,3 +495,27 @@ def test_references_by_inverse_dynamics_are_planned_anew_in_every_run(tmp_path):
         row, fresh = cells_of(payload, runner(run)), fresh_row(payload, run)
         assert {key: row[key] for key in fresh} == fresh
     runner.close()
+
+
+def test_a_long_study_has_few_files(tmp_path, monkeypatch):
+    """Rows are written every few seconds: a day would have thousands of files."""
+    pytest.importorskip("pyarrow")
+    from asrsim.sweeps import store
+
+    monkeypatch.setattr(store, "PATIENCE", -1.0)
+    columns, total = [("run", "int", ""), ("value", "float", "rad")], 200
+    kept = store.Store(tmp_path, columns, total)
+    most = 0
+    for run in range(total - 1):
+        kept.add([(run, 0.5 * run)])
+        most = max(most, len(store.parts_of(tmp_path)))
+    assert most <= store.MOST_PARTS
+    again = store.Store(tmp_path, columns, total)
+    assert again.missing == [total - 1]
+    again.add([(total - 1, 1.0)])
+    again.finish()
+    assert not store.parts_of(tmp_path)
+    schema = store.schema_of(columns)
+    rows = store.read_rows(store.checked_files(tmp_path, schema), schema)
+    np.testing.assert_array_equal(rows["run"].to_numpy(), np.arange(total))
+    np.testing.assert_array_equal(rows["value"].to_numpy()[:-1], 0.5 * np.arange(total - 1))

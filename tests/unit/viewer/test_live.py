@@ -153,6 +153,18 @@ def test_a_port_that_is_taken_is_named():
             asrsim.view(SOFT_ARM, variant="soft", port=port)
 
 
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1e9, float("nan"), float("inf")])
+def test_a_speed_that_no_run_can_have_is_refused(speed):
+    with pytest.raises(InputError, match=r"speed: must be from 0.01 to 100"):
+        asrsim.view(SOFT_ARM, variant="soft", speed=speed)
+
+
+@pytest.mark.parametrize("port", [-1, 99999])
+def test_a_port_that_does_not_exist_is_refused(port):
+    with pytest.raises(InputError, match="port: must be from 0 to 65535"):
+        asrsim.view(SOFT_ARM, variant="soft", port=port)
+
+
 def test_a_variant_is_a_ghost_that_moves_as_its_scenario_states(arm):
     desk = arm.show.session.operator
     desk._add_ghost("stiff")

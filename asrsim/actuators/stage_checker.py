@@ -1,0 +1,225 @@
+"""Checks that a stage is declared as `Stage` requires, and that its laws agree with each other and with physics.
+
+The laws run along random motions of a spring's deflection, as in a simulation: torque, then memory, then energy and loss.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import is_dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators.checker import Check, CheckReport
+from asrsim.actuators.declaration import declaration_problem
+from asrsim.actuators.modes import MODES
+from asrsim.actuators.parameters import Parameter
+from asrsim.actuators.sea import Sea
+from asrsim.actuators.stages import STAGES, Stage
+from asrsim.errors import Problem
+from asrsim.records import declared, numbers
+
+LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
+TRIALS, STEPS, STEP = 6, 4000, 1e-4
+"""Number of random motions; number of kicks of a motion, and the time between them in s."""
+REACH, HERTZ = 0.3, 4.0
+"""Largest deflection of a motion in rad, and its largest frequency in Hz."""
+LARGEST = 5.0
+"""Torque limit and largest torque of the motor in a motion, N m."""
+SLACK = 1e-6
+"""Relative excess of a slope over its bound that is rounding."""
+ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
+"""Values of the motor on which a stage is tried."""
+
+
+def stage_problems(stage: type[Stage]) -> tuple[Problem, ...]:
+    """Problems of a class that does not follow the interface of `Stage`."""
+    return tuple(declaration_problem(stage, message, code, key=key) for key, message, code in _faults(stage))
+
+
+def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
+    name, parameters = getattr(stage, "name", None), stage.parameters
+    if not (isinstance(name, str) and re.fullmatch(r"[a-z][a-z0-9_]*", name)):
+        yield "name", "must be lower-case letters, digits and underscores", "bad-declaration"
+    if not isinstance(getattr(stage, "title", None), str):
+        yield "title", "must be a text", "bad-declaration"
+    if not (isinstance(parameters, tuple) and parameters and all(isinstance(one, Parameter) for one in parameters)):
+        yield "parameters", "must be a tuple of at least one Parameter(...)", "bad-declaration"
+        return
+    before = [own for one in STAGES.loaded() if one.name == name for own in one.parameters]
+    taken = {one.name for one in Sea.all_parameters()} - {one.name for one in before}
+    for one in parameters:
+        if not one.optional:
+            yield f"parameters.{one.name}", "must have optional=True: robots without its tag have no stage", "bad-parameter"
+        if one.name in taken:
+            yield f"parameters.{one.name}", "another parameter has this name", "bad-parameter"
+    for key in ("Memory", "Constants"):
+        kind = getattr(stage, key, None)
+        if not (isinstance(kind, type) and is_dataclass(kind)):
+            yield key, "must be a dataclass with slots of numbers (asrsim.records)", "bad-declaration"
+            return
+    known = {one.name for one in stage.quantities}
+    logged = [one["log"].format(1) for one in declared(stage.Memory).values() if one["log"]]
+    for text in (*logged, *[stage.lost] * bool(stage.lost)):
+        if text not in known:
+            yield "quantities", f"must have the quantity '{text}', which the stage logs", "bad-declaration"
+    if stage.has("loss") != bool(stage.lost):
+        yield "lost", "must be the name of the lost energy in logs: law and name belong together", "bad-declaration"
+    for law in LAWS:
+        if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
+            yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
+
+
+def check_stage(stage: type[Stage]) -> CheckReport:
+    """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
+    problems = stage_problems(stage)
+    declaration = Check(
+        name="declaration", passed=not problems, doc="name, parameters, records and laws are declared as `Stage` requires",
+        detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
+    )  # fmt: skip
+    checks = [declaration]
+    if not problems:
+        checks += [_run(stage, *check) for check in CHECKS]
+    return CheckReport(actuator=stage.name, title=stage.title, checks=tuple(checks))
+
+
+def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callable[[Trial], Iterable[float]]) -> Check:
+    worst, where = 0.0, ""
+    try:
+        for seed in range(TRIALS):
+            trial = Trial(stage, seed)
+            found = float(np.max(np.fromiter(measure(trial), float), initial=0.0))
+            if not found <= worst:
+                worst, where = found, ", ".join(f"{key} = {value:.4g}" for key, value in trial.values.items())
+    except Exception as error:
+        return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
+    passed = worst <= limit
+    detail = "" if passed else f"{worst:.3g} with {where}"
+    return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=detail)
+
+
+class Trial:
+    """A stage with random parameters, and a random motion of the deflection at its motor."""
+
+    def __init__(self, stage: type[Stage], seed: int) -> None:
+        source = np.random.default_rng([seed, 48])
+        self.stage, self.values = stage, {one.name: _drawn(one, source) for one in stage.parameters}
+        defaults = {one.name: one.default for one in Sea.all_parameters()} | {one.name: one.default for one in stage.parameters}
+        self.at_defaults = stage.constants(defaults | ELECTRIC, 1, MODES[5])
+        self.own: Any = stage.constants(defaults | ELECTRIC | self.values, 1, MODES[5])
+        time = np.arange(STEPS) * STEP
+        waves = [(size, source.uniform(0.5, HERTZ), source.uniform(0.0, 6.0)) for size in source.uniform(0.0, REACH / 3, 3)]
+        rates = 2.0 * np.pi * np.array([hertz for _, hertz, _ in waves])
+        angles = rates[:, None] * time + np.array([[phase] for *_, phase in waves])
+        sizes = np.array([[size] for size, *_ in waves])
+        self.deflection = (sizes * np.sin(angles)).sum(axis=0).tolist()
+        self.velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0).tolist()
+        self.torque = (LARGEST * np.sin(3.0 * angles[0])).tolist()
+
+    def kicks(self) -> Iterator[tuple[Any, float, float, float]]:
+        """Memory before each kick, deflection, velocity and torque of the motor there; then the memory advances."""
+        memory = self.stage.Memory()
+        for kick in zip(self.deflection, self.velocity, self.torque, strict=True):
+            yield memory, *kick
+            self.stage.remember(memory, self.own, *kick, STEP)
+
+
+def _drawn(one: Parameter, source: np.random.Generator) -> float:
+    """A random value of a parameter with an effect."""
+    usual = abs(one.default) if one.default and np.isfinite(one.default) else 0.2
+    value = usual * float(source.uniform(0.5, 1.5))
+    return min(max(value, one.minimum), one.maximum)
+
+
+def _acts(trial: Trial) -> Iterator[float]:
+    yield float(trial.at_defaults is not None) + float(trial.own is None)
+
+
+def _finite(trial: Trial) -> Iterator[float]:
+    stage, own = trial.stage, trial.own
+    for memory, x, v, torque in trial.kicks():
+        found = (
+            stage.place(memory, own, x), stage.torque(memory, own, x, v), stage.limit(memory, own, abs(torque)),
+            stage.energy(memory, own),
+        )  # fmt: skip
+        yield float(not np.isfinite(found).all())
+
+
+def _stiffness(trial: Trial) -> Iterator[float]:
+    stage, own, near = trial.stage, trial.own, 1e-6
+    bound = stage.stiffness_bound(own)
+    for memory, x, v, _ in trial.kicks():
+        slope = abs(stage.torque(memory, own, x + near, v) - stage.torque(memory, own, x - near, v)) / (2.0 * near)
+        yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
+
+
+def _damping(trial: Trial) -> Iterator[float]:
+    stage, own, near = trial.stage, trial.own, 1e-4
+    bound = stage.damping_bound(own)
+    for memory, x, v, _ in trial.kicks():
+        slope = abs(stage.torque(memory, own, x, v + near) - stage.torque(memory, own, x, v - near)) / (2.0 * near)
+        yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
+
+
+def _balance(trial: Trial) -> Iterator[float]:
+    stage, own = trial.stage, trial.own
+    work = lost = turned = stored = first = before = 0.0
+    last = trial.deflection[0]
+    kicks = trial.kicks()
+    for number, (memory, x, v, torque) in enumerate(kicks):
+        pull = stage.torque(memory, own, x, v)
+        # The memory advances as the iteration does; energy and loss belong to the memory afterwards.
+        after = _copy(memory)
+        stage.remember(after, own, x, v, torque, STEP)
+        stored = stage.energy(after, own)
+        if number == 0:
+            first = stored
+        else:
+            way = 0.5 * (pull + before) * (x - last)
+            work, turned, lost = work + way, turned + abs(way), lost + stage.loss(after, own)
+        before, last = pull, x
+    yield abs(work - (stored - first) - lost) / max(turned, 1e-9)
+
+
+def _gains(trial: Trial) -> Iterator[float]:
+    stage, own = trial.stage, trial.own
+    for number, (memory, x, v, torque) in enumerate(trial.kicks()):
+        after = _copy(memory)
+        stage.remember(after, own, x, v, torque, STEP)
+        yield max(-stage.loss(after, own), 0.0) if number else 0.0
+
+
+def _series(trial: Trial) -> Iterator[float]:
+    stage, own, near = trial.stage, trial.own, 1e-6
+    for memory, x, *_ in trial.kicks():
+        slope = (stage.place(memory, own, x + near) - stage.place(memory, own, x - near)) / (2.0 * near)
+        yield max(slope - 1.0 - SLACK, -slope - SLACK, 0.0)
+
+
+def _limits(trial: Trial) -> Iterator[float]:
+    for memory, *_ in trial.kicks():
+        found = trial.stage.limit(memory, trial.own, LARGEST)
+        yield max(found - LARGEST, -found, 0.0)
+
+
+def _copy(memory: Any) -> Any:
+    kind: Any = type(memory)
+    return kind(*numbers(memory))
+
+
+CHECKS: tuple[tuple[str, str, float, Callable[[Trial], Iterable[float]]], ...] = (
+    ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
+    ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
+    ("stiffness", "the torque is nowhere steeper over the deflection than `stiffness_bound`: the step is chosen by it", 0.0,
+     _stiffness),
+    ("damping", "the torque is nowhere steeper over the velocity than `damping_bound`: the step is chosen by it", 0.0,
+     _damping),
+    ("energy", "work of the torque = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
+    ("loss", "the stage gains no energy: `loss` is never negative, J", 1e-12, _gains),
+    ("series", "`place` does not decrease, and has no slope above 1", 0.0, _series),
+    ("limit", "`limit` lies between 0 and the motor's torque limit, N m", 0.0, _limits),
+)  # fmt: skip
+"""Checks: name, requirement, largest allowed figure, function that measures figures of a trial."""

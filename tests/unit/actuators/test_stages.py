@@ -1,0 +1,100 @@
+"""Stages of users: a plugin file brings one with the rights of our own; the checker finds wrong bounds and gained energy."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.actuators.stage_checker import check_stage, stage_problems
+from asrsim.actuators.stages import STAGES, Stage
+from asrsim.actuators.stages.damper import Damper
+from asrsim.actuators.stages.hysteresis import Hysteresis
+from asrsim.errors import ActuatorError
+from asrsim.plugins import load_plugin_file
+from asrsim.quantities import QUANTITIES
+from asrsim.records import constant
+from support.paths import EXAMPLES, ROOT
+
+EXAMPLE = EXAMPLES / "plugins" / "my_clutch.py"
+
+
+@pytest.fixture(autouse=True)
+def own_registries(monkeypatch):
+    """Registrations of a test end with the test."""
+    monkeypatch.setattr(STAGES, "_entries", dict(STAGES._entries))
+    before = dict(QUANTITIES)
+    yield
+    QUANTITIES.clear()
+    QUANTITIES.update(before)
+
+
+def scenario(parameters, **keys):
+    motion = {"sinusoid": {"amplitude": 0.5, "frequency": 2.0}}
+    return asrsim.make_scenario(
+        EXAMPLES / "urdf" / "dof1_sea.urdf", references={"joint_1": {"equilibrium_position": motion}}, duration=0.2,
+        modes={"*": 6}, parameters={"joint_1": parameters}, compiled=False, **keys,
+    )  # fmt: skip
+
+
+def test_a_plugin_brings_a_stage_that_runs_and_is_logged():
+    assert load_plugin_file(EXAMPLE) == ()
+    result = asrsim.run(scenario({"clutch_torque": 0.3}))["joint_1"]
+    lost = result["clutch_loss"]
+    assert lost[-1] > 1e-5
+    assert np.diff(lost).min() >= 0.0
+    assert np.abs(result["energy_residual"]).max() < 1e-3 * lost[-1]
+    with pytest.raises(KeyError):
+        asrsim.run(scenario({}))["joint_1"]["clutch_loss"]
+
+
+def test_the_example_passes_the_checker_and_is_documented():
+    load_plugin_file(EXAMPLE)
+    assert check_stage(STAGES.get("clutch")).passed
+    shown = (ROOT / "docs" / "stages.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    assert shown.strip() in EXAMPLE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("stage", STAGES.loaded(), ids=lambda stage: stage.name)
+def test_the_built_in_stages_pass_the_checker(stage):
+    report = check_stage(stage)
+    assert report.passed, [check for check in report.checks if not check.passed]
+
+
+def failed(name, base, **laws):
+    """Names of the checks that a stage derived from another one fails."""
+    made = type(name, (base,), {key: staticmethod(law) for key, law in laws.items()})
+    return {check.name for check in check_stage(made).checks if not check.passed}
+
+
+def test_wrong_bounds_and_gained_energy_are_found():
+    assert failed("Soft", Hysteresis, stiffness_bound=lambda own: own.level / own.length) == {"stiffness"}
+    assert failed("Weak", Damper, damping_bound=lambda own: 0.5 * own.damping) == {"damping"}
+    assert failed("Gain", Damper, loss=lambda memory, own: -memory.lost) == {"energy", "loss"}
+    assert failed("Free", Damper, loss=lambda memory, own: 0.0) == {"energy"}
+    pushing = {"torque": lambda memory, own, deflection, velocity: -own.damping * velocity}
+    assert failed("Pushing", Damper, **pushing) == {"energy"}
+    assert failed("Strong", Damper, limit=lambda memory, own, torque: 2.0 * torque) == {"limit"}
+    assert failed("Steep", Damper, place=lambda memory, own, deflection: 2.0 * deflection) == {"series"}
+
+
+def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
+    path = tmp_path / "bad.py"
+    path.write_text("from asrsim.actuators.stages import Stage\n\n\nclass Bad(Stage):\n    name = 'Bad One'\n    title = 'x'\n")
+    with pytest.raises(ActuatorError) as caught:
+        load_plugin_file(path)
+    assert {problem.key for problem in caught.value.problems} == {"Bad.name", "Bad.parameters"}
+    assert all(problem.line == 4 and problem.file == path for problem in caught.value.problems)
+
+    @dataclass(slots=True)
+    class One:
+        """One number."""
+
+        number: float = constant("a number", "1")
+
+    keeps = type("Keeps", (Damper,), {"parameters": tuple(Hysteresis.parameters), "Constants": One, "lost": ""})
+    assert {problem.key for problem in stage_problems(keeps)} == {
+        "Keeps.parameters.hysteresis_torque", "Keeps.parameters.hysteresis_deflection", "Keeps.lost",
+    }  # fmt: skip
+    assert not stage_problems(Damper)
+    assert issubclass(keeps, Stage)
