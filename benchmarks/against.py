@@ -33,6 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples" / "scenarios"
 SHARED = ROOT.parent / "shared" / "robots" / "alterego"
 COMMANDS: Mapping[str, tuple[str, ...]] = {
+    "help": ("--help",),
     "ilc_paper": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--no-plot"),
     "ilc_auto": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--set", "ilc.law=auto", "--no-plot"),
     "sweep": (
@@ -71,6 +72,17 @@ def loop(path: str) -> float:
         (first, begin), (last, end) = marks.times[0], marks.times[-1]
         times.append((end - begin) / ((last - first) / loaded.step))
     return statistics.median(times)
+
+
+def outside(path: str) -> float:
+    """CPU time of all but the loop of a run with a log (examine, build, log, summary), after a first run, s."""
+    from asrsim.api import run
+    from asrsim.scenario import load_scenario
+
+    (loaded,) = load_scenario(path)
+    with tempfile.TemporaryDirectory() as folder:
+        whole = _median(lambda: run(path, out=folder, keep=False))
+    return whole - loop(path) * loaded.duration / loaded.step
 
 
 def worlds(path: str) -> float:
@@ -129,9 +141,11 @@ def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
         real = SHARED / files[name]
         robot = real if real.exists() else humanoid(folder, joints, links)
         found[f"loop_{name}"] = (loop, _scenario(folder, robot, duration=5.0, substeps=substeps))
+        found[f"outside_{name}"] = (outside, _scenario(folder, robot, duration=2.0, substeps=substeps))
     for joints in (1, 2, 5):
         robot = chain(folder, joints)
         found[f"loop_{joints}"] = (loop, _scenario(folder, robot, duration=50.0))
+        found[f"outside_{joints}"] = (outside, _scenario(folder, robot, duration=2.0))
         found[f"bullet_{joints}"] = (loop, _scenario(folder, robot, duration=2.0, engine="bullet"))
         found[f"worlds_{joints}"] = (worlds, _scenario(folder, robot, duration=50.0))
         for engine in ("mujoco", "bullet"):

@@ -3,7 +3,7 @@
     python examples/learn_reach.py [STEPS] [FOLDER]
 
 The script draws the learning curve (distance between tip and goal at the end of an episode, before and during training)
-and a picture of the trained arm at a goal.
+and a film of the trained arm, which reaches several goals.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from PIL import Image
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
@@ -25,7 +26,7 @@ import asrsim
 from asrsim.environment.env import SoftRobotEnv
 from asrsim.environment.task import State
 
-EPISODES, LOOKS = 20, 10
+EPISODES, LOOKS, FILMED = 20, 10, 4
 STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 60_000
 FOLDER = Path(sys.argv[2] if len(sys.argv) > 2 else "out/learn_reach")
 TIP = (0.115, 0.0, 0.0)
@@ -102,6 +103,20 @@ class Watched(BaseCallback):
         self.last = distance(state)
         return False
 
+    def film(self, path: Path) -> None:
+        """Film of the policy at some goals, at the speed of the robot."""
+        frames = []
+        for seed in range(FILMED):
+            observation, _ = self.env.reset(seed=1000 + seed)
+            over = False
+            while not over:
+                action, _ = self.model.predict(self.envs.normalize_obs(observation), deterministic=True)
+                observation, _, ended, truncated, _ = self.env.step(action)
+                frames.append(self.env.render())
+                over = ended or truncated
+        pictures = [Image.fromarray(frame).quantize(64, dither=Image.Dither.NONE) for frame in frames[::2]]
+        pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=40, loop=0)
+
     def ends(self) -> list[float]:
         """Distances from the goal at the end of each test episode, mm; the test episodes never change."""
         found = []
@@ -128,7 +143,7 @@ def main() -> None:
     torch.set_num_threads(1)
     envs = VecNormalize(make_vec_env(make_reach, n_envs=4, seed=0), gamma=0.95)
     policy = PPO(
-        "MlpPolicy", envs, n_steps=256, batch_size=256, gamma=0.95, seed=0, learning_rate=lambda left: 1e-3 * left,
+        "MlpPolicy", envs, n_steps=256, batch_size=256, gamma=0.95, seed=0, learning_rate=lambda left: 1e-3 * max(left, 0.0),
         policy_kwargs={"net_arch": [64, 64], "log_std_init": -1.0}, device="cpu",
     )  # fmt: skip
     watched = Watched(envs)
@@ -141,7 +156,8 @@ def main() -> None:
     axes.set(xlabel="control steps", ylabel="tip from its goal at the end, mm", ylim=(0, None))
     axes.legend()
     figure.savefig(FOLDER / "curve.png", dpi=120)
-    plt.imsave(FOLDER / "arm.png", watched.env.render())
+    watched.film(FOLDER / "film.gif")
+    print(f"{time.process_time():.0f} s of the processor in all")
 
 
 if __name__ == "__main__":

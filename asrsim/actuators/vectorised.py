@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.base import Actuator, cosh, saturate, sinh
-from asrsim.rebind import rebind
+from asrsim.compiled.rebind import rebind
 
 Array = NDArray[np.float64]
 GAUSS = tuple(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asrsim import compiling
+from asrsim.compiled import compiling
 from asrsim.engines.base import POSITION, VELOCITY, Engine, Native, Record
 from asrsim.engines.rigid import Calculation
 from asrsim.errors import SimulationError

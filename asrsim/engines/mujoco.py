@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim import compiling
+from asrsim.compiled import compiling
+from asrsim.compiled.packed import pack
 from asrsim.engines import mujoco_step
 from asrsim.engines.base import (
     DAMPING,
@@ -38,7 +39,6 @@ from asrsim.engines.mujoco_library import (
 )
 from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room
 from asrsim.errors import Problem
-from asrsim.packed import pack
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import LinkPlacement, merge_for_engine
 from asrsim.robot.meshes import usable_shapes

@@ -8,11 +8,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from asrsim.compiling import Callback, compile_packed
+from asrsim.compiled.compiling import Callback, compile_packed
+from asrsim.compiled.rebind import rebind
 from asrsim.engines import mujoco_step
 from asrsim.engines.rigid import INLINE
 from asrsim.errors import Problem, SimulationError
-from asrsim.rebind import rebind
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
 """File names of MuJoCo's C library in the folder of the Python package: Linux, macOS, Windows."""

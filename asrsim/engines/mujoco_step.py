@@ -107,7 +107,7 @@ def make_record(
 
 
 def sizes(record: Record) -> tuple[int, int, int]:
-    """Sizes of the other arguments of `step`; see `asrsim.compiling.compile_packed`."""
+    """Sizes of the other arguments of `step`; see `asrsim.compiled.compiling.compile_packed`."""
     return record.room.joints, record.wrenches, 6
 
 

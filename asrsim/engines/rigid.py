@@ -23,13 +23,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim import compiling
-from asrsim.compiling import Callback
+from asrsim.compiled import compiling
+from asrsim.compiled.compiling import Callback
+from asrsim.compiled.packed import pack
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.engines.loops import Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
-from asrsim.packed import pack
 from asrsim.robot.dynamics import robot_model
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
@@ -486,7 +486,7 @@ def _turn(state: Any, first: int, step: float) -> None:
 
 
 def _sizes(room: Any) -> tuple[int, int, int]:
-    """Sizes of the other arguments; see `asrsim.compiling.compile_packed`."""
+    """Sizes of the other arguments; see `asrsim.compiled.compiling.compile_packed`."""
     return room.joints, room.speeds, 1
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.confined import ConfinedError, run_confined
+from asrsim.confined.run import ConfinedError, run_confined
 from asrsim.document.file import lfs_pointer
 from asrsim.errors import InputError, Problem, RecordingError, similar_file
 from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy

@@ -1,6 +1,6 @@
 """Reads a recording of a binary format in a child process, as damaged files may crash the library of the format.
 
-`asrsim.confined` runs this script. It reads a request in JSON from stdin and writes the bytes of
+`asrsim.confined.run` runs this script. It reads a request in JSON from stdin and writes the bytes of
 `asrsim.recordings.formats.pack` to stdout.
 """
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from asrsim.confined import ConfinedError, run_confined
+from asrsim.confined.run import ConfinedError, run_confined
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.packages import Packages
 from asrsim.robot.xmlfile import MAX_BYTES

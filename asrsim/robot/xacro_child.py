@@ -1,4 +1,4 @@
-"""Run as a script by `asrsim.confined`: expands one xacro file under restrictions.
+"""Run as a script by `asrsim.confined.run`: expands one xacro file under restrictions.
 
 Reads a JSON request on stdin, writes a JSON answer on stdout. This script imports nothing of asrsim.
 

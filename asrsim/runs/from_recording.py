@@ -84,7 +84,7 @@ def write_from_recording(
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
-    from asrsim.kinematics.sizing import sizing
+    from asrsim.statics.sizing import sizing
 
     loaded = moving_robot(robot, arguments, packages)
     joints = [joint.name for joint in loaded.moving_joints]

@@ -11,7 +11,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.compiling import available
+from asrsim.compiled.compiling import available
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.records import numbers

@@ -9,13 +9,13 @@ import numpy as np
 
 from asrsim.actuators.rest import resting_motors, spring_torques
 from asrsim.errors import ScenarioError
-from asrsim.robot.balance import BALANCED, balanced
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.statics.balance import BALANCED, balanced
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError, Problem, RobotError, ScenarioError
-from asrsim.kinematics.sizing import weight_warnings
 from asrsim.plugins import blame_laws, load_plugin_files
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
@@ -24,6 +23,7 @@ from asrsim.scenario.doubts import doubts
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.quantities import recorded_quantities
+from asrsim.statics.sizing import weight_warnings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from asrsim import compiling
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
+from asrsim.compiled import compiling
 from asrsim.errors import SimulationError, listed
 from asrsim.records import columns, own_fields
 from asrsim.simulation import kernel

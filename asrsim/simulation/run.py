@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.compiling import available
+from asrsim.compiled.compiling import available
 from asrsim.errors import DivergenceError, Problem
 from asrsim.plugins import blame_laws
 from asrsim.robot.model import Robot

@@ -15,7 +15,6 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.document.yaml_reader import plain_scalar
 from asrsim.errors import OutputError, Problem, RobotError, ScenarioError, UnresolvedSpringError, listed
-from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, strengthened
 from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
@@ -28,6 +27,7 @@ from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.relocate import robot_key
 from asrsim.scenario.schema import schema_text
 from asrsim.simulation.prepare import prepare
+from asrsim.statics.sizing import calming, problems_of_weight, sizing, strengthened
 
 STEP = 0.3
 """Step of the starter's position references, rad."""

@@ -1,4 +1,4 @@
-"""Script of `asrsim.confined`: reads files of rows completely and reports their faults.
+"""Script of `asrsim.confined.run`: reads files of rows completely and reports their faults.
 
 Reads a JSON request from stdin and writes pairs (number of the file, fault) to stdout. It imports nothing of asrsim.
 """

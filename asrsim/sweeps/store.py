@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.confined import MEMORY, ConfinedError, run_confined
+from asrsim.confined.run import MEMORY, ConfinedError, run_confined
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.extras import library
 from asrsim.outfile import is_ours, make_folder, write_text, written

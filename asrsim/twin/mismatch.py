@@ -13,9 +13,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.kinematics.sizing import linear_parameters
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
+from asrsim.statics.sizing import linear_parameters
 from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0

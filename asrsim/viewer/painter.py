@@ -38,11 +38,13 @@ class Painter:
 
     def _work(self) -> None:
         try:
-            pause = 0.0
+            due, pause = clock.perf_counter(), 0.0
             while not self._stopped.wait(pause):
                 began = clock.perf_counter()
                 self._draw()
-                spent = clock.perf_counter() - began
-                pause = max(FRAME - spent, (1.0 / SHARE - 1.0) * spent)
+                now = clock.perf_counter()
+                # A late picture does not delay the next one; pictures that are not due any more are left out.
+                due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * (now - began))
+                pause = due - now
         except BaseException as error:
             self.error = error

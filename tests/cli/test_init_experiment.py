@@ -13,13 +13,13 @@ from asrsim.cli.app import app
 from asrsim.errors import OutputError, RecordingError
 from asrsim.identification import task_of
 from asrsim.identification.problem import set_up
-from asrsim.kinematics.sizing import sizing
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import write_from_recording
 from asrsim.scenario import apply_to_robot, load_scenario
+from asrsim.statics.sizing import sizing
 from support.bags import START, write_bag
 from support.examined import check_against_robot
 from support.paths import ROOT

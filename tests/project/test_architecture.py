@@ -141,7 +141,7 @@ def test_actuators_import_no_engine_and_no_robot():
             "asrsim.actuators",
             "asrsim.errors",
             "asrsim.quantities",
-            "asrsim.rebind",
+            "asrsim.compiled.rebind",
             "asrsim.records",
             "asrsim.registry",
         )

@@ -576,10 +576,10 @@ def _child(folder: Path, line: str, output: Path) -> None:
         if line == "messages":
             code = _messages()
         else:
-            import asrsim.confined
+            import asrsim.confined.run
             from asrsim.cli.app import main
 
-            asrsim.confined.subprocess = SimpleNamespace(run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
+            asrsim.confined.run.subprocess = SimpleNamespace(run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
             sys.argv = ["asrsim", *line.split()]
             try:
                 main()

@@ -5,7 +5,7 @@ from collections import OrderedDict
 import numpy as np
 import pytest
 
-from asrsim import compiling
+from asrsim.compiled import compiling
 
 pytest.importorskip("numba")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from asrsim.confined import ConfinedError, run_confined
+from asrsim.confined.run import ConfinedError, run_confined
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 from asrsim.signals import Playback

@@ -3,11 +3,11 @@
 import pytest
 import yaml
 
-from asrsim.kinematics.sizing import weight_warnings
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
 from asrsim.scenario import apply_to_robot, load_scenario
 from asrsim.scenario.signal_checks import undersampled
+from asrsim.statics.sizing import weight_warnings
 from support.examined import check_against_robot
 
 STRONG = """modes: 5

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.compiling import available
+from asrsim.compiled.compiling import available
 from asrsim.samples import concatenate
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.simulation import Simulation

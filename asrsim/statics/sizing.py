@@ -21,13 +21,13 @@ from asrsim.actuators.rest import resting_motors, spring_torques
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
-from asrsim.robot.balance import balanced
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.mounting import drive_of, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
 from asrsim.scenario.starts import start_positions
+from asrsim.statics.balance import balanced
 
 if TYPE_CHECKING:
     from asrsim.actuators.drive import Drive

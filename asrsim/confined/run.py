@@ -33,7 +33,7 @@ def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, me
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     # -P: never import modules from the folder of the scripts.
-    command = [sys.executable, "-P", str(Path(__file__).with_name("confined_child.py")), str(seconds), str(memory), str(script)]
+    command = [sys.executable, "-P", str(Path(__file__).with_name("child.py")), str(seconds), str(memory), str(script)]
     try:
         done = subprocess.run(
             command, input=json.dumps(request).encode(), capture_output=True, timeout=seconds, check=False,

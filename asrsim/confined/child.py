@@ -1,4 +1,4 @@
-"""Script of `asrsim.confined`: limits its own process, then runs another script. Arguments: seconds, bytes, script."""
+"""Script of `asrsim.confined.run`: limits its own process, then runs another script. Arguments: seconds, bytes, script."""
 
 from __future__ import annotations
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim import compiling
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.parameters import Parameter
+from asrsim.compiled import compiling
+from asrsim.compiled.kernel_cache import cache_file
 from asrsim.errors import SimulationError
-from asrsim.kernel_cache import cache_file
 from asrsim.scenario import Scenario
 from asrsim.scenario.blocks import World
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
@@ -208,7 +208,7 @@ def test_other_processes_load_what_one_has_compiled():
     robot = arm("sea")
     simulate(make_scenario(robot, 6, compiled=True), robot)
     kept = kernels()
-    script = "import test_compiled as t; robot = t.arm('sea'); t.simulate(t.make_scenario(robot, 6, compiled=True), robot)"
+    script = "import test_core as t; robot = t.arm('sea'); t.simulate(t.make_scenario(robot, 6, compiled=True), robot)"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONHASHSEED": "1"}
     subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parent, env=environment, check=True)
     assert kernels() == kept

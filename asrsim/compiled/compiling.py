@@ -17,8 +17,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from asrsim.kernel_cache import cache_file
-from asrsim.rebind import called_names, rebind
+from asrsim.compiled.kernel_cache import cache_file
+from asrsim.compiled.rebind import called_names, rebind
 
 T = TypeVar("T")
 
@@ -87,12 +87,12 @@ def compile_packed(
 ) -> Callback:
     """C function of the addresses of a record, a state, an exchange, wrenches and lengths, and the number of pieces of a kick:
     `function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
-    `asrsim.packed` and `asrsim.engines.base.Native`.
+    `asrsim.compiled.packed` and `asrsim.engines.base.Native`.
 
     sizes: function that maps a record to the number of rows of an exchange for each piece, and the numbers of rows and columns
     of the wrenches for each piece. Other arguments as in `compile_function`.
     """
-    from asrsim.packed import reader, table_reader
+    from asrsim.compiled.packed import reader, table_reader
 
     kind = type_of(record)
     given = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asrsim.robot.balance import balanced
+from asrsim.statics.balance import balanced
 
 
 def test_steps_that_would_go_to_and_fro_come_to_rest():

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.kinematics.sizing import problems_of_weight, sizing
 from asrsim.scenario import apply_to_robot, make_scenario
 from asrsim.starter.robot import write_starter
+from asrsim.statics.sizing import problems_of_weight, sizing
 from support.examined import checked_robot
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm

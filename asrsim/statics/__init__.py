@@ -1,0 +1,1 @@
+"""Statics: positions at which torques balance, and whether springs and motors hold an arm."""
