@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
+from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
@@ -30,6 +31,14 @@ DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor."""
+LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
+"""Parameters of spring laws that are tried, words for them, and their start values, in typical sizes."""
+MODES = (1.5, 3.0, 6.0)
+"""Frequencies of a second mode that are tried, in units of the band of the motion: from resonance with the motion on."""
+SMALL = float(np.log(0.2))
+"""Logarithm of the size of the second body at the start of a trial, relative to its default fraction of the link."""
+MASSES = (float(np.log(1.3)), float(np.log(0.75)))
+"""Logarithms of the factors of a link's mass that are tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
@@ -53,7 +62,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[st
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, np.zeros(len(x))):
         there = extended(
-            problem, begin, (_sensors, _robot, _delays, _wrong_ties), most=CAUSES, rounds=ROUNDS,
+            problem, begin, (_sensors, _robot, _delays, _wrong_ties, _modes), most=CAUSES, rounds=ROUNDS,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         there = pruned(problem, there, least=(1.0 - EXPLAINED) * excess, rounds=ROUNDS)
@@ -67,7 +76,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[st
             more = "" if rest <= target else "; more is missing"
             explained, layout = (found.problem, found.x), found.problem.layout
             yield _suspected(found, percent((rest / base) ** 0.5)) + more, layout.named(found.x)
-    for text in chain(_oscillations(*explained), _varying_springs(problem, x)):
+    for text in chain(_oscillations(*explained), _varying_springs(*explained)):
         yield text, {}
 
 
@@ -79,14 +88,16 @@ def _suspected(found: Extended, rest: str) -> str:
     values = iter(found.problem.layout.values(found.x).tolist()[-new:])
     for cause in found.chosen:
         for one, value in zip(cause.parameters, values, strict=False):
-            options.append(f"--free {one.key}={value:.4g}" if one.track is None else f"--own {one.key}")
+            if cause.elastic is None:
+                options.append(f"--free {one.key}={value:.4g}" if one.track is None else f"--own {one.key}")
         options += [f"--tie {tie.key}={tie.to}" for tie in cause.ties]
         # Small delays and offsets are shown in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    return f"{' and '.join(texts)} {verb} the error to {rest} ({' '.join(dict.fromkeys(options))})"
+    added = f" ({' '.join(dict.fromkeys(options))})" if options else ""
+    return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
 def _delays(problem: Problem, _: Array) -> Iterator[Extension]:
@@ -127,6 +138,28 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
 
 
+def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Extensions by a second mode: the link behind a joint with a recorded position is elastic."""
+    track = problem.tracks[0]
+    for joint in track.door.joints:
+        sensed = any(channel.key == f"{joint}.link_position" for channel in track.channels)
+        lowest = MODES[0] * track.motion
+        if not sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints or not lowest:
+            continue
+        if any(one.elastic(joint, lowest) is None for one in problem.tracks):
+            continue
+        elastic = track.elastic(joint, lowest) or track
+        known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
+        inertia = f"{link}{TIP}.{axis_inertia(track.door.robot, joint)}"
+        spring = known[f"{joint}{BEND}.passive_stiffness"]
+        # A small second body changes the other motion little; its frequency is that of its inertia on the spring.
+        begins = tuple((SMALL, SMALL + 2.0 * float(np.log(factor / MODES[0]))) for factor in MODES)
+        yield Extension(
+            text=f"a second mode, such as an elastic {link},", parameters=(known[inertia], spring), begins=begins,
+            elastic=(joint, lowest), restepped=True,
+        )  # fmt: skip
+
+
 def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions that free fixed springs, friction, damping, hysteresis and motor limits."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
@@ -134,6 +167,12 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
     for j, drive in enumerate(track.door.drives):
         joint, mode = drive.name, drive.mode
         spring, motor = mode is not None and mode.spring, mode is not None and mode.motor
+        for name, text, starts in LAWS if spring else ():
+            if (law := known.get(f"{joint}.{name}")) is not None and law.key not in free:
+                yield Extension(text=f"{text} of {joint}", parameters=(law,), begins=starts)
+        mass = known.get(f"{drive.joint.child}.mass")
+        if mass is not None and mass.logarithmic and mass.key not in free and moves and any(track.scenario.gravity):
+            yield Extension(text=f"another mass of {drive.joint.child}", parameters=(mass,), begins=MASSES)
         for name, text, possible in (
             ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
             ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),

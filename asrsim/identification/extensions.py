@@ -53,6 +53,8 @@ class Extension:
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
     """Tie that is removed."""
+    elastic: tuple[str, float] | None = None
+    """Joint whose link becomes elastic, and the frequency of its second mode, rad/s."""
     staircase: str = ""
     """Key of the command whose samples are held."""
     begins: Sequence[float | Sequence[float]] = ()
@@ -72,6 +74,9 @@ class Extension:
         """Problem with this extension."""
         if self.staircase:
             return problem.played(problem.playing.staircases | {self.staircase})
+        if self.elastic is not None:
+            tracks = [track.elastic(*self.elastic) for track in problem.tracks]
+            problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
         layout = problem.layout
         ties = tuple(tie for tie in layout.ties if tie is not self.untied)
         return replace(problem, layout=replace(layout, entries=layout.entries + self.parameters, ties=ties + self.ties))

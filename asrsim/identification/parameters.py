@@ -29,7 +29,7 @@ LATEST = 0.25
 """Largest delay and largest clock offset that a fit allows, s."""
 TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
-    "kg": 0.1, "kg m^2": 1e-3,
+    "kg": 0.1, "kg m^2": 1e-3, "N m/rad^3": 10.0, "N/m^3": 1e4,
 }  # fmt: skip
 """Typical size of a parameter whose start value is 0, by unit."""
 FACTOR = 1e6

@@ -187,7 +187,7 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     freed, tracks = {parameter.key for parameter in free}, list[Track]()
     for one in data:
         tracks.append(Track(scenario, given, one, freed))
-        stack.callback(tracks[-1].door.close)
+        stack.callback(tracks[-1].close)
     # Recordings that are not fitted keep the start values of their separate parameters.
     fitted = [track for track in tracks if not track.data.predicted_only]
     # Initial states are free for links that start in motion, or at other positions than in the scenario.

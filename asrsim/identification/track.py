@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.identification.data import Channel, Data, PlayedCommand
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
+from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import motion_band
 from asrsim.identification.observed import Measured
 from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
@@ -111,6 +112,7 @@ class Track:
     def __init__(self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = ()) -> None:
         """freed: keys of the parameters that the user frees."""
         self.data, self.channels = data, data.channels
+        self._made_from, self._elastic = (scenario, robot, frozenset(freed)), dict[str, Track | None]()
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
         self.wanted = [(self.door.joints.index(one.joint), one.quantity) for one in self.channels]
@@ -176,6 +178,21 @@ class Track:
                 if f"{drive.name}.link_position" not in sensors:
                     # A link at rest moves with the initial positions of its motors.
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
+
+    def elastic(self, joint: str, frequency: float) -> Track | None:
+        """The recording with the simulation of a robot whose link behind a joint is elastic; None if there is no such robot.
+        frequency: natural frequency of the link's second body, rad/s.
+        """
+        if joint not in self._elastic:
+            scenario, robot, freed = self._made_from
+            changed = with_elastic_link(robot, joint, frequency)
+            self._elastic[joint] = None if changed is None else Track(scenario, changed, self.data, freed)
+        return self._elastic[joint]
+
+    def close(self) -> None:
+        """Release the engines."""
+        for one in (self, *filter(None, self._elastic.values())):
+            one.door.close()
 
     # -- prediction ----------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from asrsim.actuators import Actuator
 from asrsim.actuators.stages import STAGES
 
 SPRING_TAGS: dict[str, dict[str, str]] = {
-    "sea": {"spring_stiffness": "spring_k", "max_deflection": "max_def"},
+    "sea": {"spring_stiffness": "spring_k", "spring_cubic": "spring_k3", "max_deflection": "max_def"},
     "qbmove": {
         "spring_a_1": "spring_a1",
         "spring_k_1": "spring_k1",

@@ -102,7 +102,7 @@ class PageOfView:
         right = np.cross(forward, client.camera.up_direction)
         right /= np.linalg.norm(right)
         x, y, depth = np.array([right, np.cross(right, forward), forward]) @ (np.asarray(point) - client.camera.position)
-        boxes = [canvas.bounding_box() for canvas in self.page.locator("canvas").all()]
+        boxes = [box for canvas in self.page.locator("canvas").all() if (box := canvas.bounding_box()) is not None]
         box = max(boxes, key=lambda one: one["width"] * one["height"])
         scale = 0.5 * box["height"] / np.tan(0.5 * client.camera.fov) / depth
         return box["x"] + 0.5 * box["width"] + scale * x, box["y"] + 0.5 * box["height"] - scale * y

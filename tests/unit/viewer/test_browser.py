@@ -160,7 +160,3 @@ def test_no_error_reaches_the_console(played, browser, width):
     until(lambda: page.count("canvas"))
     time.sleep(1.0)
     assert not page.errors
-    if width < 500:
-        # The controls stand below the robot, in the lower half of the window.
-        until(lambda: len(view.server.viser.get_clients()) == 1)
-        assert page.place(view, view.show._page.server.initial_camera.look_at)[1] < 0.4 * 600
