@@ -40,6 +40,8 @@ MARKS = {
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",
     "fit file": rb"\A# Fit for `asrsim identify`",
+    "sheet scenario": rb"\A# Trials of the data sheet of ",
+    "sheet robot": rb"<!-- Test load of the data sheet of ",
     "schema": rb'"title": "asrsim scenario"',
 }
 """Mark at the start or end of each kind of file, by which files written by asrsim are recognised."""

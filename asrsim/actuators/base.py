@@ -51,12 +51,17 @@ class Actuator:
     """Parameters of the spring; `all_parameters` adds the parameters of motors and controllers."""
     typical_preset: ClassVar[float] = 0.0
     """A moderate value of the second reference (preset, adjuster), for starter scenarios and checks."""
+    preset_range: ClassVar[tuple[float, float] | None] = None
+    """Smallest and largest second reference of a data sheet, in `reference_2_unit`; None: from 0 to what springs and motors
+    allow."""
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
         """Torques of the springs on motors 1 and 2 in N m; their sum acts on the link. With one spring, the second torque is 0.
 
-        q: link position in rad; theta_1, theta_2: motor positions in rad (position of an adjuster: in `reference_2_unit`).
+        q: link position in rad; theta_1, theta_2: motor positions in rad (position of an adjuster: in `reference_2_unit`). A
+        spring between the motors, the term g(theta_1, theta_2) below eq. 6 of the paper, adds g to one torque and takes it from
+        the other.
         """
         raise NotImplementedError
 

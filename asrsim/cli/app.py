@@ -20,7 +20,13 @@ GROUPS = {
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
     "Use elsewhere": {"export": "export", "twin": "twin"},
     "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},
-    "Reference": {"check": "check", "actuators": "actuators", "examples": "examples", "reproduce": "reproduce"},
+    "Reference": {
+        "check": "check",
+        "actuators": "actuators",
+        "datasheet": "datasheet",
+        "examples": "examples",
+        "reproduce": "reproduce",
+    },
 }
 """Commands under each heading of the help; the value of a command is the module of `asrsim.cli` that defines the command."""
 COMMANDS = {name: f"asrsim.cli.{module}" for group in GROUPS.values() for name, module in group.items()}

@@ -28,6 +28,13 @@ def quantities(incomplete: str) -> list[str]:
     return _beginning((name for joint in _logged() for name in joint.quantities), incomplete)
 
 
+def actuators(incomplete: str) -> list[str]:
+    """Names of all actuators."""
+    from asrsim.actuators import ACTUATORS
+
+    return _beginning(ACTUATORS.names(), incomplete)
+
+
 def robot_keys(incomplete: str) -> list[str]:
     """Keys of the robot's numbers that can be identified or varied."""
     from asrsim.errors import AsrsimError

@@ -12,7 +12,7 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
     """Joint whose name is part of the column's name, and the rest of the column's name.
 
     A known word may follow without a gap, as in `kneepos`. A name of one letter stands alone; if this letter has a meaning of
-    its own, as in `q_des`, it must be the first of several words.
+    its own, as in `q_des`, it must be the first word, and a known word must follow.
     """
     text = spaced(name)
     for joint in sorted(joints, key=len, reverse=True):
@@ -22,7 +22,9 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
             continue
         following, rest = match["next"].lower(), text[match.end() :]
         letter = len(joint) == 1 and (joint.lower() in LETTERS or joint.lower() in WORDS)
-        if (following and (len(joint) == 1 or not is_known(following))) or (letter and (match.start() or not tokens_of(rest))):
+        if (following and (len(joint) == 1 or not is_known(following))) or (
+            letter and (match.start() or not any(map(is_known, tokens_of(rest))))
+        ):
             continue
         return joint, f"{text[: match.start()]} {match['next']}{rest}"
     return None, name

@@ -1,0 +1,89 @@
+"""`asrsim datasheet`: writes the data sheet of an actuator, after Grioli et al. (2015)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asrsim.cli import complete
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_table, say_written, styled
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Texts, argument, folders, into_folder, option, pairs
+
+
+@command()
+def datasheet(
+    target: Annotated[
+        list[str],
+        argument(
+            "TARGET...", "Actuator by name, robot (.urdf, .xacro), or plugin file (.py).", autocompletion=complete.actuators
+        ),
+    ],
+    joint: Annotated[
+        Texts, option("Joint of a robot; may be repeated.", "--joint", default="all with actuators", metavar="NAME")
+    ] = None,
+    compare: Annotated[bool, option("Also put all actuators side by side on one page.", "--compare")] = False,
+    presets: Annotated[
+        tuple[float, float] | None,
+        option("Smallest and largest preset, rad or m.", "--presets", default="the actuator's", metavar="LOW HIGH"),
+    ] = None,
+    inertia: Annotated[float | None, option("Inertia of the test load, kg m^2.", default="3 Hz on the mean stiffness")] = None,
+    experiment: Annotated[
+        Path | None,
+        option("Recording of a test bench to draw beside the law.", "--experiment", "-e", metavar="FILE"),
+    ] = None,
+    mapping: ColumnMap = None,
+    formats: Annotated[
+        Texts, option("Format of the pictures: png, pdf, svg.", "--format", default="png", metavar="NAME")
+    ] = None,
+    out: Annotated[Path, into_folder("Folder for the sheets.")] = Path("datasheet"),
+    arg: Arguments = None,
+    package: Packages = None,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
+    """Write the data sheet of an actuator: torque, speed, power, stiffness, energy, times and bandwidths, with curves and
+    simulated responses. Each number says how it was found; what the file does not state is empty, with the tag that would
+    state it.
+
+    Example: asrsim datasheet qbmove
+
+    Example: asrsim datasheet examples/urdf/dof2_vertical.urdf --joint joint_1
+
+    Example: asrsim datasheet sea examples/plugins/my_vsa.py --compare --format pdf
+    """
+    from asrsim.cli.progress import FractionBar
+    from asrsim.datasheet import make_sheet, sources_of, write_sheets
+
+    if inertia is not None and not 0.0 < inertia < 1e6:
+        raise typer.BadParameter("must be positive", param_hint="--inertia")
+    if presets is not None and not 0.0 <= presets[0] < presets[1]:
+        raise typer.BadParameter("must be two rising numbers, from 0 on", param_hint="--presets")
+    sources = sources_of(
+        target, joints=joint or (), arguments=pairs(arg, "--arg"), packages=folders(package, "--package"), plugins=plugin
+    )
+    if experiment is not None and len(sources) != 1:
+        raise typer.BadParameter("belongs to one actuator", param_hint="--experiment")
+    sheets = []
+    with FractionBar(show=not quiet) as bar:
+        for i, source in enumerate(sources):
+            bar.update(source.name, i / len(sources))
+            sheets.append(make_sheet(source, presets=presets, inertia=inertia, recording=experiment, mapping=mapping or ()))
+    files = write_sheets(sheets, out, compare=compare, formats=formats or ("png",))
+
+    def text() -> None:
+        for sheet in sheets:
+            say(f"{styled(sheet.title, 'bold cyan')}  {sheet.origin}")
+            rows = sheet.entries
+            say_table([
+                ("quantity", [one.words for one in rows], False),
+                ("value", [f"{one.value:.4g}" if one.known else "" for one in rows], True),
+                ("unit", [one.unit if one.known else "" for one in rows], False),
+                ("how", [one.how for one in rows], False),
+            ])  # fmt: skip
+        say_written(files)
+
+    return Done(data={"ok": True, "files": files, "sheets": [sheet.as_dict() for sheet in sheets]}, text=text)

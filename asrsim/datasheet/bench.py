@@ -1,0 +1,60 @@
+"""Recordings of a test bench on a sheet: torque over deflection as measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.actuators.vectorised import over_arrays
+from asrsim.datasheet.sources import Source
+from asrsim.errors import RecordingError
+from asrsim.recordings import read_recording
+from asrsim.samples import Array
+
+MOST_POINTS = 1000
+"""Largest number of points that are drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Measured points of a torque curve."""
+
+    label: str
+    deflection: Array
+    """Equilibrium position of the motors minus link position (n,), rad."""
+    torque: Array
+    """Torque on the link (n,), N m."""
+
+
+def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> Measured:
+    """Torque over deflection in a recording: of a column `deflection`, or of motor and link positions; the torque is
+    `link_torque`, or the sum of the elastic torques. Raises RecordingError if a column is missing."""
+    recording = read_recording(path, mapping=list(mapping) or None, joints=[source.drive.joint])
+    columns = {str(one.quantity): one for one in recording.channels.values() if one.quantity}
+    motors = [f"motor_{i}_position" for i in range(1, source.drive.actuator.positions() + 1)]
+    motors = motors if source.drive.actuator.motors > 1 else motors[:1]
+    torques = ["link_torque"] if "link_torque" in columns else [name for name in columns if name.startswith("elastic_torque")]
+    needed = ["deflection"] if "deflection" in columns else ["link_position", *motors]
+    missing = [name for name in needed if name not in columns] + ([] if torques else ["link_torque"])
+    if missing:
+        raise RecordingError(
+            f"has no column for {', '.join(missing)}", file=path, code="no-such-quantity",
+            choices=tuple(recording.channels), hint=f"Map one with --map COLUMN={source.drive.joint}.{missing[0]}",
+        )  # fmt: skip
+    time = columns[torques[0]].time
+
+    def values(name: str) -> Array:
+        return np.interp(time, columns[name].time, columns[name].values)
+
+    if needed == ["deflection"]:
+        deflection = values("deflection")
+    else:
+        places = [values(name) for name in motors]
+        places += [np.zeros_like(time)] * (source.drive.actuator.positions() - len(places))
+        deflection = over_arrays(source.drive.actuator.equilibrium_position)(*places) - values("link_position")
+    torque = np.sum([values(name) for name in torques], axis=0)
+    kept = slice(None, None, max(1, len(time) // MOST_POINTS))
+    return Measured(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept])

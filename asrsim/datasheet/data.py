@@ -1,0 +1,84 @@
+"""Data of a sheet: entries, each with how it was found, and charts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from asrsim.plots.chart import Chart
+
+
+@dataclass(frozen=True, kw_only=True)
+class Published:
+    """What a publication says about an actuator."""
+
+    key: str
+    """Key of the entry that it belongs to; "" for a remark."""
+    text: str
+    source: str
+    why: str = ""
+    """Why it differs from the sheet, or that it agrees."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One line of a sheet."""
+
+    key: str
+    words: str
+    unit: str
+    value: float | None
+    """Number in SI units; None if it is unknown."""
+    how: str
+    """How the number was found; of an unknown number, the tag or key that would state it, or why it does not apply."""
+    simulated: bool = False
+
+    @property
+    def known(self) -> bool:
+        """Whether the sheet has a number here."""
+        return self.value is not None and math.isfinite(self.value)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        value = self.value if self.known else None
+        found = "simulation" if self.simulated else "closed form"
+        return {"words": self.words, "unit": self.unit, "value": value, "found": found if self.known else None, "how": self.how}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """Data sheet of one actuator."""
+
+    name: str
+    """Name of files: the actuator's, or that of robot and joint."""
+    title: str
+    source: str
+    """Publication of the law."""
+    law: str
+    origin: str
+    """Where the values come from."""
+    entries: tuple[Entry, ...]
+    rows: tuple[tuple[Chart, ...], ...]
+    """Charts of the picture, row by row."""
+    published: tuple[Published, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Texts of the files that repeat the simulations, by name."""
+    plugins: Sequence[Path] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    """Values of all parameters."""
+
+    def entry(self, key: str) -> Entry:
+        """Entry with this key. Raises KeyError."""
+        return next(one for one in self.entries if one.key == key)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data of numbers; charts are left out."""
+        return {
+            "name": self.name, "title": self.title, "source": self.source, "law": self.law, "origin": self.origin,
+            "numbers": {one.key: one.as_dict() for one in self.entries},
+            "published": [vars(one) for one in self.published],
+            "parameters": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
+        }  # fmt: skip

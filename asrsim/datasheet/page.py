@@ -1,0 +1,80 @@
+"""Pages: the sheet of one actuator, and several actuators side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+
+from asrsim.datasheet.data import Entry, Sheet
+from asrsim.plots import style
+from asrsim.plots.chart import Chart
+from asrsim.report.charts import page_data
+from asrsim.report.html import number, section, table
+from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+
+HEADS = ("torque and stiffness", "limits of the motors", "simulated steps")
+"""Names of the rows of charts."""
+
+
+def sheet_page(sheet: Sheet) -> str:
+    """HTML of the sheet of one actuator."""
+    rows = [
+        [one.words, number(one.value) if one.known else "", one.unit if one.known else "", one.how] for one in sheet.entries
+    ]
+    words = {one.key: one.words for one in sheet.entries}
+    published = [[words.get(one.key, "remark"), one.text, one.source, one.why] for one in sheet.published]
+    shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS))
+    values = [[name, f"{value:.6g}"] for name, value in sheet.values.items() if value not in (float("inf"), float("-inf"))]
+    commands = "\n".join(f"asrsim run {name}" for name in sheet.files if name.endswith(".yaml"))
+    sections = [
+        section("Numbers", table(["quantity", "value", "unit", "how it was found"], rows, long=(3,))),
+        section("Curves", HINT + shown + NO_SCRIPT),
+        section("Published", table(["quantity", "published", "source", "compared with this sheet"], published, long=(1, 2, 3)))
+        if published else "",
+        section("Repeat the simulations", f"<pre>{escape(commands)}</pre>"),
+        section("Parameters", table(["parameter", "value (SI)"], values)),
+    ]  # fmt: skip
+    head = f"<p>{escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre>{escape(sheet.law)}</pre>"
+    data = page_data([*zip(HEADS, sheet.rows, strict=True)])
+    return build(f"Data sheet: {sheet.title}", sections, head=head, data=data)
+
+
+def comparison_page(sheets: Sequence[Sheet]) -> str:
+    """HTML with the numbers of several actuators side by side, and their softest and stiffest curves in common charts."""
+
+    def cell(one: Entry) -> str:
+        return number(one.value) if one.known else "-"
+
+    rows = [[f"{one.words} ({one.unit})", *(cell(sheet.entry(one.key)) for sheet in sheets)] for one in sheets[0].entries]
+    shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS[:2]))
+    links = "".join(
+        f'<li><a href="{escape(one.name)}.html">{escape(one.title)}</a>: {escape(one.origin)}</li>' for one in sheets
+    )
+    sections = [
+        section("Numbers", table(["quantity", *(sheet.name for sheet in sheets)], rows)),
+        section("Curves", HINT + shown + NO_SCRIPT),
+        section("Sheets", f"<ul>{links}</ul>"),
+    ]  # fmt: skip
+    data = page_data([*zip(HEADS, common_charts(sheets), strict=False)])
+    return build("Data sheets side by side", sections, data=data)
+
+
+def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
+    """Charts of the first two rows with the first and the last curve of every sheet, one colour for each actuator."""
+    rows = []
+    for r in range(2):
+        charts = []
+        for c in range(2):
+            lines = []
+            for i, sheet in enumerate(sheets):
+                curves = [one for one in sheet.rows[r][c].lines if one.kind == "line"]
+                for curve in dict.fromkeys((0, len(curves) - 1)):
+                    label = sheet.name if r or len(curves) == 1 else f"{sheet.name}, {'stiffest' if curve else 'softest'}"
+                    lines.append(replace(curves[curve], label=label, colour=style.variant_colour(i), dash=1 if curve else 0))
+            chart = sheets[0].rows[r][c]
+            logarithmic = "y" if chart.words == "stiffness" else ""  # actuators differ by orders of magnitude
+            top = max(float(one.y.max(initial=0.0)) for one in lines)
+            charts.append(replace(chart, lines=lines, logarithmic=logarithmic, span=(0.0, 1.1 * top) if r else None))
+        rows.append(tuple(charts))
+    return rows

@@ -1,0 +1,103 @@
+"""What a sheet is about: an actuator by name, those of a plugin file, or those of a robot's joints."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.drive import Drive
+from asrsim.errors import InputError, Problem
+from asrsim.plugins import load_plugin_file
+from asrsim.robot import ActuatorBlock, load_robot
+from asrsim.robot.mounting import block_for, drive_of
+
+SHEET_MODE = 6
+"""Mode of the sheets: controllers bring the motors to equilibrium and preset."""
+ROBOTS = (".urdf", ".xacro")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """One actuator with its values."""
+
+    name: str
+    """Name of the sheet and its files."""
+    drive: Drive
+    """Drive in `SHEET_MODE`."""
+    origin: str
+    stated: Mapping[str, float]
+    """Values that differ from the defaults, by parameter."""
+    effort: float = math.inf
+    """Effort limit of the joint, N m."""
+    plugins: tuple[Path, ...] = ()
+
+
+def sources_of(
+    targets: Sequence[str], *, joints: Sequence[str] = (), arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, Path] | None = None, plugins: Sequence[Path] = (),
+) -> tuple[Source, ...]:  # fmt: skip
+    """Actuators of all targets: names of actuators, plugin files (.py), and robots (.urdf, .xacro).
+
+    joints: joints of robots; all with actuators if there are none. arguments, packages: of xacro files. plugins: plugin files
+    that are loaded already. Raises InputError for an unknown name, joint or file.
+    """
+    found: list[Source] = []
+    for target in targets:
+        path = Path(target)
+        if path.suffix == ".py":
+            found += [_by_name(kind.name, f"defaults of {path.name}", (path,)) for kind in load_plugin_file(path)]
+        elif path.suffix.lower() in ROBOTS:
+            found += _of_robot(path, joints, arguments, packages, tuple(plugins))
+        elif target in ACTUATORS:
+            found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
+        else:
+            hint = "Or give a robot (.urdf, .xacro), or a plugin file (.py)"
+            message = "is no actuator"
+            raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
+    names = [one.name for one in found]
+    if doubles := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        raise InputError(f"{doubles[0]} is given twice", code="twice")
+    return tuple(found)
+
+
+_TOOLBOX = ("sea", "qbmove", "bavs", "awas_ii")
+"""Actuators of the released toolbox."""
+
+
+def _by_name(name: str, origin: str, plugins: tuple[Path, ...]) -> Source:
+    block = block_for("joint_1", name, SHEET_MODE)
+    return Source(name=name, drive=drive_of(block), origin=origin, stated={}, plugins=plugins)
+
+
+def _of_robot(
+    path: Path, joints: Sequence[str], arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None,
+    plugins: tuple[Path, ...],
+) -> list[Source]:  # fmt: skip
+    robot = load_robot(path, xacro_arguments=arguments, package_paths=packages)
+    blocks = {block.joint: block for block in robot.actuators}
+    if not blocks:
+        hint = "Give the name of an actuator instead, or put one on with `asrsim init --actuator`"
+        raise InputError("has no actuators", file=path, hint=hint, code="no-actuator")
+    unknown = [
+        Problem("has no actuator", file=path, key=name, choices=tuple(blocks), meant=name, code="no-actuator")
+        for name in joints if name not in blocks
+    ]  # fmt: skip
+    if unknown:
+        raise InputError(unknown)
+    chosen = [blocks[name] for name in joints] or list(blocks.values())
+    return [_of_block(path, block, robot.joint(block.joint).most_effort, plugins) for block in chosen]
+
+
+def _of_block(path: Path, block: ActuatorBlock, effort: float, plugins: tuple[Path, ...]) -> Source:
+    usual = block_for(block.joint, block.actuator, SHEET_MODE).values()
+    values = {name: value for name, value in block.values().items() if name in usual}
+    drive = Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[SHEET_MODE], values={**usual, **values})
+    return Source(
+        name=re.sub(r"[^A-Za-z0-9_-]", "_", f"{path.stem}_{block.joint}"), drive=drive, effort=effort,
+        origin=f"{path.name}, joint {block.joint}", plugins=plugins,
+        stated={name: value for name, value in values.items() if value != usual[name] and math.isfinite(value)},
+    )  # fmt: skip

@@ -1,0 +1,184 @@
+"""Numbers that follow from the laws and the limits of a drive, without a simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.actuators.drive import Drive
+from asrsim.actuators.vectorised import energy_law, over_arrays
+from asrsim.samples import Array
+
+POINTS, PRESETS = 1001, 41
+"""Numbers of deflections and of presets at which the laws are evaluated."""
+WIDEST = math.pi
+"""Largest deflection of a drive without a limit, rad."""
+MARGIN = 0.75
+"""Share of the presets that springs and motors allow, up to which a sheet goes if the actuator states no range: at the end
+of that range, the joint could not be loaded."""
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statics:
+    """Torques, stiffness and limits of a drive at rest; friction is left out."""
+
+    drive: Drive
+    effort: float = math.inf
+    """Effort limit of the joint, N m."""
+    given: tuple[float, float] | None = None
+    """Range of presets that the user states."""
+
+    @property
+    def adjustable(self) -> bool:
+        """Whether the second reference changes the stiffness."""
+        return self.drive.actuator.motors > 1 or self.drive.actuator.adjuster
+
+    @cached_property
+    def presets(self) -> tuple[float, float]:
+        """Smallest and largest second reference of the sheet, in its unit."""
+        actuator = self.drive.actuator
+        if not self.adjustable:
+            return 0.0, 0.0
+        if found := self.given or actuator.preset_range:
+            return found
+        if actuator.adjuster:
+            return 0.5 * actuator.typical_preset, 2.0 * actuator.typical_preset
+        farthest = min(self.drive.max_deflection, WIDEST)
+        allowed = _last(lambda presets: self.allowed(np.zeros_like(presets), presets), farthest)
+        return 0.0, float(f"{MARGIN * allowed:.3g}")
+
+    def motors(self, deflection: Array, preset: Array) -> Array:
+        """Positions (motors, n) for a deflection (n,) of the link at 0 and a preset (n,)."""
+        return over_arrays(self.drive.actuator.motor_references)(deflection, preset)
+
+    def torques(self, deflection: Array, preset: Array) -> Array:
+        """Torques (springs, n) in N m."""
+        positions = self.motors(deflection, preset)
+        return over_arrays(self.drive.actuator.elastic_torques)(np.zeros_like(deflection), *positions, self.drive.elastic)
+
+    def torque(self, deflection: Array, preset: Array) -> Array:
+        """Torque (n,) on the link, N m."""
+        return np.asarray(self.torques(deflection, preset).sum(axis=0))
+
+    def stiffness(self, deflection: Array, preset: Array) -> Array:
+        """Stiffness (n,), N m/rad."""
+        positions = self.motors(deflection, preset)
+        return over_arrays(self.drive.actuator.stiffness)(np.zeros_like(deflection), *positions, self.drive.elastic)
+
+    def energy(self, deflection: Array, preset: Array) -> Array:
+        """Energy (n,) of the springs, J."""
+        positions = self.motors(deflection, preset)
+        return over_arrays(energy_law(self.drive.actuator))(np.zeros_like(deflection), *positions, self.drive.elastic)
+
+    def allowed(self, deflection: Array, preset: Array) -> NDArray[np.bool_]:
+        """Whether (n,) springs are within their deflection limit, motors hold the springs, and the joint takes the torque."""
+        drive = self.drive
+        torques, positions = self.torques(deflection, preset), self.motors(deflection, preset)
+        limits = np.array([*drive.max_torque, *[np.inf] * len(torques)][: len(torques)])[:, None]
+        turns = np.abs(positions[: drive.actuator.motors]) <= drive.max_deflection * (1.0 + ROUNDING)
+        held = np.abs(torques) <= limits * (1.0 + ROUNDING)
+        return np.asarray(turns.all(axis=0) & held.all(axis=0) & (np.abs(torques.sum(axis=0)) <= self.effort))
+
+    def reach(self, preset: float) -> float:
+        """Largest deflection at a preset up to which all is allowed, rad."""
+        farthest = min(self.drive.max_deflection, WIDEST)
+        return _last(lambda deflections: self.allowed(deflections, np.full_like(deflections, preset)), farthest)
+
+    @cached_property
+    def grid(self) -> tuple[Array, Array]:
+        """Presets and deflections (presets, points) within all limits."""
+        presets = np.linspace(*self.presets, PRESETS if self.adjustable else 1)
+        reach = np.array([self.reach(float(preset)) for preset in presets])
+        return np.repeat(presets[:, None], POINTS, axis=1), np.linspace(0.0, reach, POINTS).T
+
+    def _largest(self, law: Callable[[Array, Array], Array]) -> float:
+        presets, deflections = self.grid
+        return float(np.max(law(deflections.ravel(), presets.ravel())))
+
+    @cached_property
+    def peak_torque(self) -> float:
+        """Largest torque on the link over presets and deflections, N m."""
+        return self._largest(self.torque)
+
+    @cached_property
+    def peak_energy(self) -> float:
+        """Largest energy of the springs over presets and deflections, J."""
+        return self._largest(self.energy)
+
+    @cached_property
+    def peak_stiffness(self) -> float:
+        """Largest stiffness over presets and deflections, N m/rad."""
+        return self._largest(self.stiffness)
+
+    def unloaded_stiffness(self) -> tuple[float, float]:
+        """Smallest and largest stiffness without load over the presets, N m/rad."""
+        presets = np.linspace(*self.presets, POINTS)
+        found = self.stiffness(np.zeros_like(presets), presets)
+        return float(found.min()), float(found.max())
+
+    @cached_property
+    def softest(self) -> float:
+        """Preset of the smallest stiffness without load."""
+        low, high = self.presets
+        ends = self.stiffness(np.zeros(2), np.array([low, high]))
+        return low if ends[0] <= ends[1] else high
+
+    @cached_property
+    def stiffest(self) -> float:
+        """Preset at the other end of the range."""
+        low, high = self.presets
+        return high if self.softest == low else low
+
+    def driving_torque(self, speed: Array) -> Array:
+        """Torque (n,) in N m of all motors on the link at a steady speed (n,) in rad/s, within their limits of torque and
+        voltage, less their damping and friction; the joint's effort limit and its springs limit it too."""
+        drive, total = self.drive, np.zeros_like(speed)
+        for i, one in enumerate(drive.electric):
+            most = np.minimum(one.limit, one.stall - one.damping * speed)
+            inner = drive.values[f"motor_{i + 1}_damping"]
+            total += most - inner * speed - drive.motor_friction[i]
+        return np.minimum(total, min(self.peak_torque, self.effort))
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest steady speed without load, rad/s; infinite if nothing limits it."""
+        fastest = min(self.drive.max_velocity)
+        if math.isfinite(fastest) and self.driving_torque(np.array([fastest]))[0] >= 0.0:
+            return fastest
+        above = min(fastest, 1e6)
+        if self.driving_torque(np.array([above]))[0] > 0.0:
+            return math.inf
+        return _last(lambda speeds: self.driving_torque(speeds) >= 0.0, above)
+
+    def best_power(self) -> tuple[float, float, float]:
+        """Largest output power in W, and its torque in N m and speed in rad/s."""
+        speeds = np.linspace(0.0, self.top_speed, 20_001)
+        torques = self.driving_torque(speeds)
+        best = int(np.argmax(torques * speeds))
+        return float(torques[best] * speeds[best]), float(torques[best]), float(speeds[best])
+
+
+def _last(allowed: Callable[[Array], NDArray[np.bool_]], farthest: float) -> float:
+    """Largest number from 0 to `farthest` up to which all numbers are allowed, by bisection of the first interval that ends
+    outside."""
+    low, high = 0.0, farthest
+    if bool(allowed(np.linspace(low, high, POINTS)).all()):
+        return farthest
+    while high - low > ROUNDING * farthest:
+        points = np.linspace(low, high, POINTS)
+        inside = allowed(points)
+        if inside.all():
+            break
+        first = int(np.argmin(inside))
+        if first == 0:
+            return low
+        if points[first - 1] == low and points[first] == high:
+            break
+        low, high = float(points[first - 1]), float(points[first])
+    return low

@@ -1,0 +1,150 @@
+"""Simulations of a sheet: a scenario that the user can run, with a variant for each trial, and what is measured in it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from asrsim.api import Result, run
+from asrsim.datasheet.linear import Load
+from asrsim.datasheet.sources import SHEET_MODE, Source
+from asrsim.datasheet.statics import Statics
+from asrsim.errors import InputError
+from asrsim.samples import Array
+
+FREQUENCY, RATIO = 3.0, 0.2
+"""Natural frequency in Hz and damping ratio of the test load on the geometric mean of softest and stiffest setting, behind
+motors that stand still."""
+SOFTEST = 1e-4
+"""Smallest stiffness in this mean, as a share of the largest one."""
+STEP, LEAST = 0.2, 0.05
+"""Step of the equilibrium position: share of the largest deflection of the softest setting, and smallest step, rad."""
+AT, LASTS = 0.1, 2.0
+"""Time of the steps, and duration of a trial, s."""
+BAND = 0.1
+"""Share of its change by which the stiffness may still differ when it counts as changed."""
+LOADED = 0.2
+"""Load while the stiffness changes, as a share of the largest torque of the softest setting."""
+JOINT = "joint_1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trials:
+    """Results of the trials by variant; a message instead if the simulation refused."""
+
+    files: Mapping[str, str]
+    results: Mapping[str, Result]
+    faults: Mapping[str, str]
+    load: Load
+    torque: float
+    """Load in the variant `stiffness_loaded`, N m."""
+    step: float
+    """Step of the equilibrium position, rad."""
+
+    def series(self, variant: str, quantity: str) -> tuple[Array, Array]:
+        """Times (n,) and values (n,) of a trial; empty without a result."""
+        if variant not in self.results:
+            return np.empty(0), np.empty(0)
+        samples = self.results[variant].samples
+        return samples.time, samples.values[quantity][:, 0]
+
+    def change_time(self, variant: str) -> float | None:
+        """Time in s after which the stiffness stays within `BAND` of its change; None without a result or a change."""
+        time, stiffness = self.series(variant, "stiffness")
+        if not len(time):
+            return None
+        before, after = stiffness[time < AT][-1], float(np.mean(stiffness[time > 0.9 * LASTS]))
+        off = np.flatnonzero(np.abs(stiffness - after) > BAND * abs(after - before))
+        if abs(after - before) < 1e-9 * abs(after) or not len(off) or time[off[-1]] > 0.9 * LASTS:
+            return None
+        i = int(off[-1])
+        wanted = after - math.copysign(BAND * abs(after - before), after - stiffness[i])
+        part = (wanted - stiffness[i]) / (stiffness[i + 1] - stiffness[i])
+        return float(time[i] + part * (time[i + 1] - time[i]) - AT)
+
+
+def usual_load(statics: Statics) -> Load:
+    """Load with `FREQUENCY` and `RATIO`."""
+    low, high = statics.unloaded_stiffness()
+    stiffness = math.sqrt(max(low, SOFTEST * high) * high)
+    inertia = float(f"{stiffness / (2.0 * math.pi * FREQUENCY) ** 2:.3g}")
+    return Load(inertia=inertia, damping=float(f"{2.0 * RATIO * math.sqrt(stiffness * inertia):.3g}"))
+
+
+def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
+    """Results of all trials of an actuator. load: what its joint moves."""
+    soft, stiff = statics.softest, statics.stiffest
+    step = float(f"{max(LEAST, STEP * statics.reach(soft)):.3g}")
+    most = statics.reach(soft)
+    torque = float(f"{LOADED * float(statics.torque(np.array([most]), np.array([soft]))[0]):.3g}")
+    files = {
+        f"{source.name}.urdf": _robot(source, load),
+        f"{source.name}.yaml": _scenario(source, statics, soft, stiff, step, torque),
+    }
+    variants = ["soft", "stiff"] if statics.adjustable else ["soft"]
+    if statics.adjustable and not source.drive.actuator.adjuster:
+        variants += ["stiffness_free", "stiffness_loaded"]
+    results, faults = {}, {}
+    with TemporaryDirectory(prefix="asrsim-") as folder:
+        for name, text in files.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        for variant in variants:
+            try:
+                results[variant] = run(
+                    Path(folder) / f"{source.name}.yaml", variant=variant if len(variants) > 1 else None, plugins=source.plugins
+                )
+            except InputError as error:
+                faults[variant] = error.problems[0].message
+    return Trials(files=files, results=results, faults=faults, load=load, torque=torque, step=step)
+
+
+def _robot(source: Source, load: Load) -> str:
+    inertia = " ".join(f'{name}="{load.inertia:g}"' for name in ("ixx", "iyy", "izz"))
+    effort = f"{source.effort:g}" if math.isfinite(source.effort) else "1e9"
+    return f"""<?xml version="1.0"?>
+<!-- Test load of the data sheet of {source.name}: an inertia without weight. -->
+<robot name="test_load">
+  <link name="base"/>
+  <joint name="{JOINT}" type="continuous">
+    <parent link="base"/><child link="load"/><axis xyz="0 1 0"/>
+    <limit effort="{effort}" velocity="1e9"/>
+    <dynamics damping="{load.damping:g}" friction="0"/>
+  </joint>
+  <link name="load"><inertial><mass value="1"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>
+"""
+
+
+def _scenario(source: Source, statics: Statics, soft: float, stiff: float, step: float, torque: float) -> str:
+    import yaml
+
+    def trial(reference: object, preset: object, **more: Any) -> dict[str, Any]:
+        references = {"equilibrium_position": reference, **({"stiffness_preset": preset} if statics.adjustable else {})}
+        return {"references": {JOINT: references}, **more}
+
+    moved, changed = {"step": {"at": AT, "to": step}}, {"step": {"at": AT, "from": soft, "to": stiff}}
+    variants = {"soft": trial(moved, soft)}
+    if statics.adjustable:
+        variants["stiff"] = trial(moved, stiff)
+        if not source.drive.actuator.adjuster:
+            variants["stiffness_free"] = trial(0.0, changed)
+            variants["stiffness_loaded"] = trial(0.0, changed, external_torques={JOINT: torque}, initial="equilibrium")
+    data: dict[str, Any] = {
+        "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0],
+        "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},
+        **({"parameters": {JOINT: dict(source.stated)}} if source.stated else {}),
+        **({"variants": variants} if len(variants) > 1 else variants["soft"]),
+    }  # fmt: skip
+    head = (
+        f"# Trials of the data sheet of {source.name}: steps of the equilibrium at the softest and at the stiffest setting,\n"
+    )
+    head += "# and steps from the softest to the stiffest setting without and with a load.\n"
+    # A copy without shared parts: they would become aliases, which are harder to read.
+    return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

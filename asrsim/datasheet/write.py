@@ -1,0 +1,44 @@
+"""Writes sheets into a folder: page, picture, numbers, and the files that repeat the simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from asrsim.datasheet.data import Sheet
+from asrsim.datasheet.page import common_charts, comparison_page, sheet_page
+from asrsim.outfile import check_output, make_folder, write_json, write_text
+from asrsim.plots.charts import save_charts
+from asrsim.plots.output import check_formats
+
+COMPARISON = "comparison"
+KINDS = {".html": "page", ".json": "json", ".yaml": "sheet scenario", ".urdf": "sheet robot"}
+"""Kind of file by its ending, for `asrsim.outfile`."""
+
+
+def write_sheets(
+    sheets: Sequence[Sheet], folder: Path, *, compare: bool = False, formats: Sequence[str] = ("png",)
+) -> tuple[Path, ...]:
+    """Write the files of all sheets, and return their paths. compare: also a page with all actuators side by side.
+
+    formats: formats of the pictures: png, pdf, svg. Raises OutputError, and InputError for an unknown format.
+    """
+    kinds = check_formats(formats)
+    texts = {folder / name: text for sheet in sheets for name, text in sheet.files.items()}
+    texts |= {folder / f"{sheet.name}.html": sheet_page(sheet) for sheet in sheets}
+    numbers = {folder / f"{sheet.name}.json": sheet.as_dict() for sheet in sheets}
+    pictures = {folder / f"{sheet.name}.{kind}": (sheet.rows, sheet.title) for sheet in sheets for kind in kinds}
+    if compare:
+        texts[folder / f"{COMPARISON}.html"] = comparison_page(sheets)
+        title = "Softest (solid) and stiffest (dashed) setting"
+        pictures |= {folder / f"{COMPARISON}.{kind}": (tuple(common_charts(sheets)), title) for kind in kinds}
+    for path in (*texts, *numbers, *pictures):
+        check_output(path, KINDS.get(path.suffix, "picture"))
+    make_folder(folder)
+    for path, text in texts.items():
+        write_text(path, text, KINDS[path.suffix])
+    for path, data in numbers.items():
+        write_json(path, data)
+    for path, (rows, title) in pictures.items():
+        save_charts(path, rows, title=title, height=2.0)
+    return (*texts, *numbers, *pictures)

@@ -1,0 +1,176 @@
+"""Numbers of data sheets against closed forms (SEA) and integrations of our own (qbMove); files of `asrsim datasheet`."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import asrsim
+from asrsim.datasheet import make_sheet, sources_of
+from asrsim.datasheet.trials import AT, BAND
+from asrsim.errors import InputError
+from asrsim.plots.chart import Line
+from support.paths import ROOT
+
+SEA = """<?xml version="1.0"?>
+<robot name="r"><link name="w"/><joint name="j" type="revolute"><parent link="w"/><child link="l"/><axis xyz="0 1 0"/>
+<limit effort="5" velocity="9" lower="-1" upper="1"/></joint>
+<link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>j</joint><operation_mode>6</operation_mode>
+<spring_k>20</spring_k><max_def>0.4</max_def><mot_tauMax>7</mot_tauMax><mot_D>0.5</mot_D><mot_tauFric>0.1</mot_tauFric>
+<mot_maxVel>inf</mot_maxVel><mot_minPos>-1.5</mot_minPos><mot_maxPos>2</mot_maxPos><hyst_tau>0.05</hyst_tau>
+</plugin></gazebo></robot>"""
+
+
+@pytest.fixture(scope="module")
+def sea(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sea") / "r.urdf"
+    path.write_text(SEA)
+    (source,) = sources_of([str(path)])
+    return make_sheet(source, inertia=0.05)
+
+
+@pytest.fixture(scope="module")
+def qbmove():
+    (source,) = sources_of(["qbmove"])
+    return make_sheet(source)
+
+
+def value(sheet, key):
+    assert sheet.entry(key).known, sheet.entry(key)
+    return sheet.entry(key).value
+
+
+@pytest.mark.parametrize(("key", "expected"), [
+    ("peak_torque", 5.0),                      # the joint's effort limit, below the motor's 7 and the spring's 20 x 0.4
+    ("top_speed", (7.0 - 0.1) / 0.5), ("stiffness_min", 20.0), ("stiffness_max", 20.0), ("stiffness_loaded", 20.0),
+    ("power", max((6.9 - 0.5 * w) * w for w in np.linspace((6.9 - 5.0) / 0.5, 13.8, 100_001))),
+    ("deflection_soft", 5.0 / 20.0), ("energy", 0.5 * 5.0**2 / 20.0), ("rotation", 3.5), ("hysteresis", 0.1),
+])  # fmt: skip
+def test_numbers_of_an_sea_are_its_closed_forms(sea, key, expected):
+    assert value(sea, key) == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_bandwidth_of_an_sea_is_that_of_its_transfer_function(sea):
+    k, kp, kd, inertia, motor, drag = 20.0, 125.0, 4.5, 0.05, 0.0233, 0.5
+    damping = 2 * 0.2 * math.sqrt(20.0 * 0.05)
+
+    def gain(frequency):
+        s = 2j * math.pi * frequency
+        link = inertia * s**2 + damping * s + k
+        return abs(kp * k / ((motor * s**2 + (drag + kd) * s + kp + k) * link - k * k)) - gain.rest / math.sqrt(2)
+
+    gain.rest = 0.0
+    gain.rest = gain(1e-6)
+    peak = math.sqrt(k / inertia) / (2 * math.pi)
+    assert value(sea, "bandwidth_soft") == pytest.approx(brentq(gain, peak, 20 * peak), rel=0.01)
+
+
+def test_what_the_file_does_not_state_is_empty_with_its_tag(sea, qbmove):
+    for sheet, key, tag in (
+        (sea, "voltage", "<mot_voltMax>"),
+        (qbmove, "rotation", "<mot_1_minPos>"),
+        (qbmove, "hysteresis", "<hyst_tau>"),
+    ):
+        assert not sheet.entry(key).known
+        assert tag in sheet.entry(key).how
+    assert "does not apply" in sea.entry("change_free").how
+
+
+A, K, LIMIT, MOTOR, DRAG, KP, KD, FRICTION, BRISTLES = 8.9992, 0.0019, 0.8, 0.0233, 0.2698, 125.0, 4.5, 0.02, 1000.0
+
+
+def test_static_numbers_of_qbmove_are_those_of_its_law(qbmove):
+    assert value(qbmove, "stiffness_min") == pytest.approx(2 * A * K, rel=1e-9)
+    assert value(qbmove, "stiffness_max") == pytest.approx(2 * A * K * math.cosh(A * 0.6), rel=1e-9)
+    assert value(qbmove, "peak_torque") == pytest.approx(2 * K * math.sinh(A * LIMIT), rel=1e-9)
+    assert value(qbmove, "energy") == pytest.approx(2 * K / A * (math.cosh(A * LIMIT) - 1), rel=1e-9)
+    assert value(qbmove, "deflection_stiff") == pytest.approx(LIMIT - 0.6, abs=1e-9)
+
+
+def test_the_time_to_change_stiffness_is_that_of_an_integration_of_our_own(qbmove):
+    def slope(_, y):  # one motor; the other mirrors it, and the link stays in the middle
+        theta, speed, anchor = y
+        torque = min(max(KP * (0.6 - theta) - KD * speed, -6.0), 6.0)
+        bristle = BRISTLES * (theta - anchor)
+        slip = speed if bristle * speed > 0 and abs(bristle) >= FRICTION else 0.0
+        pull = torque - DRAG * speed - K * math.sinh(A * theta) - min(max(bristle, -FRICTION), FRICTION)
+        return [speed, pull / MOTOR if abs(speed) < 6.0 or pull * speed < 0 else 0.0, slip]
+
+    found = solve_ivp(slope, (0, 1.8), np.zeros(3), max_step=2e-4, rtol=1e-7, atol=1e-10)
+    stiffness = 2 * A * K * np.cosh(A * np.clip(found.y[0], -LIMIT, LIMIT))
+    last = float(np.mean(stiffness[found.t > 1.7]))
+    off = np.flatnonzero(np.abs(stiffness - last) > BAND * (last - 2 * A * K))[-1]
+    assert value(qbmove, "change_free") == pytest.approx(found.t[off], rel=0.01)
+
+
+def test_the_bandwidth_of_qbmove_is_that_of_an_integration_of_our_own(qbmove, tmp_path):
+    frequency = value(qbmove, "bandwidth_soft")
+    load = qbmove.entry("bandwidth_soft").how
+    inertia, damping = float(load.split("behind ")[1].split()[0]), float(load.split("and ")[1].split()[0])
+    omega, small = 2 * math.pi * frequency, 1e-4
+
+    def slope(t, y):
+        q, v, theta, speed = y
+        spring = K * math.sinh(A * (theta - q))
+        motor = KP * (small * math.sin(omega * t) - theta) - (KD + DRAG) * speed - spring
+        return [v, (2 * spring - damping * v) / inertia, speed, motor / MOTOR]
+
+    found = solve_ivp(slope, (0, 14 / frequency), np.zeros(4), rtol=1e-9, atol=1e-13, max_step=0.03 / frequency)
+    settled = found.y[0, found.t > 10 / frequency]
+    assert np.ptp(settled) / 2 / small == pytest.approx(1 / math.sqrt(2), rel=0.01)
+
+
+def test_the_scenario_beside_the_sheet_repeats_the_simulated_numbers(qbmove, tmp_path):
+    for name, text in qbmove.files.items():
+        (tmp_path / name).write_text(text)
+    samples = asrsim.run(tmp_path / "qbmove.yaml", variant="stiffness_free").samples
+    stiffness = samples.values["stiffness"][:, 0]
+    reached = (
+        samples.time[np.flatnonzero(np.abs(stiffness - stiffness[-1]) > BAND * (stiffness[-1] - stiffness[0]))[-1] + 1] - AT
+    )
+    assert value(qbmove, "change_free") == pytest.approx(reached, abs=0.0011)
+
+
+def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_command, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = asrsim_command("datasheet", "sea", ROOT / "examples/plugins/my_vsa.py", "--compare", "--json")
+    assert done.code == 0, done.err
+    data = json.loads(done.out)
+    assert [sheet["name"] for sheet in data["sheets"]] == ["sea", "my_vsa"]
+    names = {path.name for path in (tmp_path / "datasheet").iterdir()}
+    assert names >= {f"{name}.{end}" for name in ("sea", "my_vsa") for end in ("html", "png", "json", "yaml", "urdf")}
+    page = (tmp_path / "datasheet/comparison.html").read_text()
+    assert "my_vsa" in page
+    assert " src=" not in page  # nothing is fetched
+    assert asrsim_command("run", "datasheet/sea.yaml", "--no-plot").code == 0
+    assert asrsim_command("datasheet", "sea").code == 0  # our own files are replaced
+    (tmp_path / "datasheet/sea.yaml").write_text("mine: 1\n")
+    assert asrsim_command("datasheet", "sea").code != 0
+
+
+def test_measured_points_stand_beside_the_law(tmp_path):
+    deflection = np.linspace(-0.3, 0.3, 50)
+    table = np.column_stack([np.arange(50) * 0.01, deflection, 11.0 * deflection])
+    np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time,deflection [rad],torque [Nm]", comments="")
+    (source,) = sources_of(["sea"])
+    sheet = make_sheet(source, recording=tmp_path / "bench.csv")
+    measured = [line for line in sheet.rows[0][0].lines if line.kind == "points"]
+    assert [type(line) for line in measured] == [Line]
+    np.testing.assert_allclose(measured[0].y, 11.0 * measured[0].x)
+
+
+@pytest.mark.parametrize("target", ["qbmoove", "nothing.urdf"])
+def test_an_unknown_target_is_refused_with_the_choices(target):
+    with pytest.raises(InputError):
+        sources_of([target])
+
+
+def test_every_actuator_of_asrsim_has_a_sheet_and_a_word_on_its_sources():
+    from asrsim.actuators import ACTUATORS
+    from asrsim.datasheet.published import PUBLISHED
+
+    assert {name for name in ACTUATORS.names() if ACTUATORS.get(name).__module__.startswith("asrsim.")} == {*PUBLISHED}
