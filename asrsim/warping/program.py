@@ -21,7 +21,6 @@ def available() -> bool:
     return find_spec("warp") is not None and find_spec("mujoco_warp") is not None
 
 
-@cache
 def loaded_warp() -> Any:
     """The module `warp`, without its messages. Raises InputError where Warp is not installed."""
     wp: Any = library("warp", "warp")

@@ -12,8 +12,7 @@ import pytest
 import asrsim
 from asrsim.actuators import ACTUATORS, Antagonistic, Parameter
 from asrsim.actuators.checker import check_actuator
-from asrsim.errors import ActuatorError, RobotError
-from asrsim.kinematics.inverse import SoftArm
+from asrsim.errors import ActuatorError
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.plugins import load_plugin_file
 from asrsim.robot import load_robot
@@ -298,13 +297,6 @@ def test_the_equilibrium_of_three_motors_is_logged(tmp_path, mode):
     joints = asrsim.prepare(scenario).info.joints
     assert DERIVED_FUNCTIONS["equilibrium_position"](samples, joints)[-1, 0] == pytest.approx(0.2, abs=1e-3)
     assert samples.values["link_position"][-1, 0] == pytest.approx(0.2, abs=1e-3)
-
-
-def test_what_knows_two_motors_only_refuses_three(tmp_path):
-    scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
-    prepared = asrsim.prepare(scenario)
-    with pytest.raises(RobotError, match="three has 3"):
-        SoftArm(scenario=prepared.scenario, robot=prepared.robot)
 
 
 def test_a_plugin_brings_signals_and_measures(tiny, asrsim_command):
