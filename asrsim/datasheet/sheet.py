@@ -62,6 +62,16 @@ def _statics(source: Source, statics: Statics) -> Iterator[Entry]:
     power, torque, speed = statics.best_power() if math.isfinite(statics.top_speed) else (None, None, None)
     within = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
     yield Entry(key="peak_torque", words="peak torque", unit="N m", value=statics.peak_torque, how=within)
+    nominal = statics.nominal_torque
+    lasting = "as the peak torque, with every winding at rest below `derating_temperature` for ever"
+    unstated = "not stated: `thermal_resistance`, and `winding_heat` or the electric constants, would state it"
+    yield Entry(
+        key="nominal_torque",
+        words="nominal (continuous) torque",
+        unit="N m",
+        value=nominal,
+        how=unstated if nominal is None else f"{LAW}: {lasting}",
+    )
     yield Entry(
         key="top_speed",
         words="speed without load",
@@ -157,13 +167,6 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
 
 def _unstated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
-    yield Entry(
-        key="nominal_torque",
-        words="nominal (continuous) torque",
-        unit="N m",
-        value=None,
-        how="no tag states it: the heat of motors is not in the model",
-    )
     yield Entry(
         key="resolution",
         words="resolution of position",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.samples import Array
 
@@ -105,6 +106,21 @@ class Statics:
     def peak_torque(self) -> float:
         """Largest torque on the link over presets and deflections, N m."""
         return self._largest(self.torque)
+
+    @cached_property
+    def nominal_torque(self) -> float | None:
+        """Largest torque on the link that the motors hold for ever without derating, N m; None if motors have no temperature.
+
+        A motor at rest heats its winding with h tau^2 and stays below the derating temperature while R h tau^2 <= T_d - T_a.
+        """
+        drive, limits = self.drive, dict(self.drive.values)
+        for motor in range(1, drive.actuator.motors + 1):
+            own = Heating.constants(drive.values, motor, drive.mode)
+            if own is None:
+                return None
+            lasting = math.sqrt(max(own.derating - own.ambient, 0.0) / (own.resistance * own.heat))
+            limits[f"motor_{motor}_max_torque"] = min(limits[f"motor_{motor}_max_torque"], lasting)
+        return replace(self, drive=replace(drive, values=limits), given=self.presets).peak_torque
 
     @cached_property
     def peak_energy(self) -> float:

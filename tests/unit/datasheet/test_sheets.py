@@ -22,6 +22,7 @@ SEA = """<?xml version="1.0"?>
 <gazebo><plugin name="p" filename="libsea_plugin.so"><joint>j</joint><operation_mode>6</operation_mode>
 <spring_k>20</spring_k><max_def>0.4</max_def><mot_tauMax>7</mot_tauMax><mot_D>0.5</mot_D><mot_tauFric>0.1</mot_tauFric>
 <mot_maxVel>inf</mot_maxVel><mot_minPos>-1.5</mot_minPos><mot_maxPos>2</mot_maxPos><hyst_tau>0.05</hyst_tau>
+<thermal_resistance>4</thermal_resistance><winding_heat>1.5</winding_heat>
 </plugin></gazebo></robot>"""
 
 
@@ -46,6 +47,7 @@ def value(sheet, key):
 
 @pytest.mark.parametrize(("key", "expected"), [
     ("peak_torque", 5.0),                      # the joint's effort limit, below the motor's 7 and the spring's 20 x 0.4
+    ("nominal_torque", math.sqrt((80.0 - 25.0) / (4.0 * 1.5))),  # 55 K above the surroundings
     ("top_speed", (7.0 - 0.1) / 0.5), ("stiffness_min", 20.0), ("stiffness_max", 20.0), ("stiffness_loaded", 20.0),
     ("power", max((6.9 - 0.5 * w) * w for w in np.linspace((6.9 - 5.0) / 0.5, 13.8, 100_001))),
     ("deflection_soft", 5.0 / 20.0), ("energy", 0.5 * 5.0**2 / 20.0), ("rotation", 3.5), ("hysteresis", 0.1),
