@@ -51,12 +51,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
     """Remove what a test registers, also by loading plugin files, at the end of the test."""
     from asrsim.actuators import ACTUATORS
+    from asrsim.actuators.stages import STAGES
     from asrsim.engines import ENGINES
     from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
     from asrsim.signals import SIGNALS
 
-    for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, TRANSPORTS):
+    for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, STAGES, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
 
 

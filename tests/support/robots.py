@@ -33,9 +33,10 @@ def write_plain_arm(folder, lengths=(0.3, 0.25), masses=(0.8, 0.5), effort=20.0)
 
 
 def drive_with(actuator, spring, mode=3, joint="j", **motors):
-    """Actuator on a joint. Spring parameters are given in order, motor parameters by name, as `proportional=(...)`."""
+    """Actuator on a joint. Spring parameters are given in order, without optional ones; motor parameters by name, as
+    `proportional=(...)`."""
     values = {parameter.name: parameter.default for parameter in actuator.all_parameters()}
-    values |= dict(zip((parameter.name for parameter in actuator.parameters), spring, strict=True))
+    values |= dict(zip((one.name for one in actuator.parameters if not one.optional), spring, strict=True))
     for name, numbers in motors.items():
         part = "controller" if name in ("proportional", "integral", "derivative") else "motor"
         values |= {f"{part}_{i}_{name}": number for i, number in enumerate(numbers, start=1)}

@@ -28,7 +28,9 @@ def test_changes_on_a_tree_solve_its_equations(size, branches):
     to the diagonal."""
     source = np.random.default_rng(size)
     parent = np.array([max(i - source.integers(1, branches + 1), -1) for i in range(size)])
-    jointless = SimpleNamespace(moving_joints=(), couplings=Couplings(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)))
+    jointless = SimpleNamespace(
+        moving_joints=(), couplings=Couplings(master=np.zeros(0, np.int64), ratio=np.zeros(0), offset=np.zeros(0))
+    )
     room = make_room(jointless, qpos=np.zeros(size), qvel=np.zeros(size), joint_q=[], joint_v=[], free=False, parent=parent)
     room.square[:] = np.nan
     for states in ([POSITIVE], range(AT_LOWER, AT_UPPER + 1), [POSITIVE]):
