@@ -52,7 +52,7 @@ def test_the_spring_carries_exactly_the_load(name):
         for position in (-0.4, 0.0, 0.8):
             equilibrium = equilibrium_for_load(drive, position, load, preset)
             motors = actuator.motor_references(equilibrium, preset)
-            assert sum(actuator.elastic_torques(position, *motors, spring)) == pytest.approx(load, abs=1e-11)
+            assert sum(actuator.elastic_torques(position, *motors, drive.elastic)) == pytest.approx(load, abs=1e-11)
 
 
 def test_springs_of_many_joints_are_those_of_each_joint_alone():
