@@ -131,7 +131,7 @@ def twin(path: str) -> float:
 
         def steps(count: int = 200) -> None:
             for goal in [goals.pop() for _ in range(count)]:
-                own.step(dict.fromkeys(own.joints, 0.9 * goal), dict.fromkeys(own.joints, {"equilibrium_position": goal}))
+                own.step(dict.fromkeys(own.joints, 0.9 * goal), {name: {"equilibrium_position": goal} for name in own.joints})
 
         return _median(steps) / 200
 

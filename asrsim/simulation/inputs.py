@@ -160,7 +160,7 @@ class Inputs:
         return given._replace(references=references, inputs=inputs)
 
     def steady_until(self, substep: int, held: Array) -> int:
-        """Substep up to which all rows of `given(substep, length, held)` are equal, for any length; `substep`, if they differ."""
+        """Substep up to which the rows of `given(substep, length, held)` are equal for any length; `substep` if they differ."""
         if not self._holds or (np.isnan(held) & self._moving).any():
             return substep
         first, last = chunk_at(substep, self._longest)

@@ -43,6 +43,27 @@ class Tables(NamedTuple):
     """Standard deviation (n,) of the torque for alarms, from noise alone, N m."""
 
 
+class Limits(NamedTuple):
+    """Numbers of the thresholds of alarms."""
+
+    forgotten: float
+    """Share of the springs' largest torque that is forgotten in a step."""
+    noise_gain: float
+    """Standard deviation of the torque for one of the position, for links of inertia 1, s^-2."""
+    sigmas: float
+    """Standard deviations of an alarm."""
+    release: float
+    """Fraction of the threshold at which an alarm ends."""
+    slowest: float
+    """Speed of a link that moves, rad/s."""
+    tolerance: float
+    """Tolerated errors of the model, estimated and not estimated, as fractions of the springs' largest torque."""
+    unlearned: float
+    friction: float
+    """Multiples of the friction that are tolerated, in motion and at rest."""
+    sticking: float
+
+
 def tables(simulations: int, joints: int, columns: int) -> Tables:
     """The arrays at the start. columns: number of columns of the regression's rows."""
     shape = simulations, joints
@@ -99,30 +120,30 @@ def pull(t: Tables, gains: Gains, error: Any, velocity: Any, found: Any, shares:
 
 
 def judge(
-    t: Tables, springs: Any, tolerance: Any, friction: Any, fast: Any, limits: Any, alarm: Any, threshold: Any
+    t: Tables, limits: Limits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any, threshold: Any
 ) -> None:  # fmt: skip
     """Compute the threshold (n,) and the alarms (n,) of each joint.
 
-    springs: torques (k, n) of the springs, N m; tolerance: of the model's errors (n,), as a fraction of the peak; friction:
-    tolerated (n,), N m; fast: torque for alarms (n,), N m; limits: the peak's loss in a step, standard deviation of the torque
-    for one of the position, standard deviations of an alarm, the fraction of the threshold at which an alarm ends, and whether
-    alarms are raised. alarm: of the last step on entry.
+    springs: torques (k, n) of the springs, N m; learned: whether the model's errors are estimated (n,); friction: of the model
+    (n,), N m; fast: torque for alarms (n,), N m; ready: whether alarms are raised; alarm: of the last step on entry.
     """
     joints = len(threshold)
     for j in range(joints):
         spring = 0.0
         for k in range(len(springs)):
             spring += _known(springs[k, j])
-        t.peak[j] = max(abs(spring), t.peak[j] * (1.0 - limits[0]))
+        t.peak[j] = max(abs(spring), t.peak[j] * (1.0 - limits.forgotten))
         t.carried[j] = max(t.carried[j], t.peak[j])
         total = 0.0
         for k in range(joints):
             total += t.masses[j, k] * t.masses[j, k] * t.variance[k]
-        t.noise[j] = limits[1] * math.sqrt(total)
+        t.noise[j] = limits.noise_gain * math.sqrt(total)
         # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
-        threshold[j] = math.hypot(limits[2] * t.noise[j], tolerance[j] * t.peak[j] + friction[j])
-        least = threshold[j] * limits[3] if alarm[j] else threshold[j]
-        alarm[j] = abs(fast[j]) > least and limits[4] != 0.0
+        tolerated = (limits.tolerance if learned[j] else limits.unlearned) * t.peak[j]
+        tolerated += (limits.friction if abs(t.rows[0, 0, j]) > limits.slowest else limits.sticking) * friction[j]
+        threshold[j] = math.hypot(limits.sigmas * t.noise[j], tolerated)
+        least = threshold[j] * limits.release if alarm[j] else threshold[j]
+        alarm[j] = abs(fast[j]) > least and ready
 
 
 def _known(value: float) -> float:
@@ -137,8 +158,12 @@ class Loops(NamedTuple):
     judge: Callable[..., None] = judge
 
 
-def compiled_loops(t: Tables, gains: Gains) -> Loops:
+def compiled_loops(t: Tables, gains: Gains, limits: Limits) -> Loops:
     """The loops, compiled for arrays of any size."""
     one, two, flags = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool)
-    examples = (t, one, 1.0), (t, gains, two, one, two, one, two), (t, two, one, one, one, one, flags, one)
+    examples = (
+        (t, one, 1.0),
+        (t, gains, two, one, two, one, two),
+        (t, limits, two, flags, one, one, True, flags, one),
+    )
     return Loops(*(compile_function(law, given) for law, given in zip(Loops(), examples, strict=True)))

@@ -18,8 +18,8 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.twin.loops import Loops, compiled_loops, tables
-from asrsim.twin.mismatch import COLUMNS, SHARE, Mismatch, varied
+from asrsim.twin.loops import Limits, Loops, compiled_loops, tables
+from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
 SIGMAS = 6.0
@@ -133,9 +133,12 @@ class Twin:
         self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
-        self._limits = np.array([step / PEAK_MEMORY, noise_gain(step, bandwidth), SIGMAS, RELEASE, 0.0])
+        self._limits = Limits(
+            forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
+            slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
+        )  # fmt: skip
         self._tables = tables(len(self._starts), n, COLUMNS)
-        self._loops = compiled_loops(self._tables, self._gains) if self.worlds.compiled else Loops()
+        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else Loops()
         self._mismatch = Mismatch(self._tables.rows, interval=EVERY)
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
@@ -246,13 +249,10 @@ class Twin:
             read = self.worlds.read([*self._springs, "stiffness"])
             springs = np.array([read[name][0] for name in self._springs])
             own.stiffness[:] = read["stiffness"][0]
-        tolerance = np.where(mismatch.learned, TOLERANCE, UNLEARNED)
-        friction = self._friction * np.where(mismatch.moves, FRICTION, STICKING)
         ready = self._steps >= self._settled
-        self._limits[-1] = ready
         threshold, self._alarm = np.empty(len(error)), self._alarm.copy()
         slow, fast = self._external
-        self._loops.judge(own, springs, tolerance, friction, fast, self._limits, self._alarm, threshold)
+        self._loops.judge(own, self._limits, springs, mismatch.learned, self._friction, fast, ready, self._alarm, threshold)
         self._say_deaf(SIGMAS * own.noise, notes)
         measured = error == error
         if self._steps % self._every == 0:
@@ -271,8 +271,8 @@ class Twin:
             noise = 1e3 * math.sqrt(self._tables.variance[j])
             self._note(
                 f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._tables.carried[j]:.3g} that its "
-                f"springs have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller bandwidth, or "
-                "measure more often",
+                f"springs have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller "
+                "bandwidth, or measure more often",
                 notes,
             )
 
