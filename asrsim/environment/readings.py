@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,13 @@ BEYOND = 1e-3
 """Margin of observed positions beyond the stops, rad or m, since observations are rounded to single precision."""
 
 
+class Links(NamedTuple):
+    """The part of an observation that no motor belongs to, which is faster to read."""
+
+    link_position: Array
+    link_velocity: Array
+
+
 class Readings:
     """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have them."""
 
@@ -56,6 +63,7 @@ class Readings:
             problems.append(Problem("the option observe names no quantity", choices=choices, code="no-quantity"))
         if problems:
             raise InputError(problems)
+        self._moved = any(name in _MOTORS for name in names)
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
     def bounds(self) -> tuple[Array, Array]:
@@ -71,7 +79,7 @@ class Readings:
 
     def read(self) -> dict[str, Array]:
         """Present values (N, n) of each quantity in SI units."""
-        state = self._source.observe()
+        state = self._source.observe() if self._moved else Links(*self._source.links())
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
 

@@ -75,7 +75,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         """Mask (n,) of the environments that the next step resets, because their episodes are over."""
         self._goals = np.zeros((num_envs, task.goals))
         actions = len(task.actions)
-        self._sent = np.zeros((num_envs, task.longest_delay + 1, actions))
+        self._late = task.longest_delay
+        self._sent = np.zeros((num_envs, self._late + 1, actions))
         """Latest actions of each environment, the newest first."""
         self._delays = np.zeros(num_envs, dtype=int)
         self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
@@ -130,7 +131,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         # A single number, and all worlds (None), are handled faster than arrays and masks.
         which = None if going.all() else going
         acting, acts = going, which
-        if task.longest_delay:
+        if self._late:
             self._sent = np.concatenate([values[:, None], self._sent[:, :-1]], axis=1)
             # Until the first action arrives, the scenario's references act.
             acting = going & (self._counts >= self._delays)
@@ -146,9 +147,11 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             goals = dict(zip(task.goal_names, self._goals.T, strict=True))
             found_rewards, over_now = task.judge_all(State(worlds.time, found, goals, given))
             rewards[going], ended[going] = found_rewards[going], ended[going] | over_now[going]
-        for i in np.flatnonzero(going).tolist() if task.judges and not task.batched else ():
+        alone = task.judges and not task.batched
+        times = worlds.time.tolist() if alone else ()
+        for i in np.flatnonzero(going).tolist() if alone else ():
             own = {name: table[i] for name, table in found.items()}
-            state = State(float(worlds.time[i]), own, self.episodes[i].goal, given[i])
+            state = State(times[i], own, self.episodes[i].goal, given[i])
             rewards[i], over = task.judge(state)
             ended[i] |= over
         truncated = (self._counts >= task.last) & ~ended & going

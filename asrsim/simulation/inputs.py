@@ -83,6 +83,10 @@ class Inputs:
         """Signals and sensors that may jump, without repetitions."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
+        self._moving = np.array([[type(signal) is not Constant for signal in row] for row in self._signals])
+        """Mask (joints, columns) of the signals that are not constant."""
+        self._holds = not self._sensed and all(type(signal) is Constant for row in self._wrenches for signal in row)
+        """Whether inputs cannot change while the signals of the joints hold."""
         self._goals = len(self._signals[0])
         """Number of columns of the external torque and the references that act."""
         self._recorded = [row + own for row, own in zip(self._signals, sent, strict=True)] if affected else self._signals
@@ -154,6 +158,26 @@ class Inputs:
         inputs[..., : self._goals] = references[..., : self._goals]
         self._map(inputs, references)
         return given._replace(references=references, inputs=inputs)
+
+    def steady_until(self, substep: int, held: Array) -> int:
+        """Substep up to which the rows of `given(substep, length, held)` are equal for any length; `substep` if they differ."""
+        if not self._holds or (np.isnan(held) & self._moving).any():
+            return substep
+        first, last = chunk_at(substep, self._longest)
+        cuts = first + self._chunk(first, last - first).cuts[0, :, 0]
+        return int(min(cuts[cuts >= substep], default=last))
+
+    def renew(self, given: Given, held: Array) -> None:
+        """Overwrite the rows of `given`, which are equal, with the values `held` that are not NaN."""
+        goals = self._goals
+        inputs, references = given.inputs[:, :1], given.references[:, :1]
+        known = held == held
+        np.copyto(references[:, 0, :, :goals], held, where=known)
+        if references.shape[-1] > goals:
+            np.copyto(references[:, 0, :, goals:], held[..., GOALS:], where=known[..., GOALS:])
+        inputs[..., :goals] = references[..., :goals]
+        self._map(inputs, references)
+        given.inputs[:, 1:], given.references[:, 1:] = inputs, references
 
     def _pieces(self, first: int, count: int) -> tuple[Array, Array, NDArray[np.int64]]:
         """Pieces of the kicks that are split because inputs or measurements jump in them, and of the first kick of a run: the

@@ -35,6 +35,7 @@ from asrsim.simulation.quantities import RowColumns, is_watched, without_energie
 
 WARP = "mujoco_warp"
 """Name of the engine of worlds on a device of Warp."""
+NOTHING = np.empty(0)
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
 
@@ -74,6 +75,10 @@ class InputBlock:
     """Number of rows."""
     row: int = 0
     """Number of rows that have been simulated."""
+    steady: Inputs | None = None
+    """Inputs of all these worlds, if all rows are equal."""
+    until: int = 0
+    """Substep up to which equal rows hold: until then they can be used again and again."""
 
 
 class Worlds:
@@ -162,8 +167,12 @@ class Worlds:
             self._equal_inputs: bool | None = None
             """Whether all worlds have the same inputs; None: not known since a change."""
             self._everyone = np.arange(count)
+            self._slots: dict[tuple[str, str], tuple[int, int, float, float]] = {}
+            """Joint, column and range of the references that were set, by joint and reference."""
             self._block: InputBlock | None = None
-            """Inputs of the next substeps; None after a change from outside."""
+            """Inputs of the next substeps; None after a change from outside, but for values that were set."""
+            self._renewed = True
+            """Whether `_block` contains the values that were set."""
             self.closed = False
             self.reset()
         except BaseException:
@@ -215,13 +224,12 @@ class Worlds:
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
         """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
         self.check_open()
-        rows = -(-count // self.substeps) if keep else 0
-        kept = np.full((len(numbers), rows, *self.core.rows.shape[1:]), np.nan)
-        ran, start = 0, -(-self.core.done // self.substeps)
+        kept = np.full((len(numbers), -(-count // self.substeps), *self.core.rows.shape[1:]), np.nan) if keep else NOTHING
+        ran, start = 0, -(-self.core.done // self.substeps) if keep else NOTHING
         places = self._everyone[: len(numbers)]
         while ran < count and len(numbers):
-            moving = self.healthy[numbers]
-            if not moving.all():
+            if (self.core.fault[numbers, 0] != HEALTHY).any():
+                moving = self.healthy[numbers]
                 numbers, places = numbers[moving], places[moving]
                 continue
             before = self.core.done[numbers].tolist()
@@ -236,8 +244,9 @@ class Worlds:
     def go_on(self, numbers: NDArray[np.int64], length: int) -> Array:
         """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps."""
         block = self._block
-        if block is None or block.numbers is not numbers or block.row + length > block.end:
+        if block is None or block.numbers is not numbers or not self._is_ready(block, length):
             block = self._make_block(numbers, length)
+            self._renewed = True
         # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
         self._block = None
         first, block.row = block.row, block.row + length
@@ -252,24 +261,40 @@ class Worlds:
         self._block = block
         return out
 
+    def _is_ready(self, block: InputBlock, length: int) -> bool:
+        """Whether a block contains the inputs of the next substeps. Controllers make equal calls again and again, in which only
+        the values that they set differ: then the rows are used again."""
+        if block.steady is not None and length <= block.end and int(self.core.done[block.numbers[0]]) + length <= block.until:
+            if not self._renewed:
+                block.steady.renew(block.given, self.core.held[block.numbers])
+                self._renewed = True
+            block.row = 0
+        return self._renewed and block.row + length <= block.end
+
     def _make_block(self, numbers: NDArray[np.int64], length: int) -> InputBlock:
         """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
         reference."""
-        if self._block is not None and self._block.numbers is numbers:
+        if self._renewed and self._block is not None and self._block.numbers is numbers:
             ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
             length = max(length, min(2 * self._block.end, *ends))
         parts: list[Given] = []
         count = 0
         which = np.empty((len(numbers), 4), dtype=np.int64)
         which[:, 0], which[:, 2] = numbers, self._everyone[: len(numbers)]
-        for inputs, substep, places in self._alike(numbers):
+        groups, until = self._alike(numbers), 0
+        for inputs, substep, places in groups:
             held = self.core.held[numbers[places]]
             free = bool(np.isnan(held).all())
             which[places, 1] = count if free else count + self._everyone[: len(held)]
             which[places, 3] = len(parts)
             parts.append(inputs.given(substep, length, None if free else held))
             count += len(parts[-1].inputs)
-        return InputBlock(numbers, which, self.core.taken(joined(parts)), length)
+            if len(groups) == 1 and self.core.native and not free:
+                until = inputs.steady_until(substep, held)
+        block = InputBlock(numbers, which, self.core.taken(joined(parts)), length)
+        if until >= substep + length:
+            block.steady, block.until = inputs, until
+        return block
 
     def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
         """Groups of worlds with equal inputs and times: inputs, number of the next substep, and places in `numbers`."""
@@ -295,8 +320,11 @@ class Worlds:
         """
         self.check_open()
         numbers = self._numbers(worlds)
-        j, slot = self.prepared.slot_of(joint, reference)
-        low, high = self.prepared.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
+        known = self._slots.get((joint, reference))
+        if known is None:
+            limits = self.prepared.scenario.ranges_of(joint).get(reference, (-math.inf, math.inf))
+            known = self._slots[joint, reference] = *self.prepared.slot_of(joint, reference), *limits
+        j, slot, low, high = known
         held: Any = np.nan
         if isinstance(values, float):
             # A single number, which controllers set in every step, is handled without arrays, since this is faster.
@@ -306,9 +334,12 @@ class Worlds:
             held, finite = np.clip(given, low, high), bool(np.isfinite(given).all())
         if values is not None and not finite:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
-        self.core.held[numbers, j, slot] = held
-        self._block = None
-        return np.asarray(self.core.held[numbers, j, slot])
+        which: Any = slice(None) if numbers is self._everyone else numbers
+        self.core.held[which, j, slot] = held
+        self._renewed = False
+        if values is None:
+            self._block = None
+        return np.array(self.core.held[which, j, slot])
 
     def push(self, torques: Array) -> None:
         """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
@@ -317,7 +348,7 @@ class Worlds:
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")
         self.core.held[:, :, EXTERNAL] = torques
-        self._block = None
+        self._renewed = False
 
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
 from asrsim.statics.sizing import linear_parameters
-from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0
 """Duration of motion after which a row of the regression has lost 63 % of its weight, s."""
@@ -32,6 +31,8 @@ SHARE, SUMMAND = 0.2, 1e-3
 """Fraction by which parameters are larger in the copies; number added to damping (N m s/rad) and friction (N m) as well."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
 """Kinds of parameters that differ in the copies."""
+COLUMNS = len(KINDS) + 3
+"""Number of columns of a row: velocity, regression, observed torque."""
 
 
 def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
@@ -51,28 +52,19 @@ def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
 class Mismatch:
     """Regression of the observed torques of n joints."""
 
-    def __init__(self, joints: int, *, step: float, bandwidth: float, interval: float) -> None:
-        """step: duration of a step, s; bandwidth: bandwidth of the observer, Hz; interval: time between rows, s."""
-        self._shares = filter_shares(step, bandwidth)[:, None, None]
-        self._interval = interval
-        self._rows = np.zeros((2, len(KINDS) + 3, joints))
-        """Velocity, columns of the regression and observed torque, after the slow and the fast filter."""
+    def __init__(self, rows: Array, *, interval: float) -> None:
+        """rows: velocity, columns of the regression and observed torque, after the slow and the fast filter,
+        (2, `COLUMNS`, n), which the twin updates; interval: time between rows of the regression, s."""
+        self._rows, self._interval = rows, interval
+        joints = rows.shape[-1]
         self._products = np.zeros((joints, len(KINDS) + 2, len(KINDS) + 2))
         """Weighted sums of the products of columns and torque."""
-        self._found = np.zeros((len(KINDS), joints))
+        self.found = np.zeros((len(KINDS), joints))
+        """Errors of the parameters (kinds, n), as fractions."""
         self.learned = np.zeros(joints, dtype=bool)
         """Whether the regression contains at least one second of motion."""
         self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
         """Excess of the robot's spring torques over the twin's, as a fraction, and its standard error."""
-
-    def take(self, torques: Array, velocity: Array) -> Array:
-        """External torques (2, n) after the slow and the fast filter, without the errors of the model, N m.
-
-        torques: observed torques (1 + copies, n) of the twin and of its copies, N m; velocity: velocities (n,) of the links.
-        """
-        values = np.vstack([velocity, (torques[1:] - torques[0]) / SHARE, np.ones_like(velocity), torques[0]])
-        self._rows += self._shares * (values - self._rows)
-        return np.asarray(self._rows[:, -1] - (self._rows[:, 1:-2] * self._found).sum(axis=1))
 
     @property
     def moves(self) -> NDArray[np.bool_]:
@@ -96,8 +88,8 @@ class Mismatch:
         # The squares of the constant column add up to the number of rows.
         rows_seen = np.maximum(self._products[:, -2, -2], 1e-12)
         self.learned = rows_seen > 1.0 / self._interval
-        self._found = (found * size[:, -1:] / size[:, :-1] * self.learned[:, None]).T[:-1]
+        self.found = np.ascontiguousarray((found * size[:, -1:] / size[:, :-1] * self.learned[:, None]).T[:-1])
         # A stiffer copy needs less torque to follow the robot.
-        self.spring = -self._found[0]
+        self.spring = -self.found[0]
         deviation = np.sqrt(CORRELATED * residual / rows_seen * inverse[:, 0, 0]) / size[:, 0]
         self.deviation = np.where(self.learned, deviation, np.inf)

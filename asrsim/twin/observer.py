@@ -8,6 +8,7 @@ on one joint is observed at this joint alone; springs and damping increase the s
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,37 +23,42 @@ def filter_shares(step: float, bandwidth: float) -> Array:
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
-class Observer:
-    """The controller C(s) for links of inertia 1, for arrays of position errors."""
+class Gains(NamedTuple):
+    """Numbers of the controller C(s) for a link of inertia 1."""
 
-    def __init__(self, shape: tuple[int, ...], *, step: float, bandwidth: float) -> None:
-        """shape: shape of the position errors; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
-        w = self._w = 2.0 * math.pi * bandwidth
-        self._step, self._lag = step, math.exp(-4.0 * w * step)
-        self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
-        self._integral, self._lagged = np.zeros(shape), np.zeros(shape)
+    proportional: float
+    slow: float
+    quick: float
+    lag: float
+    """Share of the lagged error that remains after a step, and of a new error in it."""
+    share: float
+    step: float
+    """Time step, s."""
 
-    def respond(self, error: Array) -> Array:
-        """Accelerations for the next step from position errors in rad; NaN: not measured."""
-        known = error == error
-        error = np.where(known, error, 0.0)
-        proportional, slow, quick = self._gains
-        found = proportional * error + slow * self._integral + quick * self._lagged
-        self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
-        self._integral = known * (self._integral + self._step * error)
-        return np.asarray(found)
 
-    def restart(self) -> None:
-        """Reset the state of the controller."""
-        self._integral[...] = self._lagged[...] = 0.0
+def gains_of(step: float, bandwidth: float) -> Gains:
+    """Gains of the controller; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
+    w = 2.0 * math.pi * bandwidth
+    lag = math.exp(-4.0 * w * step)
+    return Gains(6.0 * w**2, 0.25 * w**3, -20.25 * w**3, lag, (1.0 - lag) / (4.0 * w), step)
+
+
+def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple[float, float, float]:
+    """Acceleration for the next step from a position error in rad (NaN: not measured), and the new integral and lagged error.
+    The controller starts with zeros."""
+    known = error == error
+    if not known:
+        error = 0.0
+    found = gains.proportional * error + gains.slow * integral + gains.quick * lagged
+    return found, integral + gains.step * error if known else 0.0, gains.lag * lagged + gains.share * error
 
 
 def noise_gain(step: float, bandwidth: float) -> float:
     """Standard deviation of the fast torque on a free link of inertia 1 per standard deviation of the position noise, s^-2."""
-    observer, share = Observer((), step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1]
-    position = velocity = fast = total = 0.0
+    gains, share = gains_of(step, bandwidth), float(filter_shares(step, bandwidth)[1])
+    position = velocity = fast = total = integral = lagged = 0.0
     for k in range(math.ceil(20.0 / (2.0 * math.pi * bandwidth * step))):
-        seen = float(observer.respond(np.array(position + (k == 0))))
+        seen, integral, lagged = respond(position + (k == 0), integral, lagged, gains)
         velocity -= step * seen
         position += step * velocity
         fast += share * (seen - fast)

@@ -18,8 +18,9 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.examine import Plan, one_scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.twin.mismatch import Mismatch, varied
-from asrsim.twin.observer import Observer, noise_gain
+from asrsim.twin.loops import Limits, Loops, compiled_loops, tables
+from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
+from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
 SIGMAS = 6.0
 """Alarm threshold for noise of the torque, in standard deviations."""
@@ -124,24 +125,23 @@ class Twin:
             raise InputError("has no dynamics, so it cannot simulate a twin", key="engine", value=engine, code="twin-engine")
         self._model = model
         self.joints, self._drives = self.worlds.joints, ready.drives
-        shape = n, _ = len(self.joints), len(self._starts)
+        n = len(self.joints)
         self._springs = [name for name in self.worlds.names if name.startswith("elastic_torque_")]
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
         self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
-        self._observer = Observer(shape[::-1], step=step, bandwidth=bandwidth)
-        self._noise_gain = noise_gain(step, bandwidth)
-        self._mismatch = Mismatch(n, step=step, bandwidth=bandwidth, interval=EVERY)
+        self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
+        self._limits = Limits(
+            forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
+            slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
+        )  # fmt: skip
+        self._tables = tables(len(self._starts), n, COLUMNS)
+        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else Loops()
+        self._mismatch = Mismatch(self._tables.rows, interval=EVERY)
         self._every = max(1, round(EVERY / step))
-        self._stiffness, self._masses = np.full(n, np.nan), np.eye(n)
-        self._peak, self._variance = np.zeros(n), np.zeros(n)
-        self._carried = np.zeros(n)
-        """Largest torque of the springs of each joint so far, N m (N)."""
-        self._alarm, self._missing = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.int64)
-        self._before = np.full((2, n), np.nan)
-        """Positions that were measured in the last two steps."""
+        self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
         self._commands: dict[tuple[str, str], float] = {}
         """Commands that are in effect, by joint and reference."""
         self._steps = self._settled = 0
@@ -158,21 +158,22 @@ class Twin:
         positions = self._positions(measured)
         for joint, given in commands.items():
             values = list(given.values()) if isinstance(given, Mapping) else [None]
-            if not all(isinstance(value, int | float | np.number) for value in values):
+            if not all(isinstance(value, (int, float, np.number)) for value in values):
                 message = "must be numbers by name of the reference"
                 raise InputError(message, key=f"commands.{joint}", value=given, code="twin-command")
             for reference, value in given.items():
                 self._command(joint, reference, value, notes)
-        lost = self._missing * self._step > LONGEST_GAP
+        missing = self._tables.missing
+        lost = missing * self._step > LONGEST_GAP if missing.any() else None
         self._measure_noise(positions, notes)
         # The master of a coupled joint moves it: its own position would count twice.
         positions[self._followers] = math.nan
         # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
-        positions = np.clip(positions, *self._stops)
-        begins = self._steps == 0 or bool((lost & np.isfinite(positions)).any())
+        positions = np.minimum(np.maximum(positions, self._stops[0]), self._stops[1])
+        begins = self._steps == 0 or (lost is not None and bool((lost & np.isfinite(positions)).any()))
         links, velocities = self.worlds.links()
         distances = positions - links[0]
-        jumped = [] if begins else np.flatnonzero(np.abs(distances) > JUMP).tolist()
+        jumped = [] if begins else [j for j, distance in enumerate(distances.tolist()) if abs(distance) > JUMP]
         for j in jumped:
             why = "another robot, a motor that is off, or a wrong command?"
             text = f"the robot is {distances[j]:+.2g} from its twin ({why}): the twin is set to the robot's position"
@@ -181,12 +182,17 @@ class Twin:
             self._place(positions)
             links, velocities = self.worlds.links()
         error = positions - links
-        torques = self._pull(error, links[0])
+        if self._steps % self._every == 0:
+            self._tables.masses[:] = self._model.mass_matrix(links[0])
+        self._loops.pull(
+            self._tables, self._gains, error, velocities[0], self._mismatch.found, self._shares, self._external
+        )  # fmt: skip
+        self.worlds.push(self._tables.torques)
         self.worlds.advance()
         if not self.worlds.healthy.all():
             self._note("the twin diverged: it is set to the robot's position", notes)
             self._place(positions)
-        found = self._estimate(error[0], self._mismatch.take(torques, velocities[0]), notes)
+        found = self._estimate(error[0], notes)
         self._steps += 1
         return found
 
@@ -224,67 +230,49 @@ class Twin:
         self.worlds.reset([replace(start, positions=links, motors=motors) for start in self._starts])
         for (joint, reference), value in self._commands.items():
             self.worlds.set_reference(joint, reference, value)
-        self._observer.restart()
+        self._tables.integral[:] = self._tables.lagged[:] = 0.0
         self._settled = self._steps + round(SETTLE / self._step)
-
-    def _pull(self, error: Array, links: Array) -> Array:
-        """Apply the torques that reduce the position errors; return the torques that the models lack (worlds, n), N m. links:
-        positions (n,) of the twin's links.
-        """
-        if self._steps % self._every == 0:
-            self._masses = self._model.mass_matrix(links)
-        torques = self._observer.respond(error) @ self._masses
-        self.worlds.push(torques)
-        # The deflections of the springs in twin and robot differ by the difference of the link positions.
-        return torques + _zero_if_missing(self._stiffness * error)
 
     def _measure_noise(self, positions: Array, notes: list[str]) -> None:
         """Update the noise variance of the measurements, and note missing measurements."""
-        bend = positions - 2.0 * self._before[1] + self._before[0]
-        # The second difference of white noise has six times the variance of the noise.
-        change = self._step / NOISE_MEMORY * (bend * bend / 6.0 - self._variance)
-        self._variance += np.where(change == change, change, 0.0)
-        self._before[0], self._before[1] = self._before[1], positions
-        self._missing = (self._missing + 1) * (positions != positions)
-        if self._missing.any():
-            for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
+        self._loops.measure(self._tables, positions, self._step / NOISE_MEMORY)
+        missing = self._tables.missing
+        if missing.any():
+            for joint in np.flatnonzero(missing * self._step > MISSING).tolist():
                 self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
 
-    def _estimate(self, error: Array, external: Array, notes: list[str]) -> TwinStep:
-        """Estimates from the twin's position error (n,) and the external torques (2, n) after both filters."""
-        read = self.worlds.read([*self._springs, "stiffness"] if self._springs else [])
-        spring = sum(_zero_if_missing(read[name][0]) for name in self._springs)
+    def _estimate(self, error: Array, notes: list[str]) -> TwinStep:
+        """Estimates from the twin's position error (n,) and the external torques after both filters."""
+        own, mismatch = self._tables, self._mismatch
+        springs = np.zeros((0, len(error)))
         if self._springs:
-            self._stiffness = read["stiffness"][0]
-        self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
-        self._carried = np.maximum(self._carried, self._peak)
-        noise = self._noise_gain * np.sqrt(self._masses**2 @ self._variance)
-        self._say_deaf(SIGMAS * noise, notes)
-        tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
-        friction = self._friction * np.where(self._mismatch.moves, FRICTION, STICKING)
-        # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
-        threshold = np.hypot(SIGMAS * noise, tolerance * self._peak + friction)
-        measured, ready = error == error, self._steps >= self._settled
-        slow, fast = external
-        self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
+            read = self.worlds.read([*self._springs, "stiffness"])
+            springs = np.array([read[name][0] for name in self._springs])
+            own.stiffness[:] = read["stiffness"][0]
+        ready = self._steps >= self._settled
+        threshold, self._alarm = np.empty(len(error)), self._alarm.copy()
+        slow, fast = self._external
+        self._loops.judge(own, self._limits, springs, mismatch.learned, self._friction, fast, ready, self._alarm, threshold)
+        self._say_deaf(SIGMAS * own.noise, notes)
+        measured = error == error
         if self._steps % self._every == 0:
-            self._mismatch.learn(~self._alarm & measured & ready)
-        known = self._mismatch.deviation < KNOWN
+            mismatch.learn(~self._alarm & measured & ready)
+        known = mismatch.deviation < KNOWN
         return TwinStep(
             time=round(self._steps * self._step, 9), external_torque=np.where(measured, slow, np.nan),
-            stiffness=np.where(known, self._stiffness * (1.0 + self._mismatch.spring), np.nan), residual=error,
+            stiffness=np.where(known, own.stiffness * (1.0 + mismatch.spring), np.nan), residual=error,
             threshold=threshold, alarm=self._alarm, notes=tuple(notes),
         )  # fmt: skip
 
     def _say_deaf(self, threshold: Array, notes: list[str]) -> None:
         """Note joints whose threshold (n,), from noise alone, exceeds all that their springs have carried in motion, N m."""
-        deaf = (threshold > self._carried) & self._mismatch.learned
+        deaf = (threshold > self._tables.carried) & self._mismatch.learned
         for j in np.flatnonzero(deaf).tolist() if deaf.any() else ():
-            noise = 1e3 * math.sqrt(self._variance[j])
+            noise = 1e3 * math.sqrt(self._tables.variance[j])
             self._note(
-                f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._carried[j]:.3g} that its springs "
-                f"have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller bandwidth, or "
-                "measure more often",
+                f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._tables.carried[j]:.3g} that its "
+                f"springs have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller "
+                "bandwidth, or measure more often",
                 notes,
             )
 
@@ -304,8 +292,3 @@ class Twin:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _zero_if_missing(values: Array) -> Array:
-    """Values in which 0 replaces NaN; several times faster than `numpy.nan_to_num`."""
-    return np.where(values == values, values, 0.0)

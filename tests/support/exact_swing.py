@@ -6,6 +6,8 @@ from support.identify_files import SEA, save, write
 
 STIFFNESS, DAMPING, INERTIA = 4.0, 0.02, 0.009
 """N m/rad, N m s/rad, kg m^2."""
+TAGS = "<spring_k>5</spring_k><max_def>2</max_def>"
+"""A guessed stiffness, and a limit of the deflection (rad) that the swing never reaches."""
 JUMPS = (0.3, 0.9, 1.6, 2.2, 2.9, 3.5)
 """Times of the first samples after the jumps, s."""
 
@@ -28,6 +30,6 @@ def swing(folder, seed, rate=100.0, noise=5e-4):
     noisy = place + noise * random.normal(size=len(time))
     header = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
     recording = save(folder / "a.csv", header, time, shown, noisy)
-    lab = write(folder, "lab", {**SEA, "mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k>"}, duration=4.0)
+    lab = write(folder, "lab", {**SEA, "mode": 2, "damping": 0.04, "tags": TAGS}, duration=4.0)
     lab.write_text(f"{lab.read_text()}substeps: 2\n")
     return lab, recording, early

@@ -10,6 +10,7 @@ from scipy.signal import lfilter, lsim
 
 from asrsim import identify
 from asrsim.identification.result import Estimate, doubted
+from support import exact_swing
 from support.identify_files import SEA as ROTARY
 from support.identify_files import save, write
 from support.soft_arm import FINE, QBMOVE, SEA, command, record
@@ -49,6 +50,21 @@ def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path, kind):
     everything = np.mean(held[True] + held[False])
     assert 0.90 <= everything <= 0.985
     assert np.mean(held[True]) >= 0.84
+
+
+@pytest.mark.slow
+def test_models_with_jumps_of_commands_up_to_a_sample_late_fit_and_their_intervals_hold(tmp_path):
+    """Exact swings with six jumps each. An instant at its bound has no interval and counts as a miss."""
+    held = []
+    for rate in (100.0, 500.0):
+        for seed in range(20):
+            lab, recording, early = exact_swing.swing(tmp_path, seed, rate)
+            found = identify(lab, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+            assert found.fits, (rate, seed, found.misfit)
+            truth = {"joint_1.spring_stiffness": exact_swing.STIFFNESS, "joint_1.damping": exact_swing.DAMPING}
+            truth |= {f"jump_{n}": value for n, value in enumerate(early, start=1)}
+            held += [found.find(key).low <= value <= found.find(key).high for key, value in truth.items()]
+    assert 0.90 <= np.mean(held) <= 0.98
 
 
 @pytest.mark.slow

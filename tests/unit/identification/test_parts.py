@@ -8,6 +8,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
 from asrsim.identification.data import computed_columns, read_data
+from asrsim.identification.problem import solve
 from asrsim.identification.uncertainty import Uncertainty, uncertainty
 from asrsim.identification.write import write_robot
 from asrsim.recordings.data import Column
@@ -116,6 +117,18 @@ def test_estimates_beyond_a_bound_stay_at_the_bound(tmp_path):
     with pytest.raises(InputError) as caught:
         task_of(guess, [recording], free=wrong)
     assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction.start"]
+
+
+def test_a_parameter_without_effect_does_not_disturb_the_search():
+    """Rosenbrock's valley: every stage of the search is the same with and without a further parameter."""
+
+    def valley(x):
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0], 0.0, 0.0])
+
+    start = np.array([-1.2, 1.0, 0.0])
+    for rounds in (5, 10, 20, 40):
+        without, beside = (solve(modelled(valley, count, 4), start[:count], rounds=rounds) for count in (2, 3))
+        assert beside == pytest.approx([*without, 0.0], abs=1e-6)
 
 
 def test_a_torque_computed_from_a_deflection_is_no_measurement():

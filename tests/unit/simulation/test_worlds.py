@@ -78,6 +78,42 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
     assert len(ends) == len(starts)
 
 
+def test_equal_calls_with_new_values_give_the_bits_of_fresh_calls():
+    """A controller that calls again and again in the same way gets what it gets from worlds that were just restored: over a
+    jump of the scenario's references, beside an external torque that varies, over the ends of chunks, with values set, and
+    given back."""
+    step = {"step": {"from": 0.0, "to": 0.2, "at": 0.0502}}
+    scenario = arm(duration=1.0, modes=6, substeps=2, compiled=True,
+        references={"*": {"equilibrium_position": step}},
+        external_torques={"joint_2": {"sinusoid": {"amplitude": 0.1, "frequency": 8.0}}},
+    )  # fmt: skip
+
+    def moved(*, fresh):
+        """Quantities after each call; fresh: restore the worlds before."""
+        found = []
+        with Worlds(scenario, 2, chunk=64) as worlds:
+            for k in range(30):
+                if k < 20 and k != 7:
+                    worlds.push(np.full((2, 2), 0.01 * (k % 3)))
+                for joint in worlds.joints:
+                    value = None if k == 12 else 0.01 * k
+                    worlds.set_reference(joint, "equilibrium_position", value)
+                if 15 < k < 20:
+                    worlds.set_reference("joint_1", "stiffness_preset", [0.1 + 0.01 * k, 0.2], worlds=[0, 1])
+                if k == 20:
+                    worlds.set_reference("joint_2", "external_torque", None)
+                if fresh:
+                    worlds.restore(worlds.snapshot())
+                worlds.advance(5)
+                found.append(worlds.read(["link_position", "reference_1", "external_torque"]))
+        return {name: np.array([one[name] for one in found]) for name in found[0]}
+
+    again, fresh = moved(fresh=False), moved(fresh=True)
+    for name, values in again.items():
+        np.testing.assert_array_equal(values, fresh[name], err_msg=name)
+        assert np.ptp(values) > 0.01
+
+
 @pytest.mark.parametrize("compiled", [True, False])
 def test_repeated_parameters_give_the_same_bits(compiled):
     """Other parameters in between, in another world or in the same one, have no effect."""
