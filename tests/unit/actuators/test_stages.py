@@ -12,21 +12,10 @@ from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.errors import ActuatorError
 from asrsim.plugins import load_plugin_file
-from asrsim.quantities import QUANTITIES
 from asrsim.records import constant
 from support.paths import EXAMPLES, ROOT
 
 EXAMPLE = EXAMPLES / "plugins" / "my_clutch.py"
-
-
-@pytest.fixture(autouse=True)
-def own_registries(monkeypatch):
-    """Registrations of a test end with the test."""
-    monkeypatch.setattr(STAGES, "_entries", dict(STAGES._entries))
-    before = dict(QUANTITIES)
-    yield
-    QUANTITIES.clear()
-    QUANTITIES.update(before)
 
 
 def scenario(parameters, **keys):
