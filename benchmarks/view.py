@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -24,6 +25,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 import asrsim
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 CLIENTS = ("none", "reader", "still", "drawn")
 FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -81,9 +84,10 @@ def opened(address: str, client: str, sizes: list[int]) -> Iterator[None]:
         return
     from playwright.sync_api import sync_playwright
 
+    from support.browser import CHROMIUM
+
     with sync_playwright() as playwright:
-        path = os.environ.get("ASRSIM_CHROMIUM") or shutil.which("chromium")
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(200_000)
         page.goto(address)

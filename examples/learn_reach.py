@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -105,30 +107,28 @@ class Watched(BaseCallback):
 
     def film(self, path: Path) -> None:
         """Film of the policy at some goals, at the speed of the robot."""
-        frames = []
-        for seed in range(FILMED):
-            observation, _ = self.env.reset(seed=1000 + seed)
-            over = False
-            while not over:
-                action, _ = self.model.predict(self.envs.normalize_obs(observation), deterministic=True)
-                observation, _, ended, truncated, _ = self.env.step(action)
-                frames.append(self.env.render())
-                over = ended or truncated
+        frames = [self.env.render() for number in range(FILMED) for _ in self.played(number)]
         pictures = [Image.fromarray(frame).quantize(64, dither=Image.Dither.NONE) for frame in frames[::2]]
         pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=40, loop=0)
 
     def ends(self) -> list[float]:
         """Distances from the goal at the end of each test episode, mm; the test episodes never change."""
         found = []
-        for seed in range(EPISODES):
-            observation, _ = self.env.reset(seed=1000 + seed)
-            over = False
-            while not over:
-                action, _ = self.model.predict(self.envs.normalize_obs(observation), deterministic=True)
-                observation, _, ended, truncated, _ = self.env.step(action)
-                over = ended or truncated
+        for number in range(EPISODES):
+            for _ in self.played(number):
+                pass
             found.append(1e3 * self.last)
         return found
+
+    def played(self, number: int) -> Iterator[int]:
+        """Play a test episode with the policy, one control step at a time; the numbers of the steps."""
+        observation, _ = self.env.reset(seed=1000 + number)
+        for step in count():
+            action, _ = self.model.predict(self.envs.normalize_obs(observation), deterministic=True)
+            observation, _, ended, truncated, _ = self.env.step(action)
+            yield step
+            if ended or truncated:
+                return
 
 
 def main() -> None:
@@ -150,7 +150,7 @@ def main() -> None:
     policy.learn(STEPS, callback=watched)
     curve = watched.curve
     figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
-    steps = [count for count, _ in curve]
+    steps = [number for number, _ in curve]
     axes.plot(steps, [np.median(ends) for _, ends in curve], marker="o", label="median")
     axes.fill_between(steps, *np.quantile([ends for _, ends in curve], (0.1, 0.9), axis=1), alpha=0.25, label="10 to 90 %")
     axes.set(xlabel="control steps", ylabel="tip from its goal at the end, mm", ylim=(0, None))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,17 +48,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True)
-def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
+def _registries(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Remove what a test registers, also by loading plugin files, at the end of the test."""
     from asrsim.actuators import ACTUATORS
     from asrsim.actuators.stages import STAGES
     from asrsim.engines import ENGINES
     from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
+    from asrsim.quantities import QUANTITIES
     from asrsim.signals import SIGNALS
 
     for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, STAGES, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
+    # Stages add the quantities that they log.
+    known = dict(QUANTITIES)
+    yield
+    for name in [*QUANTITIES]:
+        if name not in known:
+            del QUANTITIES[name]
 
 
 @pytest.fixture(scope="session")

@@ -80,10 +80,12 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         """Latest actions of each environment, the newest first."""
         self._delays = np.zeros(num_envs, dtype=int)
         self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
-        self._seen: Array | None = None
-        """Observed values (N, history, n) of earlier control periods, the newest first; None without a history."""
+        self._seen = np.zeros((num_envs, task.history + 1, len(self._readings.bounds()[0])))
+        """Observed values (N, history + 1, n) of the latest control periods, the newest first."""
         self._done = np.zeros((num_envs, task.history, actions))
         """Actions of earlier control periods, the newest first."""
+        self._shown: Single = np.zeros(self.observation_space.shape or (), np.float32)
+        """Latest observation of each environment."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle support: the copy is a new set of environments made with the same arguments."""
@@ -104,7 +106,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
                 if seeds[i] is not None:
                     self._chances[i] = seeding.np_random(seeds[i])[0]
         self._begin(mask)
-        return self._observation(self._readings.read(), mask), self._infos(mask)
+        return self._observation(self._readings.read(), mask, moved=False), self._infos(mask)
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         task, numbers = self.task, np.flatnonzero(mask).tolist()
@@ -159,7 +161,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._over = ended | truncated
         if task.history:
             self._done = np.concatenate([given[:, None], self._done[:, :-1]], axis=1)
-        seen = self._observation(found, fresh)
+        seen = self._observation(found, fresh, moved=True)
         if not (self._same_step and self._over.any()):
             return seen, rewards, ended, truncated, self._infos(fresh)
         last = self._over.copy()
@@ -167,7 +169,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         for i in np.flatnonzero(last).tolist():
             infos = self._add_info(infos, {"final_obs": seen[i], "final_info": {}}, i)
         self._begin(last)
-        return self._observation(self._readings.read(), last), rewards, ended, truncated, self._infos(last, infos)
+        seen = self._observation(self._readings.read(), last, moved=False)
+        return seen, rewards, ended, truncated, self._infos(last, infos)
 
     def render(self) -> Any:
         """Pictures of all environments: a tuple of arrays (size, size, 3); None without a render mode."""
@@ -179,26 +182,33 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             self._picture = Picture(self.worlds, self._size)
         return tuple(self._picture.image(i) for i in range(self.num_envs))
 
-    def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_]) -> Single:
-        """Observations (N, n) from the values found. fresh: environments whose episodes have just begun."""
+    def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_], *, moved: bool) -> Single:
+        """Observations (N, n) from the values found. fresh: environments whose episodes have just begun; moved: whether the
+        others have moved for a control period. If not, they keep their latest observations, and draw no noise."""
         if self._spread:
-            found = {name: self._noisy(name, values) for name, values in found.items()}
+            drawn = range(self.num_envs) if moved else np.flatnonzero(fresh).tolist()
+            found = {name: self._noisy(name, values, drawn) for name, values in found.items()}
         now, past = np.concatenate(list(found.values()), axis=1), self.task.history
         parts = [now, self._goals]
         if past:
-            if self._seen is None:
-                self._seen = np.zeros((self.num_envs, past + 1, now.shape[1]))
-            self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
+            if moved:
+                self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
             # The history of a new episode is its start, with actions in the middle.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
-        return np.concatenate(parts, axis=1).astype(np.float32)
+        shown = np.concatenate(parts, axis=1).astype(np.float32)
+        self._shown = shown if moved else np.where(fresh[:, None], shown, self._shown)
+        return self._shown
 
-    def _noisy(self, name: str, values: Array) -> Array:
+    def _noisy(self, name: str, values: Array, drawn: Sequence[int]) -> Array:
+        """Values (N, n) of a quantity, with noise in the environments `drawn`."""
         deviation = self._spread.get(name)
         if deviation is None:
             return values
-        return values + deviation * np.stack([chance.standard_normal(values.shape[1]) for chance in self._chances])
+        noise = np.zeros_like(values)
+        for i in drawn:
+            noise[i] = self._chances[i].standard_normal(values.shape[1])
+        return values + deviation * noise
 
     def _infos(self, fresh: NDArray[np.bool_], infos: dict[str, Any] | None = None) -> dict[str, Any]:
         """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""

@@ -36,11 +36,11 @@ MANIFEST_SHAPE: dict[str, Any] = {
 }  # fmt: skip
 """Structure of `study.json`."""
 GROUP = 20_000
-"""Number of rows in a group of the final file, and largest number of rows in a part."""
+"""Number of rows in a group of a file. As many waiting rows are written at once, and a part with as many is complete."""
 PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 MOST_PARTS = 32
-"""Number of parts with fewer rows than a group that are merged to one."""
+"""Number of incomplete parts that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
     "study": "its study varies other keys", "inputs": "its inputs have changed",
@@ -140,7 +140,7 @@ class Store:
         self.done[runs] = True
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
         self._small = parts_of(folder)
-        """Parts that may have fewer rows than a group."""
+        """Parts that may be incomplete."""
 
     @property
     def missing(self) -> list[int]:

@@ -27,11 +27,10 @@ KNOWN = ("Unable to preventDefault inside passive event listener",)
 def open_page():
     """Function (address, width) that opens a page; skips the test where Chromium or Playwright is missing."""
     library = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    path = CHROMIUM
-    if path is None:
+    if CHROMIUM is None:
         pytest.skip("needs Chromium (apt-get install chromium), or ASRSIM_CHROMIUM=PATH")
     with library.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
 
         # Few pixels and one page: without a graphics card each of them takes time.
         page = PageOfView(browser.new_page(device_scale_factor=0.2))

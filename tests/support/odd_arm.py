@@ -102,17 +102,24 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
     }[effect]
 
 
-def record(effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate: float = 500.0, noise: float = 5e-4):
-    """Scenario without the effect, recording of link and motor with it, and true parameters by key of identification."""
+def drawn(effect: str, seed: int):
+    """Arm with random parameters, sizes of its effect, and the generator for the noise of its recording."""
     random = np.random.default_rng([11, seed])
     true = SEA.scaled(lambda _: math.exp(random.uniform(-0.2, 0.2)))
+    (numbers,) = true.joints
+    return true, sizes(effect, dict(numbers), random), random
+
+
+def record(effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate: float = 500.0, noise: float = 5e-4):
+    """Scenario without the effect, recording of link and motor with it, and true parameters by key of identification."""
+    true, own, random = drawn(effect, seed)
     (numbers,) = true.joints
     p = {"mass": 0.5, "reach": 0.06, "controller_1_proportional": 8.0, "controller_1_derivative": 0.3} | dict(numbers)
     names = (
         "spring_stiffness", "motor_1_inertia", "motor_1_damping", "motor_1_friction_torque", "damping", "friction", "iyy",
         "mass", "reach", "controller_1_proportional", "controller_1_derivative",
     )  # fmt: skip
-    e = _OFF | sizes(effect, p, random)
+    e = _OFF | own
     half = np.arange(round(2.0 * duration / STEP) + 1) * (0.5 * STEP)
     goals = command(half, duration)[:, 0]
     moved = _move(goals, round(1.0 / (rate * STEP)), STEP, np.array([p[name] for name in names]), np.array([*e.values()]))

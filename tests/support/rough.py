@@ -332,7 +332,7 @@ KINDS = {
     "limits": Kind(
         file="limits.yaml",
         damage=in_text,
-        commands=("design step.yaml --free elbow.damping --limits limits.yaml --seconds 0.5 --no-plot --out new.csv",),
+        commands=("design step.yaml --free elbow.damping --limits limits.yaml --duration 0.5 --no-plot --out new.csv",),
     ),
 }
 

@@ -139,6 +139,24 @@ def test_a_same_step_reset_begins_the_next_episode_at_once():
         made(autoreset="never")
 
 
+@pytest.mark.parametrize("how", ["same_step", "reset_mask"])
+def test_a_reset_of_one_environment_leaves_the_others_as_they_are(how):
+    """Environments 1 and 2 go on with the history and the noise that they have without the reset of environment 0."""
+    options = {"history": 2, "noise": {"link_position": 0.01}}
+    plain, *_ = played(made(**options), ACTIONS[:8])
+    ends = {"autoreset": "same_step", "terminated": lambda state: state.action[0] > 5.0}
+    env = made(**options, **(ends if how == "same_step" else {}))
+    seen = [env.reset(seed=1)[0]]
+    for k, actions in enumerate(ACTIONS[:8]):
+        # The action beyond the range ends the episode.
+        given = np.where(np.arange(3)[:, None] == 0, 9.0, actions) if how == "same_step" and k == 4 else actions
+        seen.append(env.step(given)[0])
+        if how == "reset_mask" and k == 4:
+            seen[-1], _ = env.reset(options={"reset_mask": np.array([True, False, False])})
+    np.testing.assert_array_equal(np.array(seen)[:, 1:], plain[:, 1:])
+    assert (seen[5][0] != plain[5][0]).any()
+
+
 def test_pictures_show_every_environment():
     env = made(2, render_mode="rgb_array", size=48)
     env.reset(seed=0)

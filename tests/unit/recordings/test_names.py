@@ -164,10 +164,9 @@ def test_whole_numbers_beyond_what_a_joint_turns_are_asked_about(tmp_path):
 
 COMMANDS = {
     "N m": ["knee_tau_des", "knee_effort_command", "torque_cmd_knee", "desiredTorque_knee", "knee.torque_setpoint", "tau_ref",
-            "moment_ref",             "knee_motor_torque_cmd", "knee.command.effort", "/knee_effort_controller/command",
+            "moment_ref", "knee_motor_torque_cmd", "knee.command.effort", "/knee_effort_controller/command",
             "/knee/effort_controller/cmd/data"],
-    "A": ["knee_current_cmd", "target_current_knee", "cur_des", "knee_motor_current_setpoint", "i_des",
-          "knee_cmd_A"],
+    "A": ["knee_current_cmd", "target_current_knee", "cur_des", "knee_motor_current_setpoint", "i_des", "knee_cmd_A"],
     "V": ["knee_voltage_command", "volts_cmd", "cmdVoltage", "motor_voltage_ref"],
     "N": ["force_command_knee"],
     "": ["knee_cmd"],

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
 from asrsim.plugins import load_plugin_file
 from asrsim.simulation.prepare import Start
@@ -30,12 +29,6 @@ def scenario(actuator, *, preset=None, motion=STEP, duration=0.25, **keys):
     references = {"equilibrium_position": motion} | ({} if preset is None else {"stiffness_preset": preset})
     keys = {"duration": duration, "references": {"joint_1": references}, "modes": {"*": 6}} | keys
     return asrsim.make_scenario(EXAMPLES / "urdf" / f"dof1_{actuator}.urdf", engine="mujoco", **keys)
-
-
-@pytest.fixture
-def my_vsa(monkeypatch):
-    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
-    load_plugin_file(EXAMPLES / "plugins" / "my_vsa.py")
 
 
 def errors(given, starts=None):
@@ -62,8 +55,8 @@ def test_joints_move_as_in_asrsim(actuator, preset, motion):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("my_vsa")
 def test_an_actuator_of_a_user_moves_as_in_asrsim():
+    load_plugin_file(EXAMPLES / "plugins" / "my_vsa.py")
     check(errors(scenario("qbmove", preset=0.2, actuators={"joint_1": {"type": "my_vsa", "mode": 6}})))
 
 
