@@ -96,6 +96,16 @@ def test_a_linkage_stops_where_its_gap_would_exceed_rounding(tmp_path, engine):
     assert np.abs(q[-20:, 0] - q[-1, 0]).max() < 1e-9
 
 
+def test_a_chain_that_is_open_at_the_usual_start_is_said_to_start_elsewhere(tmp_path):
+    """With a crank at 0, the coupler of 0.35 m passes over the ends of the rocker of 0.05 m, 0.25 m away."""
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf())
+    loops = [LOOP | {"points": [[0.35, 0, 0], [0.05, 0, 0]]}]
+    ready = asrsim.prepare(asrsim.make_scenario(path, duration=0.1, loops=loops))
+    (found,) = [problem for problem in ready.warnings if problem.code == "loop-start"]
+    assert f"crank: {ready.initial_positions[0]:.4g}" in found.value
+
+
 REFUSED = {
     "a gap above rounding": (beside(2e-4), "no positions of its joints close it; a gap of 0.0002 m"),
     "no start closes it": ({"loops": [LOOP | {"points": [[3, 0, 0], [0.3, 0, 0]]}]}, "no positions of its joints close it"),
