@@ -20,6 +20,7 @@ from asrsim.actuators.parameters import Parameter
 from asrsim.actuators.sea import Sea
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import Problem
+from asrsim.quantities import each_motor
 from asrsim.records import declared
 
 LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
@@ -62,10 +63,12 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             yield key, "must be a dataclass with slots of numbers (asrsim.records)", "bad-declaration"
             return
     known = {one.name for one in stage.quantities}
-    logged = [one["log"].format(1) for one in declared(stage.Memory).values() if one["log"]]
-    for text in (*logged, *[stage.lost] * bool(stage.lost)):
-        if text not in known:
-            yield "quantities", f"must have the quantity '{text}', which the stage logs", "bad-declaration"
+    logged = [each_motor(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
+    for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):
+        missing = [name for name in names if name not in known]
+        if missing:
+            several = "; asrsim.quantities.of_motors makes it for all motors" if len(names) > 1 else ""
+            yield "quantities", f"must have the quantity '{missing[0]}', which the stage logs{several}", "bad-declaration"
     if stage.has("loss") != bool(stage.lost):
         yield "lost", "must be the name of the lost energy in logs: law and name belong together", "bad-declaration"
     for law in LAWS:
