@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.runs.execute import execute, scenarios_of, write_summary
+from asrsim.runs.execute import execute, with_plugins, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, Samples
-from asrsim.scenario import Scenario, only_variant
+from asrsim.scenario import Scenario, only_variant, scenarios_of
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.run import Run
@@ -209,7 +209,7 @@ def run(
         DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
-    loaded = scenarios_of(scenario, variant, overrides, plugins, robot)
+    loaded = _scenarios(scenario, variant, overrides, plugins, robot)
     given = None if robot is None or isinstance(robot, str | Path) else robot
     return _run_one(
         examine(only_variant(loaded), given), out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
@@ -232,8 +232,18 @@ def run_variants(
     """
     return {
         one.variant: _run_one(examine(one), None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
-        for one in scenarios_of(scenario, None, overrides, plugins, None)
+        for one in _scenarios(scenario, None, overrides, plugins)
     }
+
+
+def _scenarios(
+    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
+    robot: Robot | str | Path | None = None,
+) -> tuple[Scenario, ...]:  # fmt: skip
+    """Scenarios with users' files as attachments."""
+    file = robot if isinstance(robot, str | Path) else None
+    loaded = scenarios_of(scenario, variant=variant, overrides=overrides, plugins=plugins, robot=file)
+    return tuple(with_plugins(one, plugins) for one in loaded)
 
 
 def _run_one(

@@ -18,9 +18,9 @@ from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
+from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.examine import one_scenario
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds, engine_of_worlds

@@ -9,19 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import DivergenceError, InputError, ScenarioError
+from asrsim.errors import DivergenceError, InputError
 from asrsim.log import LogWriter
 from asrsim.outfile import write_json
-from asrsim.plugins import load_plugin_files
+from asrsim.plain import one_or_more
 from asrsim.quantities import LIMITS
-from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
-from asrsim.scenario import load_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.digest import input_hashes
-from asrsim.scenario.overrides import Overrides
 from asrsim.simulation import accuracy
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.recording import Sink
@@ -167,27 +164,8 @@ def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str,
     return metadata
 
 
-def with_plugins(scenario: Scenario, plugins: Sequence[Path]) -> Scenario:
+def with_plugins(scenario: Scenario, plugins: str | Path | Sequence[str | Path]) -> Scenario:
     """Scenario with users' actuator files as attachments, so that its log can be repeated."""
-    files = {f"{PLUGINS}{number}/{path.name}": path for number, path in enumerate(plugins)}
+    paths = [Path(file) for file in one_or_more(plugins)]
+    files = {f"{PLUGINS}{number}/{path.name}": path for number, path in enumerate(paths)}
     return replace(scenario, attachments={**scenario.attachments, **files})
-
-
-def scenarios_of(
-    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
-    robot: Robot | str | Path | None = None,
-) -> tuple[Scenario, ...]:  # fmt: skip
-    """Scenarios of a file, or a loaded scenario, with users' files. Raises ScenarioError and ActuatorError.
-
-    Arguments: as in `asrsim.run`.
-    """
-    files = load_plugin_files(plugins)
-    file = robot if isinstance(robot, str | Path) else None
-    if not isinstance(scenario, Scenario):
-        loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
-    elif overrides or file is not None or variant not in (None, scenario.variant):
-        message = "overrides, variant and robot file are valid with a scenario file only"
-        raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
-    else:
-        loaded = (scenario,)
-    return tuple(with_plugins(one, files) for one in loaded)

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from asrsim.scenario.check import apply_to_robot
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.load import load_scenario, make_scenario, only_variant, read_scenarios, scenario_from_data
+from asrsim.scenario.load import (
+    load_scenario,
+    make_scenario,
+    one_scenario,
+    only_variant,
+    read_scenarios,
+    scenario_from_data,
+    scenarios_of,
+)
 
 __all__ = [
     "Scenario",
     "apply_to_robot",
     "load_scenario",
     "make_scenario",
+    "one_scenario",
     "only_variant",
     "read_scenarios",
     "scenario_from_data",
+    "scenarios_of",
 ]

@@ -51,6 +51,30 @@ def load_scenario(
     return scenarios
 
 
+def scenarios_of(
+    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (), robot: str | Path | None = None,
+) -> tuple[Scenario, ...]:  # fmt: skip
+    """Variants of a file as from `load_scenario`, or the given scenario itself. Raises ScenarioError, also if a given scenario
+    comes with overrides, another variant or another robot file.
+    """
+    if not isinstance(scenario, Scenario):
+        return load_scenario(scenario, variant=variant, overrides=overrides, robot=robot, plugins=plugins)
+    load_plugin_files(plugins)
+    if overrides or robot is not None or variant not in (None, scenario.variant):
+        message = "overrides, variant and robot file are valid with a scenario file only"
+        raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
+    return (scenario,)
+
+
+def one_scenario(
+    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+) -> Scenario:  # fmt: skip
+    """The single variant of a file, or the given scenario itself; errors as of `scenarios_of` and `only_variant`."""
+    return only_variant(scenarios_of(scenario, variant=variant, overrides=overrides, plugins=plugins))
+
+
 def read_scenarios(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError, Problem, RobotError, ScenarioError
-from asrsim.plugins import blame_laws, load_plugin_files
+from asrsim.errors import Problem, RobotError, ScenarioError
+from asrsim.plugins import blame_laws
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.model import Robot
 from asrsim.samples import JointInfo
-from asrsim.scenario import load_scenario, only_variant
+from asrsim.scenario import one_scenario
 from asrsim.scenario.check import loop_warnings, misfits, robot_of
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
@@ -77,20 +77,6 @@ def examine(
     if plan is None:
         raise (RobotError if source.faults else ScenarioError)(errors, warnings=warnings_of(source))
     return replace(plan, given=robot is not None)
-
-
-def one_scenario(
-    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (),
-) -> Scenario:  # fmt: skip
-    """The scenario of a file, or the given scenario itself; arguments as for `examine`. Raises ScenarioError and InputError."""
-    if not isinstance(scenario, Scenario):
-        return only_variant(load_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins))
-    load_plugin_files(plugins)
-    if variant not in (None, scenario.variant) or overrides:
-        message = "variant and overrides are not allowed with a Scenario object"
-        raise InputError(message, hint="Give them when the scenario is loaded", code="usage")
-    return scenario
 
 
 def findings(

@@ -20,12 +20,13 @@ from asrsim.engines.rigid import RigidEngine
 from asrsim.errors import InputError, SimulationError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
+from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.examine import Plan, one_scenario
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTHY

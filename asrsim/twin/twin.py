@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError
 from asrsim.samples import Array
+from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.examine import Plan, one_scenario
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
 from asrsim.twin.loops import Limits, Loops, compiled_loops, tables

@@ -167,7 +167,7 @@ def maker(
         scenarios = (target,)
     if variant is not None and variant not in (known := tuple(one.variant for one in scenarios)):
         raise InputError(f"no variant is called '{variant}'", choices=known, meant=variant, code="unknown-variant")
-    scenarios = tuple(with_plugins(one, [Path(file) for file in plugins]) for one in scenarios)
+    scenarios = tuple(with_plugins(one, plugins) for one in scenarios)
     first = next(one for one in scenarios if variant in (None, one.variant))
     others += _recorded_beside(first, experiments, recordings)
     settings = replace(settings or Settings(), speed=speed)
