@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType, ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.declaration import declaration_problem, declaration_problems, file_of
@@ -77,24 +77,13 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
             hint="Derive a class from asrsim.actuators.Actuator or asrsim.actuators.stages.Stage, or add to SIGNALS, MEASURES, "
             "READERS or ENGINES",
         )  # fmt: skip
-    problems = [problem for stage in stages for problem in stage_problems(stage)]
-    problems += [
-        declaration_problem(stage, f"another stage is called '{stage.name}'", "name-taken", key="name")
-        for stage in stages
-        if not problems and stage.name in STAGES and file_of(STAGES.get(stage.name)) != path.resolve()
-    ]
+    problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
+        # The parameters of these stages belong to the actuators, too.
         for stage in stages:
             STAGES.add(stage.name, stage, replace=True)
     problems += [problem for actuator in found for problem in declaration_problems(actuator)]
-    if not problems:
-        names = [actuator.name for actuator in found]
-        taken = {name for name in names if name in ACTUATORS and file_of(ACTUATORS.get(name)) != path.resolve()}
-        problems = [
-            declaration_problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name")
-            for number, (name, actuator) in enumerate(zip(names, found, strict=True))
-            if name in taken.union(names[:number])
-        ]
+    problems = problems or _taken_names(ACTUATORS, found, path)
     if problems:
         raise ActuatorError(problems)
     for actuator in found:
@@ -111,6 +100,17 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
         and issubclass(entry, base)
         and entry.__module__ == module.__name__
         and not name.startswith("_")
+    ]
+
+
+def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: Path) -> list[Problem]:
+    """Problems of classes of a plugin file whose names belong to a class of another file, or to an earlier one of this file."""
+    names = [one.name for one in found]
+    taken = {name for name in names if name in registry and file_of(registry.get(name)) != path.resolve()}
+    return [
+        declaration_problem(one, f"another {registry.noun} is called '{name}'", "name-taken", key="name")
+        for number, (name, one) in enumerate(zip(names, found, strict=True))
+        if name in taken.union(names[:number])
     ]
 
 

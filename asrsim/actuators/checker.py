@@ -7,7 +7,7 @@ check reports the worst value, and the point at which this value occurs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from asrsim.actuators import Actuator
 from asrsim.actuators.declaration import declaration_problems
 from asrsim.actuators.vectorised import Array, over_arrays
+from asrsim.errors import Problem
 
 FREE_RANGE = 0.5
 """Range of the sampled deflections for an actuator without the parameter `max_deflection`, rad."""
@@ -48,7 +49,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
-    """Results of all checks of one actuator."""
+    """Results of all checks of one actuator or stage."""
 
     actuator: str
     title: str
@@ -62,15 +63,19 @@ class CheckReport:
 
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
     """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
-    problems = declaration_problems(actuator)
-    declaration = Check(
-        name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as `Actuator` requires",
-        detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
-    )  # fmt: skip
+    doc = "name, motors, parameters and laws are declared as `Actuator` requires"
+    return report_of(actuator, declaration_problems(actuator), doc, (_run(actuator, *check) for check in CHECKS))
+
+
+def report_of(kind: type[Any], problems: Sequence[Problem], doc: str, checks: Iterable[Check]) -> CheckReport:
+    """Report on a class: the check of its declaration, described by `doc`, and the other checks, which are not made if there
+    are problems of the declaration."""
+    detail = "; ".join(f"{problem.key}: {problem.message}" for problem in problems)
+    declaration = Check(name="declaration", passed=not problems, doc=doc, detail=detail)
     return CheckReport(
-        actuator=str(getattr(actuator, "name", actuator.__name__)),
-        title=str(getattr(actuator, "title", actuator.__name__)),
-        checks=(declaration, *(_run(actuator, *check) for check in (() if problems else CHECKS))),
+        actuator=str(getattr(kind, "name", kind.__name__)),
+        title=str(getattr(kind, "title", kind.__name__)),
+        checks=(declaration, *(() if problems else checks)),
     )
 
 

@@ -8,19 +8,20 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.checker import Check, CheckReport
+from asrsim.actuators.checker import Check, CheckReport, report_of
 from asrsim.actuators.declaration import declaration_problem
 from asrsim.actuators.modes import MODES
 from asrsim.actuators.parameters import Parameter
 from asrsim.actuators.sea import Sea
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import Problem
-from asrsim.records import declared, numbers
+from asrsim.quantities import each_motor
+from asrsim.records import declared
 
 LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
 TRIALS, STEPS, STEP = 6, 4000, 1e-4
@@ -62,10 +63,12 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             yield key, "must be a dataclass with slots of numbers (asrsim.records)", "bad-declaration"
             return
     known = {one.name for one in stage.quantities}
-    logged = [one["log"].format(1) for one in declared(stage.Memory).values() if one["log"]]
-    for text in (*logged, *[stage.lost] * bool(stage.lost)):
-        if text not in known:
-            yield "quantities", f"must have the quantity '{text}', which the stage logs", "bad-declaration"
+    logged = [each_motor(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
+    for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):
+        missing = [name for name in names if name not in known]
+        if missing:
+            several = "; asrsim.quantities.of_motors makes it for all motors" if len(names) > 1 else ""
+            yield "quantities", f"must have the quantity '{missing[0]}', which the stage logs{several}", "bad-declaration"
     if stage.has("loss") != bool(stage.lost):
         yield "lost", "must be the name of the lost energy in logs: law and name belong together", "bad-declaration"
     for law in LAWS:
@@ -75,15 +78,8 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
 
 def check_stage(stage: type[Stage]) -> CheckReport:
     """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
-    problems = stage_problems(stage)
-    declaration = Check(
-        name="declaration", passed=not problems, doc="name, parameters, records and laws are declared as `Stage` requires",
-        detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
-    )  # fmt: skip
-    checks = [declaration]
-    if not problems:
-        checks += [_run(stage, *check) for check in CHECKS]
-    return CheckReport(actuator=stage.name, title=stage.title, checks=tuple(checks))
+    doc = "name, parameters, records and laws are declared as `Stage` requires"
+    return report_of(stage, stage_problems(stage), doc, (_run(stage, *check) for check in CHECKS))
 
 
 def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callable[[Trial], Iterable[float]]) -> Check:
@@ -94,7 +90,7 @@ def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callabl
             found = float(np.max(np.fromiter(measure(trial), float), initial=0.0))
             if not found <= worst:
                 worst, where = found, ", ".join(f"{key} = {value:.4g}" for key, value in trial.values.items())
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
     passed = worst <= limit
     detail = "" if passed else f"{worst:.3g} with {where}"
@@ -119,12 +115,14 @@ class Trial:
         self.velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0).tolist()
         self.torque = (LARGEST * np.sin(3.0 * angles[0])).tolist()
 
-    def kicks(self) -> Iterator[tuple[Any, float, float, float]]:
-        """Memory before each kick, deflection, velocity and torque of the motor there; then the memory advances."""
+    def kicks(self) -> Iterator[tuple[Any, Any, float, float]]:
+        """Memory before and after each kick, and the deflection and its velocity at the kick."""
         memory = self.stage.Memory()
-        for kick in zip(self.deflection, self.velocity, self.torque, strict=True):
-            yield memory, *kick
-            self.stage.remember(memory, self.own, *kick, STEP)
+        for x, v, torque in zip(self.deflection, self.velocity, self.torque, strict=True):
+            after = replace(memory)
+            self.stage.remember(after, self.own, x, v, torque, STEP)
+            yield memory, after, x, v
+            memory = after
 
 
 def _drawn(one: Parameter, source: np.random.Generator) -> float:
@@ -140,7 +138,7 @@ def _acts(trial: Trial) -> Iterator[float]:
 
 def _finite(trial: Trial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
-    for memory, x, v, torque in trial.kicks():
+    for (memory, _, x, v), torque in zip(trial.kicks(), trial.torque, strict=True):
         found = (
             stage.place(memory, own, x), stage.torque(memory, own, x, v), stage.limit(memory, own, abs(torque)),
             stage.energy(memory, own),
@@ -149,18 +147,20 @@ def _finite(trial: Trial) -> Iterator[float]:
 
 
 def _stiffness(trial: Trial) -> Iterator[float]:
-    stage, own, near = trial.stage, trial.own, 1e-6
-    bound = stage.stiffness_bound(own)
-    for memory, x, v, _ in trial.kicks():
-        slope = abs(stage.torque(memory, own, x + near, v) - stage.torque(memory, own, x - near, v)) / (2.0 * near)
-        yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
+    return _excess(trial, trial.stage.stiffness_bound(trial.own), way=1e-6)
 
 
 def _damping(trial: Trial) -> Iterator[float]:
-    stage, own, near = trial.stage, trial.own, 1e-4
-    bound = stage.damping_bound(own)
-    for memory, x, v, _ in trial.kicks():
-        slope = abs(stage.torque(memory, own, x, v + near) - stage.torque(memory, own, x, v - near)) / (2.0 * near)
+    return _excess(trial, trial.stage.damping_bound(trial.own), speed=1e-4)
+
+
+def _excess(trial: Trial, bound: float, *, way: float = 0.0, speed: float = 0.0) -> Iterator[float]:
+    """Relative excess of the torque's slope over its bound. way or speed: half of the difference, in rad or rad/s, from which
+    the slope follows."""
+    stage, own = trial.stage, trial.own
+    for memory, _, x, v in trial.kicks():
+        change = stage.torque(memory, own, x + way, v + speed) - stage.torque(memory, own, x - way, v - speed)
+        slope = abs(change) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
 
 
@@ -168,12 +168,8 @@ def _balance(trial: Trial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
     work = lost = turned = stored = first = before = 0.0
     last = trial.deflection[0]
-    kicks = trial.kicks()
-    for number, (memory, x, v, torque) in enumerate(kicks):
+    for number, (memory, after, x, v) in enumerate(trial.kicks()):
         pull = stage.torque(memory, own, x, v)
-        # The memory advances as the iteration does; energy and loss belong to the memory afterwards.
-        after = _copy(memory)
-        stage.remember(after, own, x, v, torque, STEP)
         stored = stage.energy(after, own)
         if number == 0:
             first = stored
@@ -185,16 +181,13 @@ def _balance(trial: Trial) -> Iterator[float]:
 
 
 def _gains(trial: Trial) -> Iterator[float]:
-    stage, own = trial.stage, trial.own
-    for number, (memory, x, v, torque) in enumerate(trial.kicks()):
-        after = _copy(memory)
-        stage.remember(after, own, x, v, torque, STEP)
-        yield max(-stage.loss(after, own), 0.0) if number else 0.0
+    for number, (_, after, *_) in enumerate(trial.kicks()):
+        yield max(-trial.stage.loss(after, trial.own), 0.0) if number else 0.0
 
 
 def _series(trial: Trial) -> Iterator[float]:
     stage, own, near = trial.stage, trial.own, 1e-6
-    for memory, x, *_ in trial.kicks():
+    for memory, _, x, _ in trial.kicks():
         slope = (stage.place(memory, own, x + near) - stage.place(memory, own, x - near)) / (2.0 * near)
         yield max(slope - 1.0 - SLACK, -slope - SLACK, 0.0)
 
@@ -203,11 +196,6 @@ def _limits(trial: Trial) -> Iterator[float]:
     for memory, *_ in trial.kicks():
         found = trial.stage.limit(memory, trial.own, LARGEST)
         yield max(found - LARGEST, -found, 0.0)
-
-
-def _copy(memory: Any) -> Any:
-    kind: Any = type(memory)
-    return kind(*numbers(memory))
 
 
 CHECKS: tuple[tuple[str, str, float, Callable[[Trial], Iterable[float]]], ...] = (

@@ -34,8 +34,7 @@ def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> Measur
     `link_torque`, or the sum of the elastic torques. Raises RecordingError if a column is missing."""
     recording = read_recording(path, mapping=list(mapping) or None, joints=[source.drive.joint])
     columns = {str(one.quantity): one for one in recording.channels.values() if one.quantity}
-    motors = [f"motor_{i}_position" for i in range(1, source.drive.actuator.positions() + 1)]
-    motors = motors if source.drive.actuator.motors > 1 else motors[:1]
+    motors = [f"motor_{i}_position" for i in range(1, source.drive.actuator.motors + 1)]
     torques = ["link_torque"] if "link_torque" in columns else [name for name in columns if name.startswith("elastic_torque")]
     needed = ["deflection"] if "deflection" in columns else ["link_position", *motors]
     missing = [name for name in needed if name not in columns] + ([] if torques else ["link_torque"])

@@ -33,8 +33,8 @@ class Entry:
     value: float | None
     """Number in SI units; None if it is unknown."""
     how: str
-    """How the number was found; of an unknown number, the tag or key that would state it, or why it does not apply."""
-    simulated: bool = False
+    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`; of an unknown number, the tag or key
+    that would state it, or why it does not apply."""
 
     @property
     def known(self) -> bool:
@@ -43,9 +43,8 @@ class Entry:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
-        value = self.value if self.known else None
-        found = "simulation" if self.simulated else "closed form"
-        return {"words": self.words, "unit": self.unit, "value": value, "found": found if self.known else None, "how": self.how}
+        value, found = (self.value, self.how.partition(":")[0]) if self.known else (None, None)
+        return {"words": self.words, "unit": self.unit, "value": value, "found": found, "how": self.how}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +68,12 @@ class Sheet:
     plugins: Sequence[Path] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     """Values of all parameters."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Their units."""
 
     def entry(self, key: str) -> Entry:
         """Entry with this key. Raises KeyError."""
-        return next(one for one in self.entries if one.key == key)
+        return {one.key: one for one in self.entries}[key]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data of numbers; charts are left out."""

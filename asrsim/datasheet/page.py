@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
@@ -25,7 +26,7 @@ def sheet_page(sheet: Sheet) -> str:
     words = {one.key: one.words for one in sheet.entries}
     published = [[words.get(one.key, "remark"), one.text, one.source, one.why] for one in sheet.published]
     shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS))
-    values = [[name, f"{value:.6g}"] for name, value in sheet.values.items() if value not in (float("inf"), float("-inf"))]
+    values = [[name, f"{value:.6g}", sheet.units[name]] for name, value in sheet.values.items() if math.isfinite(value)]
     commands = "\n".join(f"asrsim run {name}" for name in sheet.files if name.endswith(".yaml"))
     sections = [
         section("Numbers", table(["quantity", "value", "unit", "how it was found"], rows, long=(3,))),
@@ -33,9 +34,9 @@ def sheet_page(sheet: Sheet) -> str:
         section("Published", table(["quantity", "published", "source", "compared with this sheet"], published, long=(1, 2, 3)))
         if published else "",
         section("Repeat the simulations", f"<pre>{escape(commands)}</pre>"),
-        section("Parameters", table(["parameter", "value (SI)"], values)),
+        section("Parameters", table(["parameter", "value", "unit"], values)),
     ]  # fmt: skip
-    head = f"<p>{escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre>{escape(sheet.law)}</pre>"
+    head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre>{escape(sheet.law)}</pre>"
     data = page_data([*zip(HEADS, sheet.rows, strict=True)])
     return build(f"Data sheet: {sheet.title}", sections, head=head, data=data)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +52,7 @@ def make_sheet(
         entries=(*_statics(source, statics), *_dynamics(source, statics, trials), *_unstated(source)),
         rows=(_laws(statics, bench), _limits(statics, trials), _responses(trials)),
         published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
-        values=dict(source.drive.values),
+        values=dict(source.drive.values), units={one.name: one.unit for one in actuator.all_parameters()},
     )  # fmt: skip
 
 
@@ -63,8 +63,8 @@ def _statics(source: Source, statics: Statics) -> Iterator[Entry]:
     within = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
     yield Entry(key="peak_torque", words="peak torque", unit="N m", value=statics.peak_torque, how=within)
     nominal = statics.nominal_torque
-    lasting = "as the peak torque, with every winding at rest below `derating_temperature` for ever"
-    unstated = "not stated: `thermal_resistance`, and `winding_heat` or the electric constants, would state it"
+    lasting = "as the peak torque, with every winding at rest below <derating_temperature> for ever"
+    unstated = "not stated: <thermal_resistance>, and <winding_heat> or the electric constants"
     yield Entry(
         key="nominal_torque",
         words="nominal (continuous) torque",
@@ -92,17 +92,8 @@ def _statics(source: Source, statics: Statics) -> Iterator[Entry]:
     yield Entry(
         key="stiffness_loaded", words="largest stiffness under load", unit="N m/rad", value=statics.peak_stiffness, how=within
     )
-    for key, words, preset in (
-        ("deflection_soft", "largest deflection at least stiffness", statics.softest),
-        ("deflection_stiff", "largest deflection at largest stiffness", statics.stiffest),
-    ):
-        yield Entry(
-            key=key,
-            words=words,
-            unit="rad",
-            value=statics.reach(preset),
-            how=f"{LAW}: where a spring, a motor or the joint reaches its limit",
-        )
+    limited = f"{LAW}: where a spring, a motor or the joint reaches its limit"
+    yield from _at_both_ends(statics, "deflection", "largest deflection", "rad", statics.reach, limited)
     yield Entry(key="energy", words="largest elastic energy", unit="J", value=statics.peak_energy, how=within)
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     width = 2.0 * values["hysteresis_torque"] * source.drive.actuator.motors
@@ -143,19 +134,12 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
             how = f"the simulation was refused: {trials.faults[variant]}"
         elif value is None:
             how = f"not settled within the trial; {command} --variant {variant}"
-        yield Entry(key=key, words=words, unit="s", value=value, how=how, simulated=True)
+        yield Entry(key=key, words=words, unit="s", value=value, how=how)
     about = f"behind {trials.load.inertia:.3g} kg m^2 and {trials.load.damping:.3g} N m s/rad, without friction"
-    for key, words, preset in (
-        ("bandwidth_soft", "bandwidth of position, softest", statics.softest),
-        ("bandwidth_stiff", "bandwidth of position, stiffest", statics.stiffest),
-    ):
-        yield Entry(
-            key=key,
-            words=words,
-            unit="Hz",
-            value=position_bandwidth(drive, preset, trials.load),
-            how=f"{LAW}: linearised, 3 dB, {about}",
-        )
+    yield from _at_both_ends(
+        statics, "bandwidth", "bandwidth of position", "Hz", lambda preset: position_bandwidth(drive, preset, trials.load),
+        f"{LAW}: linearised, 3 dB, {about}",
+    )  # fmt: skip
     two = drive.actuator.motors == 2
     yield Entry(
         key="bandwidth_stiffness", words="bandwidth of stiffness", unit="Hz",
@@ -165,6 +149,14 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
     )  # fmt: skip
 
 
+def _at_both_ends(
+    statics: Statics, key: str, words: str, unit: str, law: Callable[[float], float | None], how: str
+) -> Iterator[Entry]:
+    """A number that depends on the preset, at the softest and at the stiffest preset."""
+    for end, name, preset in (("soft", "softest", statics.softest), ("stiff", "stiffest", statics.stiffest)):
+        yield Entry(key=f"{key}_{end}", words=f"{words}, {name}", unit=unit, value=law(preset), how=how)
+
+
 def _unstated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
@@ -172,7 +164,7 @@ def _unstated(source: Source) -> Iterator[Entry]:
         words="resolution of position",
         unit="rad",
         value=None,
-        how="not stated: `sensors: {JOINT: {quantum: ...}}` in a scenario",
+        how="not stated: the key `quantum` of `sensors` in a scenario",
     )
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),

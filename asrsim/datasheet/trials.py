@@ -45,8 +45,6 @@ class Trials:
     load: Load
     torque: float
     """Load in the variant `stiffness_loaded`, N m."""
-    step: float
-    """Step of the equilibrium position, rad."""
 
     def series(self, variant: str, quantity: str) -> tuple[Array, Array]:
         """Times (n,) and values (n,) of a trial; empty without a result."""
@@ -80,17 +78,11 @@ def usual_load(statics: Statics) -> Load:
 
 def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
     """Results of all trials of an actuator. load: what its joint moves."""
-    soft, stiff = statics.softest, statics.stiffest
-    step = float(f"{max(LEAST, STEP * statics.reach(soft)):.3g}")
-    most = statics.reach(soft)
+    soft, most = statics.softest, statics.reach(statics.softest)
+    step = float(f"{max(LEAST, STEP * most):.3g}")
     torque = float(f"{LOADED * float(statics.torque(np.array([most]), np.array([soft]))[0]):.3g}")
-    files = {
-        f"{source.name}.urdf": _robot(source, load),
-        f"{source.name}.yaml": _scenario(source, statics, soft, stiff, step, torque),
-    }
-    variants = ["soft", "stiff"] if statics.adjustable else ["soft"]
-    if statics.adjustable and not source.drive.actuator.adjuster:
-        variants += ["stiffness_free", "stiffness_loaded"]
+    variants = _variants(source, statics, step, torque)
+    files = {f"{source.name}.urdf": _robot(source, load), f"{source.name}.yaml": _scenario(source, variants)}
     results, faults = {}, {}
     with TemporaryDirectory(prefix="asrsim-") as folder:
         for name, text in files.items():
@@ -102,7 +94,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
                 )
             except InputError as error:
                 faults[variant] = error.problems[0].message
-    return Trials(files=files, results=results, faults=faults, load=load, torque=torque, step=step)
+    return Trials(files=files, results=results, faults=faults, load=load, torque=torque)
 
 
 def _robot(source: Source, load: Load) -> str:
@@ -122,20 +114,27 @@ def _robot(source: Source, load: Load) -> str:
 """
 
 
-def _scenario(source: Source, statics: Statics, soft: float, stiff: float, step: float, torque: float) -> str:
-    import yaml
+def _variants(source: Source, statics: Statics, step: float, torque: float) -> dict[str, dict[str, Any]]:
+    """Keys of the scenario for each trial."""
 
     def trial(reference: object, preset: object, **more: Any) -> dict[str, Any]:
         references = {"equilibrium_position": reference, **({"stiffness_preset": preset} if statics.adjustable else {})}
         return {"references": {JOINT: references}, **more}
 
-    moved, changed = {"step": {"at": AT, "to": step}}, {"step": {"at": AT, "from": soft, "to": stiff}}
-    variants = {"soft": trial(moved, soft)}
+    moved = {"step": {"at": AT, "to": step}}
+    changed = {"step": {"at": AT, "from": statics.softest, "to": statics.stiffest}}
+    variants = {"soft": trial(moved, statics.softest)}
     if statics.adjustable:
-        variants["stiff"] = trial(moved, stiff)
+        variants["stiff"] = trial(moved, statics.stiffest)
         if not source.drive.actuator.adjuster:
             variants["stiffness_free"] = trial(0.0, changed)
             variants["stiffness_loaded"] = trial(0.0, changed, external_torques={JOINT: torque}, initial="equilibrium")
+    return variants
+
+
+def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]]) -> str:
+    import yaml
+
     data: dict[str, Any] = {
         "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0],
         "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},

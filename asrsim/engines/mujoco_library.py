@@ -11,7 +11,7 @@ from typing import Any
 from asrsim.compiled.compiling import Callback, compile_packed
 from asrsim.compiled.rebind import rebind
 from asrsim.engines import mujoco_step
-from asrsim.engines.rigid import INLINE
+from asrsim.engines.rigid import INLINE, skip
 from asrsim.errors import Problem, SimulationError
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
@@ -108,15 +108,17 @@ def bound(function: Any) -> Any:
 
 
 @cache
-def compiled_step(version: str, kind: Any) -> Callback:
-    """`asrsim.engines.mujoco_step.step` compiled by Numba for records of the type `kind`; all robots share the code."""
+def compiled_step(version: str, left_out: tuple[str, ...], kind: Any) -> Callback:
+    """`asrsim.engines.mujoco_step.step` compiled by Numba for records of the type `kind`. left_out: names of functions that the
+    robot does not need (`asrsim.engines.rigid.unused`); robots that need the same functions share the code."""
     from llvmlite import binding
     from numba import types
 
     binding.load_library_permanently(_library()._name)
     kinds = {"m": types.intp, "i": types.intc}
-    names = {
+    routines = {
         name: types.ExternalFunction(name, types.void(*(kinds[kind] for kind in arguments)))
         for name, arguments in mujoco_step.ROUTINES.items()
     }
+    names = {**routines, **dict.fromkeys(left_out, skip)}
     return compile_packed(mujoco_step.step, kind, mujoco_step.sizes, names=names, version=version, inline=INLINE)

@@ -46,6 +46,10 @@ INLINE = (
     "asrsim.engines.bullet",
 )  # fmt: skip
 """Modules whose functions are compiled into their callers."""
+OF_LOOPS = "find_ratios", "find_gamma", "close_loops"
+"""Functions that only robots with closed chains need. They would take a third of the time of the first compilation."""
+OF_COUPLINGS = "reduce", "reduce_force", "_place_followers"
+"""Functions that only robots with coupled joints need."""
 
 
 class Room(NamedTuple):
@@ -490,9 +494,18 @@ def _sizes(room: Any) -> tuple[int, int, int]:
     return room.joints, room.speeds, 1
 
 
+def unused(room: Any) -> tuple[str, ...]:
+    """Names of the functions that the robot of a room never calls, so that compiled code can leave them out."""
+    return () if room.loops.chains else OF_LOOPS if room.reduced else (*OF_LOOPS, *OF_COUPLINGS)
+
+
+def skip(*arguments: Any) -> None:
+    """Stand in for a function of `unused`."""
+
+
 @cache
-def _compiled(function: Callable[..., None], kind: Any) -> Callback:
-    return compiling.compile_packed(function, kind, _sizes, inline=INLINE)
+def _compiled(function: Callable[..., None], kind: Any, left_out: tuple[str, ...]) -> Callback:
+    return compiling.compile_packed(function, kind, _sizes, names=dict.fromkeys(left_out, skip), inline=INLINE)
 
 
 class Calculation:
@@ -517,7 +530,7 @@ class Calculation:
         """The compiled function, which later calls use."""
         if self._compiled is None:
             kind = compiling.type_of(self._record)
-            self._compiled = self._make(kind) if self._make else _compiled(self._function, kind)
+            self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
             # This call releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()

@@ -22,11 +22,11 @@ from asrsim.export.motors import (
     add_motors,
     add_servo,
     delay_of,
-    motor_name,
     refused,
     set_delay,
     set_limits,
     springs_of,
+    starts_of,
 )  # fmt: skip
 from asrsim.export.springs import Spline
 from asrsim.robot.inertia import principal_axes
@@ -215,10 +215,9 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
 def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
     """Add the initial state of the scenario as a keyframe. model: the compiled model."""
     positions, velocities = model.qpos0.copy(), np.zeros(model.nv)
-    for drive, *start in zip(prepared.drives, prepared.initial_positions, prepared.initial_velocities, strict=True):
-        for i, (position, velocity, *_) in enumerate([start, *drive.motor_starts(drive.dynamic_motors)]):
-            joint = model.joint(motor_name(drive.name, i) if i else drive.name)
-            positions[joint.qposadr], velocities[joint.dofadr] = position, velocity
+    for name, position, velocity in starts_of(prepared):
+        joint = model.joint(name)
+        positions[joint.qposadr], velocities[joint.dofadr] = position, velocity
     spec.add_key(name="start", qpos=positions, qvel=velocities)
 
 

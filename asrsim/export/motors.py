@@ -16,6 +16,7 @@ from asrsim.export.constructs import Constructs
 from asrsim.export.springs import Spline, spline_of
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.prepare import Prepared
 
 TINY = 1e-9
 """Smallest mass (kg) and moment of inertia (kg m^2) of a body: MuJoCo rejects bodies without mass. Motors have this mass; their
@@ -36,6 +37,13 @@ part of an excess speed."""
 def motor_name(joint: str, index: int) -> str:
     """Common name of a motor's body, joint and actuator in the model; index: number of the motor, from 1."""
     return f"{joint}.motor_{index}"
+
+
+def starts_of(prepared: Prepared) -> Iterator[tuple[str, float, float]]:
+    """Joint of the model, and its position and velocity at the start, for each link joint and motor; rad (m), rad/s (m/s)."""
+    for drive, *start in zip(prepared.drives, prepared.initial_positions, prepared.initial_velocities, strict=True):
+        for i, (position, velocity, *_) in enumerate([start, *drive.motor_starts(drive.dynamic_motors)]):
+            yield motor_name(drive.name, i) if i else drive.name, float(position), float(velocity)
 
 
 def stiffness_name(joint: str) -> str:

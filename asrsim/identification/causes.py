@@ -146,9 +146,9 @@ def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
         lowest = MODES[0] * track.motion
         if not sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints or not lowest:
             continue
-        if any(one.elastic(joint, lowest) is None for one in problem.tracks):
+        # All recordings are of one robot.
+        if (elastic := track.elastic(joint, lowest)) is None:
             continue
-        elastic = track.elastic(joint, lowest) or track
         known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
         inertia = f"{link}{TIP}.{axis_inertia(track.door.robot, joint)}"
         spring = known[f"{joint}{BEND}.passive_stiffness"]

@@ -82,11 +82,6 @@ class FitFolder:
     seconds: float
 
 
-def is_fit(folder: Path) -> bool:
-    """Whether a folder is that of a fit."""
-    return (folder / FIT).is_file()
-
-
 def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
     """The fit in a folder, or of a file fit.json. Raises InputError if there is none, or its file is damaged."""
     place = Path(folder)

@@ -236,7 +236,8 @@ def jacobian(
     """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
     of the columns to compute; near: move, in standard deviations of the estimate, within which the latest Jacobian is used.
     """
-    if columns is None and step == STEP and (known := _known_slopes(problem, x, near)) is not None:
+    complete = columns is None and step == STEP
+    if complete and (known := _known_slopes(problem, x, near)) is not None:
         return known
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
@@ -249,7 +250,7 @@ def jacobian(
             # A diverged simulation gives no derivative.
             valid = (there != FAR) & (at[rows] != FAR)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[wanted[column]], 0.0)
-    if columns is None and step == STEP:
+    if complete:
         problem.meter.latest = problem, x.copy(), matrix
     return matrix
 
@@ -262,9 +263,11 @@ def _known_slopes(problem: Problem, x: Array, near: float) -> Array | None:
     same = (problem.tracks, problem.playing, problem.ends) == (other.tracks, other.playing, other.ends)
     if not same or problem.layout is not other.layout:
         return None
-    scaled = matrix.copy() if problem.weights != other.weights else matrix
-    for part, was in zip(problem.parts, other.parts, strict=True) if scaled is not matrix else ():
-        if part.channel.quantum and part.noise != was.noise:
+    scaled = matrix.copy()
+    for part, was in zip(problem.parts, other.parts, strict=True):
+        if part.noise == was.noise:
+            continue
+        if part.channel.quantum:
             return None
         scaled[part.rows] *= was.noise / part.noise
     change = scaled @ (x - there)

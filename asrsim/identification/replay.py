@@ -42,6 +42,11 @@ class SeriesReading:
     """RMS of simulated minus recorded values; 0 for commands."""
 
     @property
+    def joint(self) -> str:
+        """Joint of the series."""
+        return self.key.rpartition(".")[0]
+
+    @property
     def corrected(self) -> bool:
         """Whether the simulated command differs from the recorded values."""
         return (self.gain, self.offset) != (1.0, 0.0) or any(self.early.values())

@@ -77,9 +77,8 @@ def _written_commands(
     files, shifts = list[Path](), dict[str, tuple[float, str]]()
     recorded = {command.key: command for command in result.played}
     for number, reading in enumerate(result.replay.commands, start=1):
-        joint = reading.key.rpartition(".")[0]
-        late = 0.0 if joint in delays else reading.late
-        signal = result.scenario.references_of(joint).get(reading.reference)
+        late = 0.0 if reading.joint in delays else reading.late
+        signal = result.scenario.references_of(reading.joint).get(reading.reference)
         if (reading.corrected or late) and isinstance(signal, Playback):
             files.append(folder / f"command_{number}.csv")
             write_text(files[-1], played_table(recorded[reading.key], reading, late), "fitted command")
@@ -91,8 +90,8 @@ def _delays_not_written(
     result: Result | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
 ) -> Iterator[str]:  # fmt: skip
     """Sentences on estimated delays that no file states."""
-    for joint in dict.fromkeys(one.key.rpartition(".")[0] for one in result.replay.commands):
-        late = [one for one in result.replay.commands if one.key.startswith(f"{joint}.") and one.late]
+    for joint in dict.fromkeys(one.joint for one in result.replay.commands):
+        late = [one for one in result.replay.commands if one.joint == joint and one.late]
         if joint in delays or all(one.key in shifts for one in late):
             continue
         negative = all(one.late < 0.0 for one in late)
@@ -105,7 +104,7 @@ def rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[s
     place of those that it already states."""
     sprung, given = sprung_joints(result.robot), result.scenario.armature
     return {
-        owner: float(f"{own['armature']:.9g}")
+        owner: _rounded(own["armature"])
         for owner, own in changes.items()
         if "armature" in own and (owner in sprung or for_joint(given, owner, None) is not None)
     }
@@ -124,7 +123,7 @@ def _scenario_text(
     data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)
     data["parameters"] = data.get("parameters") or {}
     for block in result.robot.actuators:
-        own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
+        own = {name: _rounded(v) for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
         if own:
             data["parameters"].setdefault(block.joint, {}).update(own)
     if rotors := rotors_of_scenario(result, changes):
@@ -134,7 +133,7 @@ def _scenario_text(
         commands = effects["commands"] = effects.get("commands") or {}
         for joint, delay in delays.items():
             before = for_joint(commands, joint, {})
-            commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
+            commands[joint] = {**before, "delay": _rounded(before.get("delay", 0.0) + delay)}
     if result.replay.initial and not result.scenario.initial_equilibrium:
         data["initial"] = {**(data.get("initial") or {}), **_starts(result.replay.initial)}
     if claims := [*_claims(result, shifts, folder)]:
@@ -153,8 +152,7 @@ def _as_played(
     """References of the scenario, in which playbacks repeat the commands as the fit played them."""
     found = {joint: {**own} if isinstance(own, Mapping) else own for joint, own in references.items()}
     for one in result.replay.commands:
-        joint = one.key.rpartition(".")[0]
-        place = joint if joint in found else "*"
+        place = one.joint if one.joint in found else "*"
         playback = _playback_of(found.get(place), one.reference)
         if one.key in shifts:
             playback = {"file": shifts[one.key][1], "column": one.key}
@@ -170,9 +168,14 @@ def _playback_of(references: Any, name: str) -> dict[str, Any] | None:
     return {**keys} if isinstance(keys, Mapping) else None
 
 
+def _rounded(value: float) -> float:
+    """Number with nine digits, as in the fitted robot file."""
+    return float(f"{value:.9g}")
+
+
 def _starts(initial: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Starts of joints with nine digits."""
-    plain: dict[str, Any] = mapped(initial, lambda value: float(f"{value:.9g}") if isinstance(value, float) else value)
+    plain: dict[str, Any] = mapped(initial, lambda value: _rounded(value) if isinstance(value, float) else value)
     return plain
 
 
@@ -181,7 +184,7 @@ def _claims(result: Result | Resumed, shifts: Mapping[str, tuple[float, str]], f
     recording as the claims do: with the zeros, scales and delays of its sensors, and on its clock.
     """
     replay, signals = result.replay, result.scenario.references_of
-    if not all(isinstance(signals(one.key.rpartition(".")[0]).get(one.reference), Playback) for one in replay.commands):
+    if not all(isinstance(signals(one.joint).get(one.reference), Playback) for one in replay.commands):
         return
     series = [
         *((one, one.late) for one in replay.channels),

@@ -85,10 +85,10 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         begin(_name(level))
         first = level == LEVELS[0]
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
-        if first and not follows(problem, x):
-            starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
-            problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
         if first:
+            if not follows(problem, x):
+                starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
+                problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
             best.take(problem, x)
             # Near the solution, the levels between are not needed.
             near = weighed(problem.observed(0.0), x)

@@ -41,16 +41,15 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
     measured = "" if unit is None else UNIT_KINDS.get(unit.si, unit.si)
     target = f"reference_1 [{unit.symbol if unit else 'unit'}]"
     for part in reversed(parts):
-        words = spellings_of(tokens_of(part))
-        stated = [*dict.fromkeys(kind for word in words if (kind := kind_of_word(word)))]
+        words, stated = spellings_of(tokens_of(part)), _stated(part)
         if "current" in words and {"state", "states"} & {*words}:
             raise CommandDoubtError("its name means a command, but 'current' may be a current or the present state", target)
         if len(stated) > 1:
             raise CommandDoubtError(f"its name means a command, but is it one of {one_of(stated)}?", target)
-        if stated and not (measured and "q" in words and stated == ["position"]):
-            return _taken(stated[0], unit, measured)
         if stated:
-            return _taken(measured, unit, measured)  # in `q1_ref [N m]`, q is the name of a joint
+            # In `q1_ref [N m]`, q is the name of a joint.
+            named = measured and "q" in words and stated == ["position"]
+            return _taken(measured if named else stated[0], unit, measured)
         if hint := next((word for word in words if word in LETTERS), ""):
             if measured in LETTERS[hint]:
                 return _taken(measured, unit, measured)
@@ -59,9 +58,14 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
     return _taken(measured, unit, measured) if measured else ""
 
 
+def _stated(part: str) -> list[str]:
+    """Kinds that the words of a part of a name state for certain, each once."""
+    return [*dict.fromkeys(kind for word in spellings_of(tokens_of(part)) if (kind := kind_of_word(word)))]
+
+
 def _taken(kind: str, unit: Unit | None, measured: str) -> str:
     """Kind, after checking that it agrees with the unit and that a mode takes it. Raises CommandDoubtError."""
-    if unit is not None and {kind, measured} not in ({kind}, {"torque", "force"}):
+    if unit is not None and kind != measured and {kind, measured} != {"torque", "force"}:
         raise CommandDoubtError(f"its name means a command of {one_of([kind])}, but its unit is {unit.symbol}")
     if kind == "stiffness":
         raise CommandDoubtError("it is a command of a stiffness; mode 6 takes a preset, in rad", "reference_2 [rad]")
@@ -83,6 +87,6 @@ def command_unit(name: str, joint: str | None) -> str:
     """
     rest = find_joint(split_header(name)[0], [joint] if joint else [])[1]
     for part in reversed(re.split(r"[./]", rest)):
-        if stated := {kind for word in spellings_of(tokens_of(part)) if (kind := kind_of_word(word))}:
-            return KIND_UNITS.get(stated.pop(), "") if len(stated) == 1 else ""
+        if stated := _stated(part):
+            return KIND_UNITS.get(stated[0], "") if len(stated) == 1 else ""
     return ""

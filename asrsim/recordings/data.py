@@ -125,8 +125,6 @@ class Column:
     """Conversion of the numbers: "deg -> rad, x 0.0174533", "rad assumed"; "" for none."""
     stated: bool = False
     """True if the file or the mapping states the unit, False if it is assumed."""
-    target: str = ""
-    """Meaning that a mapping may give to a column about which the user is asked, such as `reference_1 [unit]`."""
     origin: str = ""
     """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
     "not used: ..." with the reason."""
@@ -147,6 +145,11 @@ class Column:
     def question(self) -> str:
         """Why the user is asked about the meaning of the column; "" if there is no question."""
         return self.origin.removeprefix("asked: ") if self.origin.startswith("asked: ") else ""
+
+    @property
+    def target(self) -> str:
+        """Meaning that a mapping may give to a column about which the user is asked, such as `reference_1 [unit]`; else ""."""
+        return self.read_as.text if self.question and self.read_as is not None else ""
 
     @property
     def given(self) -> bool:

@@ -106,7 +106,9 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
     }
     if not groups:
         return table
-    texts = {i: np.array([_plain(text) for text in columns[i].values.tolist()]) for i in groups}
+    cells = {i: columns[i].values.tolist() for i in groups}
+    plain = {text: _plain(text) for rows in cells.values() for text in {*rows}}
+    texts = {i: np.array([plain[text] for text in rows]) for i, rows in cells.items()}
     joints = [*dict.fromkeys(name for text in texts.values() for name in dict.fromkeys(text.tolist()) if name)]
     kept = [(i, one) for i, one in enumerate(columns) if i not in groups]
     if len(joints) > MOST:

@@ -228,11 +228,12 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     Values above `LARGEST` become NaN, as no sensor measures them.
     """
     unit = _unit(raw, meaning)
-    quantity = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
+    usual = "" if meaning.quantity is None else KNOWN[meaning.quantity].unit
+    commands = meaning.quantity in each_motor("reference_{}")
     # The unit of a reference depends on the mode, unless its name states what it commands.
-    if meaning.quantity in each_motor("reference_{}"):
-        quantity = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
-    assumed = quantity or ("SI" if meaning.quantity in each_motor("reference_{}") else "")
+    if commands:
+        usual = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
+    assumed = usual or ("SI" if commands else "")
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
         (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),
@@ -247,12 +248,11 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         good = np.isfinite(values)
         values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
-    one = "1" if meaning.quantity in ("reference_1", "reference_2") else ""
     return Column(
         time=time - meaning.late if meaning.late else time, values=values + meaning.offset,
-        unit=one if unit.si == "1" else unit.si or quantity, joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
+        unit="" if unit.si == "1" and not commands else unit.si or usual,
+        joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
         conversion="; ".join(text for applies, text in steps if applies), stated=bool(unit.symbol),
-        target=meaning.text if meaning.origin.startswith("asked") else "",
         origin=f"not used: {meaning.origin}" if unused else meaning.origin, read_as=meaning,
     )  # fmt: skip
 

@@ -53,7 +53,7 @@ class ColumnMap:
     """Delay of the column's values behind the recording's clock, s; subtracted from their times."""
     origin: str = "command line"
     text: str = "ignore"
-    """Text after `COLUMN=` in an item of `--map`."""
+    """Text after `COLUMN=` in an item of `--map`. Of a column about which the user is asked: its end, after the joint."""
 
     def corrected(self, *, gain: float = 1.0, offset: float = 0.0, late: float = 0.0) -> ColumnMap:
         """Meaning whose values are gain * (values - offset), `late` s earlier."""

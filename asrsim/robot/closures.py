@@ -16,7 +16,7 @@ from asrsim.errors import Problem, RobotError
 from asrsim.robot.findings import Findings, words
 from asrsim.robot.loops import Loop, assembly_of, linkages_of
 from asrsim.robot.model import ZERO, Robot, Vector
-from asrsim.robot.poses import HERE, Pose, link_poses, rotation_matrix
+from asrsim.robot.poses import HERE, Pose, link_poses
 from asrsim.robot.structure import WORLD
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -89,7 +89,7 @@ def _loop_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closur
         if len(ends) != 2:
             findings.warn("has not two links, so it closes nothing", element, name, code="loop")
             continue
-        poses = [_pose(*(findings.vector(tag, key, name, default=ZERO) for key in ("xyz", "rpy"))) for tag in ends]
+        poses = [HERE.then(*(findings.vector(tag, key, name, default=ZERO) for key in ("xyz", "rpy"))) for tag in ends]
         axis = elements(element, "axis")
         along = findings.vector(axis[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0)) if axis else (1.0, 0.0, 0.0)
         links = [name_of(tag, "link") for tag in ends]
@@ -112,7 +112,7 @@ def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure
             if links[1] == robot.root.name and parent == WORLD:
                 continue
             x, y, z, *angles = _numbers(findings, tags.get("pose"), name, (0.0,) * 6)
-            pose = _pose((x, y, z), (angles[0], angles[1], angles[2]))
+            pose = HERE.then((x, y, z), (angles[0], angles[1], angles[2]))
             axis = elements(tags["axis"], "xyz") if "axis" in tags else []
             along = _numbers(findings, axis[0] if axis else None, name, (0.0, 0.0, 1.0))
             poses = [HERE, pose]
@@ -154,10 +154,6 @@ def _numbers(findings: Findings, tag: Any, key: str, default: tuple[float, ...])
     if len(parts) != len(default):
         return default
     return tuple(findings.value(part, text_of(tag), tag, f"{key}.{tag.tag}") for part in parts)
-
-
-def _pose(xyz: Vector, rpy: Vector) -> Pose:
-    return Pose(position=np.array(xyz), rotation=rotation_matrix(rpy))
 
 
 def _vector(array: Any) -> Vector:

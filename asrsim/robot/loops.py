@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 OPEN = 1e-9
 """Largest gap of a closed loop, m."""
+ROUNDED = 1e-4
+"""Largest gap that counts as rounding of a file's numbers, where the followers cannot reduce it, m: that of CAD exports."""
+GROWN = 0.99 * ROUNDED
+"""Gap above which the range of a linkage ends because of its gap, m."""
 DEAD = 1e-6
 """Smallest ratio of the singular values of a linkage's Jacobian: below, the master stands at a dead centre."""
 ROUNDS = 25
@@ -209,13 +213,21 @@ class Linkage:
         """Largest gap of the loops and couplings at the positions q (n,), m."""
         return float(np.abs(self.equations(q)[0]).max())
 
+    def closes(self, q: Array) -> bool:
+        """Whether the loops are closed at the positions q (n,), but for rounding that no motion of the followers reduces."""
+        gaps, jacobian = self.equations(q)
+        gap, followers = np.abs(gaps).max(), jacobian[:, 1:]
+        if not OPEN <= gap < ROUNDED:
+            return bool(gap < OPEN)
+        # A stretched chain cannot reduce its gap either: there the followers stand at a dead centre.
+        reducible = followers @ np.linalg.pinv(followers) @ gaps
+        return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
+
     def fault(self, q: Array) -> str:
         """Why the master does not move the linkage at the positions q (n,); empty if it does."""
-        gap = self.gap(q)
-        if not gap < OPEN:
-            return f"no positions of its joints close it; a gap of {gap:.3g} m is left: give other `initial` positions"
-        values = np.linalg.svd(self.equations(q)[1][:, 1:], compute_uv=False)
-        if len(values) < len(self.joints) - 1 or values[-1] < DEAD * values[0]:
+        if not self.closes(q):
+            return f"no positions of its joints close it; a gap of {self.gap(q):.3g} m is left: give other `initial` positions"
+        if not _determined(self.equations(q)[1][:, 1:]):
             return "does not determine the motion of its joints there: a dead centre, or several freedoms"
         return ""
 
@@ -229,6 +241,12 @@ class Linkage:
         return self.close(self.trace.guess(positions))
 
 
+def _determined(followers: Array) -> bool:
+    """Whether the derivatives (r, k) of the gaps by the followers determine the motion of all followers."""
+    values = np.linalg.svd(followers, compute_uv=False)
+    return len(values) == followers.shape[1] and bool(values[-1] >= DEAD * values[0])
+
+
 class Trace:
     """Postures of a linkage from its start to the limit of a joint, or to a dead centre, in both directions; a master that
     turns freely is traced for a turn.
@@ -236,6 +254,7 @@ class Trace:
     Attributes:
         low, high: Range of the master in which no joint is beyond its limits, rad or m.
         dead: Whether each end of the range is a dead centre, which the master cannot pass.
+        gap: Largest gap that stays in the range, m: rounding of a file's numbers.
         ignored: Joints that are beyond their limits at the start: these limits do not count.
     """
 
@@ -258,6 +277,7 @@ class Trace:
         self.low, self.high = ends
         self.dead = dead[0], dead[1]
         self._rows = np.array(rows)
+        self.gap = float(np.abs(linkage.equations(self._rows)[0]).max())
 
     def _walk(self, sign: float, limit: float) -> tuple[list[Array], float, bool]:
         """Postures in one direction, the end of the range, and whether it is a dead centre."""
@@ -280,11 +300,12 @@ class Trace:
                 guess[master] = ahead
                 next_row = own.close(guess)
                 jump = float(np.abs(next_row - guess)[joints].max())
-                if own.gap(next_row) < OPEN and jump < 0.5 * STRIDE * max(1.0, own.size):
+                if own.closes(next_row) and jump < 0.5 * STRIDE * max(1.0, own.size):
                     break
                 stride *= 0.5
             else:
-                return rows[1:], float(here[master]), True
+                # Where the gap grows beyond rounding, the range ends without a dead centre.
+                return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)
             if hit is not None:
@@ -509,6 +530,11 @@ def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
             for stated, dead, end in zip((master.lower, master.upper), trace.dead, (trace.low, trace.high), strict=True)
         )
         changed[master.name] = replace(changed[master.name], lower=low, upper=high)
+        if trace.gap >= OPEN:
+            message = "the chain does not close exactly: a gap stays open, which counts as rounding of the file's numbers"
+            if trace.gap > GROWN:
+                message += "; the joint stops where the gap would be larger"
+            warnings.append(Problem(message, key=master.name, value=f"up to {1e3 * trace.gap:.2g} mm", code="loop-gap"))
         for j in trace.ignored:
             message = "starts outside its limits, where its loop puts it: they are not enforced"
             warnings.append(Problem(message, key=moving[j].name, value=f"{linkage.start[j]:.4g}", code="loop-limits"))

@@ -13,7 +13,7 @@ from asrsim.robot.xmlfile import elements, name_of, text_of
 
 SEVERAL = {
     "link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor", "ros2_control",
-    "actuator", "plugin",
+    "actuator", "plugin", "loop_joint",
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPEN = ("gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")

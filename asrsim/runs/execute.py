@@ -24,9 +24,8 @@ from asrsim.scenario.digest import input_hashes
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation import accuracy
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import build
 from asrsim.simulation.recording import Sink
-from asrsim.simulation.run import Run, play
+from asrsim.simulation.run import Run, simulate
 from asrsim.summary import Collector, RunSummary, make_summary
 from asrsim.summary.claims import Claims, needs_of
 
@@ -106,7 +105,7 @@ def execute(
             return [*writers, *collectors]
 
         try:
-            run = play(build(plan), sinks=open_sinks, keep=keep, progress=progress, stop=stop)
+            run = simulate(plan, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise

@@ -73,9 +73,11 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
     return changed, errors
 
 
-def loop_warnings(scenario: Scenario, robot: Robot) -> list[Problem]:
-    """Warnings about the closed chains of a robot with the scenario's changes."""
-    return [*map(scenario.placed, assembled(robot, _assembly(scenario, robot))[1])] if robot.loops else []
+def loop_warnings(scenario: Scenario, source: Robot, robot: Robot) -> list[Problem]:
+    """Warnings about the closed chains of a robot with the scenario's changes. source: robot of the file, whose joints have the
+    starts and limits of the file."""
+    stated = replace(robot, joints=source.joints)
+    return [*map(scenario.placed, assembled(stated, _assembly(scenario, stated))[1])] if robot.loops else []
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:

@@ -30,7 +30,7 @@ from asrsim.simulation.shape import RowShape, shape_of
 SECONDS_SAVED = 20e-6
 """Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
 SECONDS_TO_LOAD = 0.6
-"""Time in s to import Numba and load the compiled kernel. The first compilation after an installation takes 8 s more."""
+"""Time in s to import Numba and load the compiled kernel. The first compilation after an installation takes 17 s more."""
 SECONDS_WHEN_LOADED = 0.05
 """Time in s to load the compiled kernel if Numba is already imported."""
 

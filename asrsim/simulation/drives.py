@@ -96,12 +96,16 @@ class SteppedJoint:
     @property
     def stages(self) -> tuple[type[Stage], ...]:
         """Stages that act on the joint; none in the released order."""
-        return tuple(map(STAGES.get, self.drive.stages)) if self.drive and not self.stepping.released else ()
+        return tuple(map(STAGES.get, self._stages))
 
     def stage_constants(self, stage: type[Stage], motor: int) -> Any:
         """Constants of a stage at motor 1, 2, ...; None where the stage does not act."""
-        own = self.drive.stages.get(stage.name, ()) if self.drive and not self.stepping.released else ()
+        own = self._stages.get(stage.name, ())
         return own[motor - 1] if motor <= len(own) else None
+
+    @property
+    def _stages(self) -> Mapping[str, tuple[Any, ...]]:
+        return self.drive.stages if self.drive and not self.stepping.released else {}
 
     @property
     def electric_motors(self) -> tuple[int, ...]:

@@ -112,7 +112,7 @@ def findings(
         return None, tuple(errors), warnings_of(source)
     warnings = [
         *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot),
-        *loop_warnings(scenario, robot), *weight_warnings(scenario, robot, propose=propose),
+        *loop_warnings(scenario, source, robot), *weight_warnings(scenario, robot, propose=propose),
     ]  # fmt: skip
     plan = Plan(
         scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, warnings=tuple(warnings)

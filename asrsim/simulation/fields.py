@@ -243,6 +243,11 @@ def link_of_row(
     return link
 
 
+def columns_of_stages(stages: Sequence[type[Stage]], motors: int) -> int:
+    """Number of columns of a row of P with the constants of the stages of a joint. motors: number of motors of the joint."""
+    return sum(motors * (1 + len(columns(stage.Constants))) for stage in stages)
+
+
 def row_of_link(link: JointConstants, stages: Sequence[type[Stage]]) -> list[float]:
     """Row of P of a joint's constants. Before the constants of a stage at a motor stands 1 if the stage acts there, else 0."""
     row = [*numbers(link), *(number for drive in link.drives for number in numbers(drive)), *link.law]

@@ -109,7 +109,7 @@ def run(
                 if kind.controllers:
                     remember_positions(joint, link, kind, scheme)
                 if kind.stages:
-                    begin_stages(joint, scheme, v, jumped, substep == 0)
+                    begin_stages(joint, v, jumped, substep == 0)
                 if jumped:
                     _clear_means(joint)
                 total = torque = applied = push = drag = stiffness = energy = 0.0

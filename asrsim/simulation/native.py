@@ -15,8 +15,8 @@ from asrsim.compiled import compiling
 from asrsim.errors import SimulationError, listed
 from asrsim.records import columns, own_fields
 from asrsim.simulation import kernel
-from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
-from asrsim.simulation.layout import LOSE, REMEMBER, STORE
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, columns_of_stages
+from asrsim.simulation.layout import LOSE, REMEMBER, STORE, WHOLE
 from asrsim.simulation.staged import SLOPE, Access, compose
 
 INLINE = "asrsim.actuators.motor", "asrsim.simulation.kernel", "asrsim.simulation.staged"
@@ -74,19 +74,19 @@ def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     known = 0.0, 0.0
-    if task != 0:
+    if task == WHOLE:
         known = stiffness(*given), energy(*given)
     joint = joint_at(s)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
-    if task != 0:
+    if task == WHOLE:
         joint.stiffness, joint.law_energy = known
 
 
 def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
     joint, link = joint_at(s), link_at(p)
-    if task != 0:
+    if task == WHOLE:
         place(joint, link, kind, q + SLOPE)
         least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
         place(joint, link, kind, q - SLOPE)
@@ -94,7 +94,7 @@ def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     place(joint, link, kind, q)
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
-    if task != 0:
+    if task == WHOLE:
         joint.law_energy = energy(*given)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
@@ -214,12 +214,12 @@ def _part(whole: Any, part: Any) -> Any:
 
 def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
     """Functions for compiled code that find the parts of stage `number` of a joint with this actuator."""
-    first = len(actuator.parameters) + sum(actuator.motors * (1 + len(columns(one.Constants))) for one in stages[:number])
+    first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     own, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
     law, place = columns(JointKind)["law"], len(columns(JointKind)) + number
     return Access(
-        acts=_number_at(law, first, own), own=_record_at(stage.Constants, law, first + 1, own),
-        memory=_record_at(stage.Memory, place, 1, memory), lose=_adding_at(place),
+        acts=_part_at(None, law, first, own), own=_part_at(stage.Constants, law, first + 1, own),
+        memory=_part_at(stage.Memory, place, 1, memory), lose=_adding_at(place),
     )  # fmt: skip
 
 
@@ -234,41 +234,24 @@ def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int
 
 
 @cache
-def _record_at(part: Any, column: int, first: int, apart: int) -> Any:
-    """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains."""
+def _part_at(part: Any, column: int, first: int, apart: int) -> Any:
+    """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains.
+    part: class of the record; None: a single number instead of a record."""
     from numba import types
     from numba.extending import intrinsic
 
     kinds: Any = types
-    found = _type(part)
+    found: Any = kinds.float64 if part is None else _type(part)
 
-    def record_of(typing: Any, row: Any, kind: Any, i: Any) -> Any:
+    def part_of(typing: Any, row: Any, kind: Any, i: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             place = _place_of(builder, arguments[0], arguments[1], column, arguments[2], first, apart)
-            return builder.bitcast(place, context.get_value_type(found))
+            return builder.load(place) if part is None else builder.bitcast(place, context.get_value_type(found))
 
         return found(row, kind, kinds.int64), generate
 
-    record_of.__name__ = f"{part.__name__}_by_{column}_{first}_{apart}"
-    return intrinsic(record_of)
-
-
-@cache
-def _number_at(column: int, first: int, apart: int) -> Any:
-    """As `_record_at`, for one number."""
-    from numba import types
-    from numba.extending import intrinsic
-
-    kinds: Any = types
-
-    def number_of(typing: Any, row: Any, kind: Any, i: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.load(_place_of(builder, arguments[0], arguments[1], column, arguments[2], first, apart))
-
-        return kinds.float64(row, kind, kinds.int64), generate
-
-    number_of.__name__ = f"number_by_{column}_{first}_{apart}"
-    return intrinsic(number_of)
+    part_of.__name__ = f"{'number' if part is None else part.__name__}_by_{column}_{first}_{apart}"
+    return intrinsic(part_of)
 
 
 @cache

@@ -47,6 +47,7 @@ class Run:
     """Whether the loop ran compiled."""
 
 
+@blame_laws()
 def simulate(
     scenario: Scenario | Plan | Prepared,
     robot: Robot | None = None,
@@ -78,24 +79,6 @@ def simulate(
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
-    return play(
-        prepared, sinks=sinks, keep=keep, progress=progress, stop=stop, commands=commands, duration=duration, alike=alike
-    )
-
-
-@blame_laws()
-def play(
-    prepared: Prepared,
-    *,
-    sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
-    keep: bool = True,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
-    commands: Iterable[Command | WrenchCommand] = (),
-    duration: float | None = None,
-    alike: int = 1,
-) -> Run:
-    """Result of a run of a prepared scenario; arguments and errors as for `simulate`."""
     # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
     # the memory is needed again. After a block of this size has been freed once, the library keeps such blocks.
     np.empty(1 << 21)

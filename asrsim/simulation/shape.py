@@ -9,7 +9,7 @@ from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.records import columns
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.fields import JointConstants, JointState, MotorState
+from asrsim.simulation.fields import JointConstants, JointState, MotorState, columns_of_stages
 from asrsim.simulation.layout import GOALS
 
 
@@ -76,8 +76,5 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
         ring=max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0),
         stages=tuple(stages), kept=kept, constants=0,
     )  # fmt: skip
-    sizes = (
-        len(drive.elastic) + sum(drive.motors * (1 + len(columns(stage.Constants))) for stage in own)
-        for drive, own in zip(drives, stages, strict=True)
-    )
+    sizes = (len(drive.elastic) + columns_of_stages(own, drive.motors) for drive, own in zip(drives, stages, strict=True))
     return replace(shape, constants=shape.law + max(sizes))

@@ -21,7 +21,7 @@ SLOPE = 1e-6
 """
 
 
-def begin_stages(joint: JointState, scheme: Scheme, velocity: float, jumped: bool, first: bool) -> None:
+def begin_stages(joint: JointState, velocity: float, jumped: bool, first: bool) -> None:
     """Note what the stages of a joint need in a kick. velocity: of the link at the kick, rad/s; jumped: whether an input jumps
     in the kick; first: whether it is the first kick, which is half a kick."""
     joint.kick_velocity = velocity
@@ -91,15 +91,15 @@ def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], 
     """Composition of stages, in the order of the registry. access: function of the place of a stage and the stage."""
     order = list(STAGES.loaded())
     pairs = sorted(enumerate(stages), key=lambda pair: order.index(pair[1]))
-    place, pull, bound, keep, store, lose = _same, _nothing, _as_given, _no_memory, _no_energy, _no_energy
+    place, pull, bound, keep, store, lose = _same, _nothing, _same, _no_memory, _no_energy, _no_energy
     for number, stage in pairs:
         at = access(number, stage)
         if stage.has("place"):
-            place = _placed(stage.place, at.acts, at.own, at.memory, place)
+            place = _changed(stage.place, at.acts, at.own, at.memory, place)
         if stage.has("torque"):
             pull = _pulled(stage.torque, at.acts, at.own, at.memory, pull)
         if stage.has("limit"):
-            bound = _limited(stage.limit, at.acts, at.own, at.memory, bound)
+            bound = _changed(stage.limit, at.acts, at.own, at.memory, bound)
         if stage.has("remember"):
             keep = _kept(stage.remember, at.acts, at.own, at.memory, keep)
         if stage.has("energy"):
@@ -111,16 +111,12 @@ def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], 
     )
 
 
-def _same(joint: Any, link: Any, kind: Any, i: int, deflection: float) -> float:
-    return deflection
+def _same(joint: Any, link: Any, kind: Any, i: int, number: float) -> float:
+    return number
 
 
 def _nothing(joint: Any, link: Any, kind: Any, i: int, deflection: float, velocity: float) -> float:
     return 0.0
-
-
-def _as_given(joint: Any, link: Any, kind: Any, i: int, torque: float) -> float:
-    return torque
 
 
 def _no_memory(
@@ -133,14 +129,16 @@ def _no_energy(joint: Any, link: Any, kind: Any) -> None:
     pass
 
 
-def _placed(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
-    def placed(joint: Any, link: Any, kind: Any, i: int, deflection: float) -> float:
-        found = inner(joint, link, kind, i, deflection)
+def _changed(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
+    """A law that changes a number, such as a deflection or a torque limit."""
+
+    def changed(joint: Any, link: Any, kind: Any, i: int, number: float) -> float:
+        found = inner(joint, link, kind, i, number)
         if acts(link, kind, i):
             found = law(memory(joint, kind, i), own(link, kind, i), found)
         return found  # type: ignore[no-any-return]
 
-    return placed
+    return changed
 
 
 def _pulled(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
@@ -151,16 +149,6 @@ def _pulled(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
         return found  # type: ignore[no-any-return]
 
     return pulled
-
-
-def _limited(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
-    def limited(joint: Any, link: Any, kind: Any, i: int, torque: float) -> float:
-        found = inner(joint, link, kind, i, torque)
-        if acts(link, kind, i):
-            found = law(memory(joint, kind, i), own(link, kind, i), found)
-        return found  # type: ignore[no-any-return]
-
-    return limited
 
 
 def _kept(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:

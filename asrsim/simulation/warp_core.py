@@ -74,7 +74,7 @@ class WarpCore(Core):
         self._s, self._p, self._k, self._z = new(self.S), new(self.P), new(kinds, int), new(numbers(self._scheme))
         self._kinds = kinds
         self._which = new(np.zeros((worlds, 3)), int, flat=False)
-        self._done, self._ran = new(self.done, int), new(self.done, int)
+        self._done, self._ran, self._sizes = new(self.done, int), new(self.done, int), new(np.zeros(8), int)
         self._loads = new(np.zeros((worlds, len(kinds), LOADS)))
         self._changed = True
         """Whether the state or the parameters on this side are newer than those of the device."""
@@ -82,7 +82,6 @@ class WarpCore(Core):
         """Inputs that the device has."""
         self._graph: Any = None
         self._rows: Any = None
-        self._sizes: Any = None
         self._loaded = False
         """Whether a substep has loaded all kernels, which a graph needs."""
 
@@ -248,7 +247,7 @@ class WarpCore(Core):
         kind = self._s.dtype
         columns = {"link_position": JOINT["position"], "link_velocity": JOINT["engine_velocity"]}
         for i in range(self.shape.motors):
-            columns |= {f"motor_{i + 1}_velocity": motor_column("velocity", i)}
+            columns[f"motor_{i + 1}_velocity"] = motor_column("velocity", i)
         found = {
             name: self._wp.array(
                 ptr=self._s.ptr + 4 * column, dtype=kind, shape=(worlds, joints), strides=(4 * joints * size, 4 * size),
@@ -283,15 +282,11 @@ class WarpCore(Core):
             for timing, table in enumerate(cuts):
                 for row, begin, end, on_time in table[table[:, 0] >= 0].tolist():
                     pieces[timing, row] = begin, end, on_time
-            self._inputs, self._lengths, self._pieces = (
-                self._new(given.inputs),
-                self._new(given.lengths),
-                self._new(pieces, int),
-            )
+            new = self._new
+            self._inputs, self._lengths, self._pieces = new(given.inputs), new(given.lengths), new(pieces, int)
             self._given, self._graph = given, None
         _, rows, joints, columns = given.inputs.shape
         sizes = joints, rows, columns, first, self.S.shape[2], self.P.shape[2], self._kinds.shape[1], every
-        self._sizes = self._new(sizes, int) if self._graph is None else self._sizes
         self._sizes.assign(np.array(sizes, dtype=np.int32))
         table = np.zeros((len(self.S), 3), dtype=np.int32)
         table[which[:, 0]] = which[:, [0, 1, 3]]

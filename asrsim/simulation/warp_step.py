@@ -15,7 +15,16 @@ from asrsim.actuators.stages import Stage
 from asrsim.records import columns
 from asrsim.simulation import kernel, laws
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.fields import JOINT, JointConstants, JointKind, JointState, MotorState, Scheme, motor_column
+from asrsim.simulation.fields import (
+    JOINT,
+    JointConstants,
+    JointKind,
+    JointState,
+    MotorState,
+    Scheme,
+    columns_of_stages,
+    motor_column,
+)
 from asrsim.simulation.layout import EXTERNAL, REMEMBER, WHOLE
 from asrsim.simulation.shape import RowShape
 from asrsim.simulation.staged import Access, Composed, begin_stages, compose
@@ -50,7 +59,7 @@ def load(
     begin, end, on_time = pieces[0], pieces[1], pieces[2]
     jumped = on_time >= 0
     if kind.stages:
-        begin_stages(joint, scheme, v, jumped, first)
+        begin_stages(joint, v, jumped, first)
     since = 0.0 if first else -0.5 * scheme.staggered
     until = -since
     torque = applied = push = drag = force = damping = friction = fraction = 0.0
@@ -249,7 +258,7 @@ JOINT_ROWS = STATE, CONSTANTS, KIND
 
 def _access(made: Program, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
     """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
-    first = len(actuator.parameters) + sum(actuator.motors * (1 + len(columns(one.Constants))) for one in stages[:number])
+    first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
     place = str(len(columns(JointKind)) + number)
 

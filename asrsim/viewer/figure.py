@@ -41,7 +41,7 @@ class Figure:
         """Nodes by the name of their body: the root, each link that a joint moves, and each object."""
         self.meshes: dict[str, list[tuple[viser.MeshHandle, Colour]]] = {}
         """Meshes of each body, with their own colours."""
-        self._place_of: dict[str, tuple[Array, Array]] = {}
+        self._place_of: dict[str, tuple[Array | None, Array | None]] = {}
         """Position and orientation of each node in the node before it, as sent."""
         self._tints: Mapping[str, Colour] = {}
         joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
@@ -85,12 +85,12 @@ class Figure:
         places = (back @ (own[:, :3, 3] - above[:, :3, 3])[:, :, None])[:, :, 0]
         turns = quaternions(back @ own[:, :3, :3])
         for name, node, place, turn in zip(self.nodes, self.nodes.values(), places, turns, strict=True):
-            known = self._place_of.get(name)
-            if known is None or np.abs(known[0] - place).max() > MOVED:
-                node.position = place
-            if known is None or np.abs(known[1] - turn).max() > MOVED:
-                node.wxyz = turn
-        self._place_of = dict(zip(self.nodes, zip(places, turns, strict=True), strict=True))
+            known_place, known_turn = self._place_of.get(name, (None, None))
+            if known_place is None or np.abs(known_place - place).max() > MOVED:
+                node.position = known_place = place
+            if known_turn is None or np.abs(known_turn - turn).max() > MOVED:
+                node.wxyz = known_turn = turn
+            self._place_of[name] = known_place, known_turn
         return frames
 
     def tint(self, colours: Mapping[str, Colour]) -> None:

@@ -13,7 +13,7 @@ from math import tanh
 
 from asrsim.actuators import Parameter
 from asrsim.actuators.stages import Stage
-from asrsim.quantities import Quantity
+from asrsim.quantities import Quantity, of_motors
 from asrsim.records import constant, value
 
 
@@ -49,8 +49,7 @@ class Clutch(Stage):
     lost = "clutch_loss"
     quantities = (
         Quantity("clutch_loss", "J", "$E_s$", "energy lost in the clutches since the start", apart=True),
-        Quantity("clutch_1_slip", "rad/s", "$v_1$", "rate of the deflection at motor 1", apart=True),
-        Quantity("clutch_2_slip", "rad/s", "$v_2$", "rate of the deflection at motor 2", apart=True),
+        *of_motors("clutch_{}_slip", "rad/s", "$v_{}$", "rate of the deflection at motor {}", apart=True),
     )
 
     @classmethod

@@ -6,6 +6,7 @@ import pytest
 import asrsim
 from asrsim.errors import AsrsimError, RobotError
 from asrsim.export import export_mjcf
+from asrsim.robot import read_robot
 from support import four_bar
 from support import parallelogram as pair
 from validation.models import INSTALLED
@@ -66,7 +67,47 @@ def test_a_spring_drives_a_loop_through_its_master(tmp_path, engine):
 
 
 LOOP = four_bar.LOOPS[0]
+
+
+def beside(gap):
+    """The loop of the four-bar linkage, with one point beside the plane of the linkage by a gap in m."""
+    return {"loops": [LOOP | {"points": [[four_bar.COUPLER, gap, 0], [four_bar.ROCKER, 0, 0]]}]}
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_gap_of_rounded_numbers_does_not_change_the_motion(tmp_path, engine):
+    """No motion of a planar linkage moves its points across the plane, so a gap across the plane stays as it is."""
+    exact, rounded = (run(tmp_path, engine, duration=0.5, **keys)["link_position"] for keys in ({}, beside(2e-5)))
+    np.testing.assert_allclose(rounded, exact, rtol=0.0, atol=1e-9)
+    scenario = asrsim.make_scenario(tmp_path / "four_bar.urdf", duration=0.1, **beside(2e-5))
+    found = [problem for problem in asrsim.prepare(scenario).warnings if problem.code == "loop-gap"]
+    assert [(problem.key, problem.value) for problem in found] == [("crank", "up to 0.02 mm")]
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_linkage_stops_where_its_gap_would_exceed_rounding(tmp_path, engine):
+    """A ratio of gears that contradicts the parallelogram by 5 % opens a gap that grows with the angle."""
+    gears = 'lower="-9" upper="9" effort="100" velocity="99"/><mimic joint="crank" multiplier="1.05" offset="-0.06"'
+    q = swing(tmp_path, engine, pair.BALL, limit=gears)
+    ends = [pair.A * np.exp(1j * q[:, 0]) + pair.B * np.exp(1j * (q[:, 0] + q[:, 1])), pair.B + pair.A * np.exp(1j * q[:, 2])]
+    gaps = np.abs(ends[0] - ends[1])
+    assert 0.8e-4 < gaps.max() < 1.001e-4
+    assert 1.21 < q[-1, 0] < turned(pair.INERTIA) - 0.03
+    assert np.abs(q[-20:, 0] - q[-1, 0]).max() < 1e-9
+
+
+def test_a_chain_that_is_open_at_the_usual_start_is_said_to_start_elsewhere(tmp_path):
+    """With a crank at 0, the coupler of 0.35 m passes over the ends of the rocker of 0.05 m, 0.25 m away."""
+    path = tmp_path / "four_bar.urdf"
+    path.write_text(four_bar.urdf())
+    loops = [LOOP | {"points": [[0.35, 0, 0], [0.05, 0, 0]]}]
+    ready = asrsim.prepare(asrsim.make_scenario(path, duration=0.1, loops=loops))
+    (found,) = [problem for problem in ready.warnings if problem.code == "loop-start"]
+    assert f"crank: {ready.initial_positions[0]:.4g}" in found.value
+
+
 REFUSED = {
+    "a gap above rounding": (beside(2e-4), "no positions of its joints close it; a gap of 0.0002 m"),
     "no start closes it": ({"loops": [LOOP | {"points": [[3, 0, 0], [0.3, 0, 0]]}]}, "no positions of its joints close it"),
     "dead centre": ({"initial": {"crank": np.pi / 2, "coupler": -np.pi / 2, "rocker": 0.0},
                      "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}]}, "dead centre|close it"),
@@ -140,6 +181,7 @@ def test_loops_that_share_joints_and_couplings_move_as_one(tmp_path, engine, cas
     q = swing(tmp_path, engine, words, initial=pair.START | more)
     end = turned(inertia)
     assert q[-1, [0, 2]] == pytest.approx([end, end], abs=1e-6)
+    assert "duplicate-tag" not in {problem.code for problem in read_robot(tmp_path / "parallelogram.urdf").findings}
     if "geared" in case:
         assert q[-1, 3] == pytest.approx(0.3 - 2 * end, abs=1e-6)
 

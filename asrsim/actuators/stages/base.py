@@ -4,7 +4,7 @@ The laws are static methods of numbers. They use only the module `math`, so that
 Warp. A law receives the memory of the stage at one motor, and the constants there. A stage declares only the laws that it
 needs; the others have no effect. Laws are composed when the robot is built: joints without the stage contain nothing of it.
 
-    class Friction(Stage):
+    class Slip(Stage):
         name = "slip"
         title = "Slip of the clutch"
         parameters = (Parameter(name="slip_damping", default=0.0, unit="N m s/rad", minimum=0.0, optional=True, doc="..."),)

@@ -20,7 +20,7 @@ from asrsim.records import constant, value
 
 @dataclass(slots=True)
 class DamperMemory:
-    """Powers of a damper."""
+    """Losses of a damper."""
 
     lost: float = value("energy lost between the last two kicks", "J")
     power: float = value("power lost at the last kick", "W")

@@ -66,20 +66,16 @@ class Hysteresis(Stage):
 
     @staticmethod
     def torque(memory: HysteresisMemory, own: HysteresisConstants, deflection: float, velocity: float) -> float:
-        last = memory.deflection
-        # Before the first kick there is no last deflection (NaN), and no change.
-        change = deflection - last if last == last else 0.0
-        return dahl(memory.torque, change, own.level, own.length)
+        return torque_at(memory, own, deflection)
 
     @staticmethod
     def remember(
         memory: HysteresisMemory, own: HysteresisConstants, deflection: float, velocity: float, torque: float, step: float
     ) -> None:
         # Once per substep: motor substeps, during which the link stands still, would erase part of the memory.
-        last = memory.deflection
-        change = deflection - last if last == last else 0.0
-        memory.last_torque, memory.last_deflection = memory.torque, last
-        memory.torque, memory.deflection = dahl(memory.torque, change, own.level, own.length), deflection
+        now = torque_at(memory, own, deflection)
+        memory.last_torque, memory.last_deflection = memory.torque, memory.deflection
+        memory.torque, memory.deflection = now, deflection
 
     @staticmethod
     def energy(memory: HysteresisMemory, own: HysteresisConstants) -> float:
@@ -98,6 +94,14 @@ class Hysteresis(Stage):
     def stiffness_bound(own: HysteresisConstants) -> float:
         # The element is stiffest where a motion reverses: there it pulls with -tau, and approaches tau.
         return 2.0 * own.level / own.length
+
+
+def torque_at(memory: HysteresisMemory, own: HysteresisConstants, deflection: float) -> float:
+    """Torque in N m after the deflection has changed from its value at the last kick to `deflection` rad."""
+    last = memory.deflection
+    # Before the first kick there is no last deflection (NaN), and no change.
+    change = deflection - last if last == last else 0.0
+    return dahl(memory.torque, change, own.level, own.length)
 
 
 def dahl(torque: float, change: float, level: float, length: float) -> float:

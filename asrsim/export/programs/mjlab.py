@@ -16,7 +16,7 @@ import numpy as np
 from asrsim import __version__
 from asrsim.errors import ScenarioError
 from asrsim.export.constructs import Constructs
-from asrsim.export.motors import motor_name
+from asrsim.export.motors import motor_name, starts_of
 from asrsim.export.programs.base import Program
 from asrsim.outfile import make_folder, write_text
 from asrsim.samples import Array
@@ -47,7 +47,7 @@ class Mjlab(Program):
             "model": path.name,
             "timestep": timestep,
             "gravity": list(prepared.scenario.gravity),
-            "start": _start(prepared),
+            "start": {name: (position, velocity) for name, position, velocity in starts_of(prepared)},
             "joints": [_joint(prepared, drive) for drive in prepared.drives if drive.drive is not None],
             "ranges": yaml.safe_load(ranges.read_text(encoding="utf-8")) if ranges is not None else {},
         }
@@ -99,15 +99,6 @@ def _module_at(path: Path) -> Any:
 def package_name(path: Path) -> str:
     """Name of the package beside the model at `path`."""
     return re.sub(r"\W|^(?=\d)", "_", path.stem) + "_mjlab"
-
-
-def _start(prepared: Prepared) -> dict[str, tuple[float, float]]:
-    """Positions and velocities of links and motors at the start, by joint of the model."""
-    found = {}
-    for drive, *start in zip(prepared.drives, prepared.initial_positions, prepared.initial_velocities, strict=True):
-        for i, (position, velocity, *_) in enumerate([start, *drive.motor_starts(drive.dynamic_motors)]):
-            found[motor_name(drive.name, i) if i else drive.name] = float(position), float(velocity)
-    return found
 
 
 def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:

@@ -103,9 +103,10 @@
       const entry = document.createElement("button"), value = document.createElement("span");
       entry.type = "button";
       entry.style.setProperty("--colour", s.colour);
-      if (several && s.run != null) {
+      const shared = several && s.run != null;
+      if (shared || (named && s.dash.length)) {
         entry.className = "several";
-        entry.append(dashPicture(s.dash, "currentColor", 24));
+        entry.append(dashPicture(s.dash, shared ? "currentColor" : s.colour, 24));
       } else if (!named) entry.className = "single";
       else if (s.kind === "points") entry.className = "points";
       entry.setAttribute("aria-pressed", "true");

@@ -12,7 +12,9 @@ from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.errors import ActuatorError
 from asrsim.plugins import load_plugin_file
+from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.records import constant
+from asrsim.simulation.quantities import simulated_quantities
 from support.paths import EXAMPLES, ROOT
 
 EXAMPLE = EXAMPLES / "plugins" / "my_clutch.py"
@@ -87,3 +89,25 @@ def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
     }  # fmt: skip
     assert not stage_problems(Damper)
     assert issubclass(keeps, Stage)
+
+
+def test_stages_of_one_file_have_different_names(tmp_path):
+    path = tmp_path / "twice.py"
+    own = "(Parameter(name='{}', default=0.0, unit='N m s/rad', minimum=0.0, optional=True, doc='damping'),)"
+    classes = (
+        f"class {one}(Damper):\n    name = 'twice'\n    parameters = {own.format(one.lower())}\n" for one in ("One", "Two")
+    )
+    imports = "from asrsim.actuators import Parameter\nfrom asrsim.actuators.stages.damper import Damper\n"
+    path.write_text("\n\n".join((imports, *classes)))
+    with pytest.raises(ActuatorError, match="another stage is called 'twice'") as caught:
+        load_plugin_file(path)
+    assert [problem.key for problem in caught.value.problems] == ["Two.name"]
+    assert "twice" not in STAGES
+
+
+def test_what_a_stage_logs_is_declared_for_every_motor():
+    load_plugin_file(EXAMPLE)
+    assert QUANTITIES.keys() >= set(simulated_quantities(MOST_MOTORS))
+    clutch = STAGES.get("clutch")
+    few = type("Few", (clutch,), {"quantities": clutch.quantities[:3]})
+    assert [problem.key for problem in stage_problems(few)] == ["Few.quantities"]

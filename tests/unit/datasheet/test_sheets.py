@@ -82,6 +82,14 @@ def test_what_the_file_does_not_state_is_empty_with_its_tag(sea, qbmove):
         assert not sheet.entry(key).known
         assert tag in sheet.entry(key).how
     assert "does not apply" in sea.entry("change_free").how
+    with pytest.raises(KeyError):
+        sea.entry("colour")
+
+
+def test_a_number_says_whether_it_is_a_closed_form_simulated_or_stated(sea, qbmove):
+    numbers = qbmove.as_dict()["numbers"]
+    assert [numbers[key]["found"] for key in ("peak_torque", "change_free", "voltage")] == ["closed form", "simulation", None]
+    assert sea.as_dict()["numbers"]["change_free"]["found"] is None
 
 
 A, K, LIMIT, MOTOR, DRAG, KP, KD, FRICTION, BRISTLES = 8.9992, 0.0019, 0.8, 0.0233, 0.2698, 125.0, 4.5, 0.02, 1000.0

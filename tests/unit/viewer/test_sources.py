@@ -1,6 +1,7 @@
 """What a page shows comes from logs, recordings, twins and robot files alike."""
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -73,6 +74,17 @@ def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflec
     stage.look.colour = ""
     stage.draw(sample)
     assert (tuple(mesh.color), stage.legend()) == (own, "")
+
+
+def test_a_motion_too_slow_for_one_picture_is_shown_after_many(result, server):
+    figure = Stage(server.viser, logged(result.log)).figure
+    sample = result.samples
+    for angle in np.linspace(0.0, 1e-5, 400):
+        values = sample.values | {"link_position": np.full((1, 2), angle)}
+        frames = figure.place(replace(sample, time=sample.time[:1], values=values))
+    node = figure.nodes["link_2"]
+    turn = Rotation.from_quat(node.wxyz, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(turn, frames["link_1"][:3, :3].T @ frames["link_2"][:3, :3], rtol=0, atol=5e-7)
 
 
 def test_a_recording_stands_beside_the_run_on_the_clock_that_plot_finds(result, tmp_path):
