@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -167,36 +168,38 @@ def models() -> str:
     """Every optional parameter of an actuator with one motor, off at its default, but those of stages."""
     from asrsim.actuators import ACTUATORS
     from asrsim.actuators.stages import STAGES
+
+    own = {one.name for stage in STAGES.loaded() for one in stage.parameters}
+    chosen = [one for one in ACTUATORS.get("sea").all_parameters() if one.optional and one.name not in own]
+    return _parameters(chosen, source=True)
+
+
+def _parameters(parameters: Iterable[Any], *, source: bool) -> str:
+    """Table of parameters of an actuator with one motor."""
+    from asrsim.actuators import ACTUATORS
     from asrsim.robot.tags import parameter_tags
 
-    actuator = ACTUATORS.get("sea")
-    tags, own = parameter_tags(actuator), {one.name for stage in STAGES.loaded() for one in stage.parameters}
-    return markdown_table(
-        ("parameter", "tag", "unit", "default", "what", "source"),
-        [
-            (f"`{one.name}`", f"`<{tags[one.name]}>`", one.unit, f"{one.default:g}", one.doc, one.source)
-            for one in actuator.all_parameters()
-            if one.optional and one.name not in own
-        ],
-    )
+    tags = parameter_tags(ACTUATORS.get("sea"))
+    rows = [
+        (f"`{one.name}`", f"`<{tags[one.name]}>`", _value(one), one.doc, *([one.source] if source else []))
+        for one in parameters
+    ]
+    return markdown_table(("parameter", "tag", "default", "what", *(["source"] if source else [])), rows)
+
+
+def _value(parameter: Any) -> str:
+    """Default of a parameter with its unit."""
+    return f"{parameter.default:g}" if parameter.unit == "1" else f"{parameter.default:g} {parameter.unit}"
 
 
 def stages() -> str:
     """Every stage with its parameters and the quantities that it logs."""
-    from asrsim.actuators import ACTUATORS
     from asrsim.actuators.stages import STAGES
-    from asrsim.robot.tags import parameter_tags
 
-    tags = parameter_tags(ACTUATORS.get("sea"))
-    return markdown_table(
-        ("stage", "parameter", "tag", "unit", "default", "what", "logs"),
-        [
-            (
-                "" if number else stage.title, f"`{one.name}`", f"`<{tags[one.name]}>`", one.unit, f"{one.default:g}", one.doc,
-                f"`{stage.quantities[0].name}`" if stage.quantities and not number else "",
-            )
-            for stage in STAGES.loaded() for number, one in enumerate(stage.parameters)
-        ],
+    return "\n\n".join(
+        f"**{stage.title}**" + (f", logs `{stage.quantities[0].name}`" if stage.quantities else "")
+        + f"\n\n{_parameters(stage.parameters, source=False)}"
+        for stage in STAGES.loaded()
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ class Maccepa(Actuator):
     title = "MACCEPA (VSA with adjuster)"
     source = "Van Ham, Vanderborght, Van Damme, Verrelst, Lefeber (2007), Robotics and Autonomous Systems 55(10), 761-768"
     law = (
-        "A = sqrt(B^2 + C^2 - 2 B C cos(d)), x = A - |C - B| + P, d = sat(theta - q); tau = k x B C sin(d) / A; "
+        "A = sqrt(B^2 + C^2 - 2 B C cos(d)), x = A - abs(C - B) + P, d = sat(theta - q); tau = k x B C sin(d) / A; "
         "stiffness = k B C (cos(d) x / A + B C sin(d)^2 (A - x) / A^3)"
     )
     motors = 1

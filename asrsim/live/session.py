@@ -233,20 +233,21 @@ class Session:
             values |= self.operator.ask(self)
         for target, value in values.items():
             if self._overrides.get(target) != value:
-                self.simulation.set_reference(*target, value)
+                self._obey(Command(self.simulation.substep, *target, value))
                 self._overrides[target] = value
-                self._applied += 1
-                self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
 
     def hold(self, wrench: HeldWrench) -> None:
         """Let a wrench act on a body until the next one for this body. To be called in the run's thread, by an operator's
         `ask`. Raises InputError as `Simulation.set_wrench`."""
         if self._wrenches.get(wrench.body) != wrench:
-            command = WrenchCommand(self.simulation.substep, wrench)
-            obey(self.simulation, command)
+            self._obey(WrenchCommand(self.simulation.substep, wrench))
             self._wrenches[wrench.body] = wrench
-            self._applied += 1
-            self._unwritten.append((command, self.simulation.time))
+
+    def _obey(self, command: Command | WrenchCommand) -> None:
+        """Apply a command, and keep it for the log."""
+        obey(self.simulation, command)
+        self._applied += 1
+        self._unwritten.append((command, self.simulation.time))
 
     # -- log and summary ---------------------------------------------------------------------------------------------
 

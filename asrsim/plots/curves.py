@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, takewhile
@@ -29,7 +30,8 @@ contact forces without the ground; goal and distance to the goal.
 BODIES: dict[str, Quantity] = {
     name: Quantity(name, "N" if name == "force" else "m", name, "") for name in dict.fromkeys((*OBJECT, *TASK_TIP))
 }
-KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA | BODIES
+KNOWN: Mapping[str, Quantity] = ChainMap(QUANTITIES, DERIVED, EXTRA, BODIES)
+"""Every quantity that pictures may show; also those of stages that are registered later."""
 
 
 @dataclass(frozen=True, kw_only=True)

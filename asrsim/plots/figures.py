@@ -17,12 +17,11 @@ from asrsim.plots.legends import LIMIT, legend
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.panels import (
     BODY_PANELS,
-    ENERGY_PANELS,
-    JOINT_PANELS,
-    PANELS,
     Panel,
     content,
     draw_panel,
+    energy_panels,
+    joint_panels,
     quantity_panel,
 )
 from asrsim.samples import JointInfo
@@ -59,9 +58,9 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
         yield Page(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
-    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs, joints), 1 if first else None)
+    yield from islice(_grid_pages("joints", subject, joint_panels(), runs, joints), 1 if first else None)
     if not brief:
-        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs, joints)
+        yield from _grid_pages("energy", "energies since the start", energy_panels(), runs, joints)
     yield from _grid_pages("objects", "objects", BODY_PANELS, runs, body_names(runs))
 
 

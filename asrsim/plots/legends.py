@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots import style
@@ -32,7 +33,7 @@ def legend(
     handles: dict[str, Any] = {}
     for name in quantities:
         own = several and name in plain
-        text = (words or {}).get(name) or _WORDS.get(name) or style.plain(style.name(name))
+        text = (words or {}).get(name) or _WORDS.get(name) or fill(style.plain(style.name(name)), LETTERS)
         handles[text] = Line2D(
             [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
             label=text, color=style.BLACK if own else style.colour(name),
@@ -43,6 +44,8 @@ def legend(
         axes.legend(handles=[*handles.values(), *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
 
 
+LETTERS = 17
+"""Number of letters of a line that fits at the right of the axes; longer names take several lines."""
 LIMIT = "limit"
 """Name of the limits in a legend."""
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.stages import STAGES
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
 from asrsim.plots.decimate import Curve
@@ -108,6 +109,20 @@ _STILL = 1e-6
 """Smallest change of a position that counts as motion, rad or m."""
 JOINT_PANELS = ("position", "motors", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
 ENERGY_PANELS = ("energy", "residual", "numerical_error")
+
+
+def joint_panels() -> tuple[Panel, ...]:
+    """Panels of a joint's motion and torques, and of each stage of actuators that logs more than an energy."""
+    own = {stage: tuple(one.name for one in stage.quantities if one.unit != "J") for stage in STAGES.loaded()}
+    stages = (Panel(key=f"stage:{one.name}", words=one.name, quantities=names) for one, names in own.items() if names)
+    return (*(PANELS[key] for key in JOINT_PANELS), *stages)
+
+
+def energy_panels() -> tuple[Panel, ...]:
+    """Panels of a joint's energies; losses of stages of actuators stand beside the other losses."""
+    energy, *others = (PANELS[key] for key in ENERGY_PANELS)
+    losses = tuple(stage.lost for stage in STAGES.loaded() if stage.lost)
+    return (replace(energy, quantities=(*energy.quantities, *losses), optional=(*energy.optional, *losses)), *others)
 
 
 def quantity_panel(quantity: str) -> Panel:

@@ -48,6 +48,8 @@ COLOURS: dict[str, str] = {
     "friction_loss": PURPLE,
     "link_work": VERMILION,
     "damping_loss": YELLOW,
+    "damper_loss": BLUE,
+    "hysteresis_loss": SKY,
     "energy_residual": BLACK,
     "numerical_error": PURPLE,
     "dx": VERMILION,
@@ -127,8 +129,9 @@ RC: dict[str, Any] = {
 
 
 def colour(quantity: str) -> str:
-    """Colour of a quantity in every picture."""
-    return COLOURS.get(quantity, BLACK)
+    """Colour of a quantity in every picture; a quantity without a colour of its own has that of its motor."""
+    motor = next((i for i in MOTORS if f"_{i}_" in quantity), None)
+    return COLOURS.get(quantity, BLACK if motor is None else MOTORS[motor][0])
 
 
 def line_style(index: int) -> Any:

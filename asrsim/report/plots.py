@@ -10,30 +10,25 @@ import numpy as np
 from asrsim.plots import style
 from asrsim.plots.curves import RunCurves, joint_info
 from asrsim.plots.figures import body_names, describe, joint_names
-from asrsim.plots.panels import BODY_PANELS, ENERGY_PANELS, JOINT_PANELS, PANELS, content
+from asrsim.plots.panels import BODY_PANELS, content, energy_panels, joint_panels
 from asrsim.report.charts import DASHES
 from asrsim.report.series import pack
 from asrsim.samples import Array
-
-QUANTITIES: tuple[str, ...] = tuple(
-    dict.fromkeys(
-        name
-        for key in (*JOINT_PANELS, *ENERGY_PANELS)
-        for several in (False, True)
-        for name in PANELS[key].of_any(several=several)
-    )
-)
-"""All panels that a page may contain for a joint."""
-
 
 Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
 """Times and values of the recordings, by (joint, quantity, index of the run)."""
 
 
+def page_quantities() -> tuple[str, ...]:
+    """All quantities that a page may contain for a joint."""
+    panels = (*joint_panels(), *energy_panels())
+    return tuple(dict.fromkeys(name for panel in panels for several in (False, True) for name in panel.of_any(several=several)))
+
+
 def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
     """Section of each joint and body: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     sections = []
-    panels = (*(PANELS[key] for key in (*JOINT_PANELS, *ENERGY_PANELS)), *BODY_PANELS)
+    panels = (*joint_panels(), *energy_panels(), *BODY_PANELS)
     for joint in (*joint_names(runs), *body_names(runs)):
         info = joint_info(runs, joint)
         plots = []

@@ -11,7 +11,7 @@ from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels
 from asrsim.report.content import Films, find_comparison, read_content, read_films, recorded_curves
-from asrsim.report.plots import QUANTITIES, joint_sections
+from asrsim.report.plots import joint_sections, page_quantities
 from asrsim.report.runs import runs_page
 from asrsim.report.series import read_runs
 from asrsim.runs.folder import find_logs
@@ -94,7 +94,7 @@ def _other_page(folder: Path, kind: str) -> str:
 
 
 def _runs_page(place: Path, logs: Sequence[Path], *, film: bool, tell: Callable[[str, float], None]) -> str:
-    grid, runs = read_runs(logs, quantities=QUANTITIES)
+    grid, runs = read_runs(logs, quantities=page_quantities())
     labels = [run.label for run in distinct_labels(runs)]
     tell("reading", 0.5)
     contents = [read_content(log) for log in logs]

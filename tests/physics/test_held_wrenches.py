@@ -10,6 +10,8 @@ from validation.models import INSTALLED
 
 SEA = EXAMPLES / "urdf" / "dof1_sea.urdf"
 STEP, END = 1e-3, 0.2
+BALL = {"shape": "sphere", "size": 0.1, "mass": 0.5, "inertia": [2e-3] * 3, "position": [3, 0, 1]}
+"""A ball far from the robot, with equal moments of inertia."""
 FORCE, POINT = np.array([1.5, -0.4, 0.8]), np.array([0.0, 0.05, 0.1])
 BODY = """<robot name="brick"><link name="brick"><inertial><origin xyz="0.03 0 0"/><mass value="2"/>
 <inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -26,10 +28,8 @@ def with_objects(engine, **objects):
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_pushed_object_moves_and_turns_by_newton_and_euler(engine):
-    """A ball far from the robot, with equal moments of inertia. The wrench ends with the last kick, half a substep before the
-    whole step."""
-    ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "inertia": [2e-3] * 3, "position": [3, 0, 1]}
-    with asrsim.Simulation(with_objects(engine, ball=ball), record=True) as simulation:
+    """The wrench ends with the last kick, half a substep before the whole step."""
+    with asrsim.Simulation(with_objects(engine, ball=BALL), record=True) as simulation:
         simulation.set_wrench("ball", FORCE, torque=[0, 0, 4e-3])
         simulation.advance(round(END / STEP))
         simulation.set_wrench("ball", [0, 0, 0])
@@ -46,8 +46,7 @@ def test_a_pushed_object_moves_and_turns_by_newton_and_euler(engine):
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_force_beside_the_centre_turns_an_object(engine):
     """The arm of the force turns with the body: compared with steps of Euler's equation of a ball."""
-    ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "inertia": [2e-3] * 3, "position": [3, 0, 1]}
-    with asrsim.Simulation(with_objects(engine, ball=ball), record=True) as simulation:
+    with asrsim.Simulation(with_objects(engine, ball=BALL), record=True) as simulation:
         simulation.set_wrench("ball", [0.1, 0, 0], point=[0, 0.1, 0])
         simulation.advance(round(END / STEP))
         samples = simulation.samples
@@ -113,8 +112,7 @@ def test_a_pulled_arm_rests_by_its_springs_and_is_no_divergence(engine):
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_snapshots_hold_wrenches_and_resets_do_not(engine):
-    ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, 1]}
-    with asrsim.Simulation(with_objects(engine, ball=ball), record=True) as simulation:
+    with asrsim.Simulation(with_objects(engine, ball=BALL), record=True) as simulation:
 
         def place():
             return simulation.look().scene().bodies["ball"]

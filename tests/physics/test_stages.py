@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import asrsim
 from asrsim.actuators.stages import STAGES
+from asrsim.errors import UnresolvedSpringError
 from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.worlds import Start, Worlds
@@ -117,8 +118,6 @@ def test_damper_of_motors_without_dynamics_follows_their_references():
 
 
 def test_a_strong_damper_takes_more_substeps_or_is_refused():
-    from asrsim.errors import UnresolvedSpringError
-
     weak, strong = ({"spring_damping": value} for value in (0.01, 3.0))
     few, many = (Pendulum().simulated(one, duration=0.01).resolution.substeps for one in (weak, strong))
     # Damping by inertia times substep is at most 0.1.

@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import asrsim
+from asrsim.actuators import ACTUATORS
 from asrsim.datasheet import make_sheet, sources_of
+from asrsim.datasheet.published import PUBLISHED
 from asrsim.datasheet.trials import AT, BAND
 from asrsim.errors import InputError
 from asrsim.plots.chart import Line
@@ -180,7 +182,4 @@ def test_an_unknown_target_is_refused_with_the_choices(target):
 
 
 def test_every_actuator_of_asrsim_has_a_sheet_and_a_word_on_its_sources():
-    from asrsim.actuators import ACTUATORS
-    from asrsim.datasheet.published import PUBLISHED
-
     assert {name for name in ACTUATORS.names() if ACTUATORS.get(name).__module__.startswith("asrsim.")} == {*PUBLISHED}

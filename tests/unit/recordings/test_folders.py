@@ -1,5 +1,7 @@
 """One file for each quantity, or for each topic: a folder is one recording."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -101,8 +103,6 @@ def test_a_map_names_columns_by_their_file(tmp_path):
 
 
 def test_a_changed_file_of_a_folder_is_noticed(tmp_path):
-    import os
-
     lab = tmp_path / "lab"
     write(lab / "position.csv", "time,knee", TIME, TIME)
     before = modified(lab)

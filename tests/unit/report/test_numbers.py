@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+import asrsim
 from asrsim.plots import read_curves, style
+from asrsim.plots.figures import run_pages
 from asrsim.recordings.names import find_joint
-from asrsim.report.plots import QUANTITIES, joint_sections
+from asrsim.report.plots import joint_sections, page_quantities
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
+from support.paths import EXAMPLES
 from support.plot_example import made_up_log
 
 
@@ -15,14 +18,14 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
     rows = {name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
             for name, scale in (("soft", 1.0), ("stiff", 3.0))}  # fmt: skip
     logs = [made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=rows[name]) for name in rows]
-    grid, runs = read_runs(logs, quantities=QUANTITIES)
+    grid, runs = read_runs(logs, quantities=page_quantities())
     assert (grid.thinned, grid.start, grid.step, grid.count) == (False, 0.0, 0.001, 1001)
     np.testing.assert_allclose(grid.time, time, atol=1e-12)
     assert [run.label for run in runs] == ["soft", "stiff"]
     half = (np.array([0.2, 0.4, 0.6]), np.array([1.0, 3.0, 2.0]))
     sections = joint_sections(runs, {("joint_2", "link_position", 1): half}, grid.time)
     assert [section["name"] for section in sections] == ["joint_1", "joint_2"]
-    names = {style.name(quantity): quantity for quantity in QUANTITIES}
+    names = {style.name(quantity): quantity for quantity in page_quantities()}
     seen = set()
     for section in sections:
         for plot in section["plots"]:
@@ -77,3 +80,21 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
 def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)
+
+
+def test_pages_and_pictures_show_what_stages_log(tmp_path):
+    """Losses of stages stand beside the other energies, temperatures in a plot of their own."""
+    stages = {"spring_damping": 0.02, "hysteresis_torque": 0.02, "thermal_resistance": 8.0, "winding_heat": 3.0}
+    changes = {"duration": 0.2, **{f"parameters.*.{name}": value for name, value in stages.items()}}
+    asrsim.run(EXAMPLES / "scenarios/step_2dof.yaml", variant="soft", overrides=changes, out=tmp_path / "run")
+    log = tmp_path / "run/log.mcap"
+    grid, runs = read_runs([log], quantities=page_quantities())
+    plots = {plot["title"]: plot for plot in joint_sections(runs, {}, grid.time)[0]["plots"]}
+    assert [one["label"] for one in plots["heating"]["series"]] == ["motor 1 temperature", "motor 2 temperature"]
+    assert plots["heating"]["unit"] == "°C"
+    assert {"damper loss", "hysteresis loss"} <= {one["label"] for one in plots["energy"]["series"]}
+    for plot in plots.values():
+        assert len({one["colour"] for one in plot["series"]}) == len(plot["series"])
+    pages = {page.name: page.figure for page in run_pages([read_curves(log)])}
+    labels = {name: [axes.get_ylabel() for axes in figure.axes] for name, figure in pages.items()}
+    assert "heating (°C)" in labels["joints"]

@@ -96,7 +96,7 @@ def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
 
 
 def test_a_threshold_above_what_the_springs_carry_is_said(tmp_path):
-    """100 mrad of noise at 250 Hz, 8 Hz of bandwidth: no push that the springs can bear would raise an alarm."""
+    """30 mrad of noise at 250 Hz, 8 Hz of bandwidth: no push that the springs can bear would raise an alarm."""
     noise = np.random.default_rng(0).normal(size=750)
     with asrsim.Twin(SEA.write(tmp_path), bandwidth=8, overrides=["step=0.004"]) as twin:
         for k, one in enumerate(noise.tolist()):
