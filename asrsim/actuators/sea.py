@@ -16,7 +16,7 @@ class Sea(Actuator):
     name = "sea"
     title = "Series elastic actuator"
     source = "Mengacci et al. (2021), eq. 3; released toolbox, sea_plugin"
-    law = "tau = k sat(theta - q); stiffness = k; optional cubic term: tau = k d + c d^3, d = sat(theta - q)"
+    law = "tau = k d + c d^3, d = sat(theta - q); stiffness = k + 3 c d^2; c = 0 unless stated"
     motors = 1
     parameters = (
         Parameter(name="spring_stiffness", default=10.0, unit="N m/rad", doc="stiffness k of the spring", minimum=0.0),
