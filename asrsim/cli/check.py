@@ -39,6 +39,8 @@ def check(
     from asrsim.cli import findings
     from asrsim.cli.tables import print_check_report, print_reports
 
+    if len([one for one in (files, actuator, stage) if one]) > 1:
+        raise typer.BadParameter("cannot be checked together", param_hint="files, --actuator and --stage")
     if actuator is not None or stage is not None:
         from asrsim.actuators import ACTUATORS
         from asrsim.actuators.checker import check_actuator

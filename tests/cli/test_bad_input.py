@@ -232,6 +232,7 @@ def test_inverse_dynamics_under_references_names_its_new_key(asrsim_command, tmp
     "arguments",
     [
         "twin step.yaml -e step.yaml --clock-offset nan", "plot out --start=-inf", "plot out --bode --band 1 inf",
+        "check --actuator sea --stage damper", "check step.yaml --stage damper",
         "check step.yaml --arg side=left", "check step.yaml --package arm=folder",
     ],
 )  # fmt: skip
