@@ -32,8 +32,8 @@ from asrsim.viewer.tuning import differences, tunable, tuned_scenario
 BEFORE = "the run before"
 """Label of the ghost of the run before a reset."""
 TICK = 4e-3
-"""Wall-clock time between ticks of a run without topics, s. A hand is slower. Each tick needs Python's lock, for which it may have
-to wait until a picture or a message lets go of it."""
+"""Wall-clock time between ticks of a run without topics, s. A hand is slower. Each tick needs Python's lock, for which it may
+have to wait until a picture or a message lets go of it."""
 WAIT = 0.05
 """Time between two looks at the page after a run has ended, s."""
 
