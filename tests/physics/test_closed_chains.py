@@ -111,7 +111,9 @@ def test_check_of_a_robot_file_warns_of_its_loops(tmp_path):
     """A coupler of 0.2 m is too short for the crank to turn fully, and the rocker's limits exclude its place at the start."""
     path = tmp_path / "four_bar.urdf"
     bar = '<loop_joint name="pin" type="revolute"><link1 link="B" xyz="0.2 0 0"/><link2 link="C" xyz="0.3 0 0"/></loop_joint>'
-    path.write_text(four_bar.urdf('<limit lower="9" upper="10" effort="9" velocity="9"/>').replace("</robot>", f"{bar}</robot>"))
+    path.write_text(
+        four_bar.urdf('<limit lower="9" upper="9.1" effort="9" velocity="9"/>').replace("</robot>", f"{bar}</robot>")
+    )
     path.write_text(path.read_text().replace('name="rocker" type="continuous"', 'name="rocker" type="revolute"'))
     found = {problem.code: problem for problem in robot_report(path).warnings}
     assert found["loop-limits"].key == "rocker"
