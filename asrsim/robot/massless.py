@@ -54,7 +54,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
         else:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
     robot = _fixed(robot, held)
-    idle = {} if findings.errors else _idle_joints(robot, driven)
+    idle = _idle_joints(robot, driven) if robot.moving_joints and not findings.errors else {}
     # Where no other joint moves, the run says in an error what it lacks.
     if len(idle) == len(robot.moving_joints):
         return robot

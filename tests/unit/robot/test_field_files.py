@@ -192,6 +192,14 @@ def test_a_robot_whose_joints_all_lack_mass_is_refused_for_that(tiny):
         load_robot(tiny.robot)
 
 
+@pytest.mark.parametrize(
+    "joint", ["", '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><link name="b"/>']
+)
+def test_a_body_without_moving_joints_is_refused_for_that(joint, tmp_path, asrsim_command):
+    (tmp_path / "cube.urdf").write_text(f'<robot name="cube"><link name="a"/>{joint}</robot>')
+    assert "the robot has no moving joint" in asrsim_command("check", tmp_path / "cube.urdf").out
+
+
 def test_expressions_of_xacro_in_a_urdf_are_evaluated(tiny):
     tiny.robot.write_text(PENDULUM.replace("<axis", '<origin xyz="${0.05 + 0.02} 0 $(optenv NO_SUCH_VALUE 0.1)"/><axis'))
     assert load_robot(tiny.robot).moving_joints[0].origin == (0.07, 0.0, 0.1)
