@@ -98,7 +98,8 @@ def test_only_joints_without_mass_between_them_are_named(tmp_path, engine, betwe
         text += (
             f'<joint name="j{number}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
             f'<origin xyz="{0.3 if number == 1 else 0} 0 0" rpy="{0.7 if number == 1 else 0} 0 0"/>'
-            f'<axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint><gazebo><plugin name="p{number}" filename="libsea_plugin.so">'
+            f'<axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
+            f'<gazebo><plugin name="p{number}" filename="libsea_plugin.so">'
             f"<joint>j{number}</joint><operation_mode>0</operation_mode></plugin></gazebo>"
         )
     (tmp_path / "arm.urdf").write_text(f'<robot name="r">{text}</robot>')
