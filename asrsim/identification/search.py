@@ -4,8 +4,9 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
-to 0. Otherwise errors of the model accumulate in it. Then the bandwidth rises again until noise limits the predictions, and
-this level is kept: its estimates depend least on what the model lacks.
+to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is kept, and above the first
+level the bandwidth rises as long as predictions become better: an optimal observer minimises the error of its predictions. At a
+lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
 from asrsim.identification.judge import HELD_OUT, fits, is_explained, rms
-from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     ROUNDS,
@@ -43,8 +43,8 @@ AGREES = 1.1
 """Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error."""
 TIMED = 3
 """Number of linear solutions for instants of jumps."""
-RISE, LIMITED = 2.0, 1.5
-"""Factor between rising bandwidths; ratio of errors to noise below which noise limits the predictions."""
+RISE = 2.0
+"""Factor between rising bandwidths."""
 FOLLOWED = 0.5
 """Explained fraction of the variance of a channel below which a prediction does not follow the channel."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
@@ -104,12 +104,14 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):
         return
     best.free = free.problem, free.x
-    (problem, x), level = found[0], LEVELS[0]
-    while problem.can_rise(level * RISE) and not _is_limited(problem, x):
-        level *= RISE
+    kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
+    while kept is found[0] and problem.can_rise(level := level * RISE):
         begin(_name(level))
-        problem, x = _solved(problem.observed(level), x)
-    best.take(problem, x)
+        risen = _solved(kept[0].observed(level), kept[1])
+        if _likelihood(risen) >= _likelihood(kept):
+            break
+        found[0] = kept = risen
+    best.take(*kept)
 
 
 def _name(level: float) -> str:
@@ -147,11 +149,6 @@ def _transfers(problem: Problem, x: Array) -> bool:
         for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
     ]  # fmt: skip
     return follows(problem, x) and all(len(held) and rms(held) <= HELD_OUT * rms(trained) for trained, held in parts)
-
-
-def _is_limited(problem: Problem, x: Array) -> bool:
-    """Whether noise limits the predictions of a channel."""
-    return any(size_of(left) < LIMITED * part.channel.floor for part, left in differences(problem, x))
 
 
 def _agree(fit: tuple[Problem, Array], slower: tuple[Problem, Array]) -> bool:
