@@ -72,7 +72,7 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
     """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
     absorb what it lacks; or a mass or inertia is far from its start, which the robot file states.
 
-    others: estimates of other models, such as one with the suspected causes, by name. The intervals of a model that does not
+    others: estimates of other models, such as those with suspected causes, by name. The intervals of a model that does not
     fit contain them.
     """
     for one in known:
@@ -80,8 +80,9 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
         reason, values = "", [values[one.name] for values in others if one.name in values]
         if not fits:
             one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
-            far = [value for value in values if not one.is_place and abs(value - one.value) > CLOSE * abs(one.value)]
-            reason = f"with the suspected causes it would be {far[-1]:.4g}" if far else "the model is not shown to fit"
+            far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
+            span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
+            reason = f"models that explain more give {span}" if far else "the model is not shown to fit"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
