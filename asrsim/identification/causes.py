@@ -113,7 +113,7 @@ def _suspected(found: Extended, rest: str) -> str:
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    added = f" ({' '.join(dict.fromkeys(options))})" if options else ""
+    added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
