@@ -5,8 +5,8 @@ With a fast observer the residuals are errors of short predictions, which have h
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
 to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is kept, and above the first
-level the bandwidth rises as long as predictions become better: an optimal observer minimises the error of its predictions. At a
-lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
+level the bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of
+its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
 from asrsim.identification.judge import HELD_OUT, fits, is_explained, rms
+from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     ROUNDS,
@@ -43,8 +44,8 @@ AGREES = 1.1
 """Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error."""
 TIMED = 3
 """Number of linear solutions for instants of jumps."""
-RISE = 2.0
-"""Factor between rising bandwidths."""
+RISE, LIMITED = 2.0, 1.5
+"""Factor between rising bandwidths; ratio of errors to noise below which noise limits the predictions."""
 FOLLOWED = 0.5
 """Explained fraction of the variance of a channel below which a prediction does not follow the channel."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
@@ -105,7 +106,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         return
     best.free = free.problem, free.x
     kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
-    while kept is found[0] and problem.can_rise(level := level * RISE):
+    while kept is found[0] and problem.can_rise(level := level * RISE) and not _is_limited(*kept):
         begin(_name(level))
         risen = _solved(kept[0].observed(level), kept[1])
         if _likelihood(risen) >= _likelihood(kept):
@@ -149,6 +150,11 @@ def _transfers(problem: Problem, x: Array) -> bool:
         for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
     ]  # fmt: skip
     return follows(problem, x) and all(len(held) and rms(held) <= HELD_OUT * rms(trained) for trained, held in parts)
+
+
+def _is_limited(problem: Problem, x: Array) -> bool:
+    """Whether noise limits the predictions of a channel."""
+    return any(size_of(left) < LIMITED * part.channel.floor for part, left in differences(problem, x))
 
 
 def _agree(fit: tuple[Problem, Array], slower: tuple[Problem, Array]) -> bool:
