@@ -143,15 +143,14 @@ class Track:
         A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
         """
         sensors, seen = {one.key: one for one in self.channels}, set[str]()
-        shown: dict[str, Recorded] = {**{one.key: one for one in self.data.commands}, **sensors}
+        series: dict[str, Recorded] = {**{one.key: one for one in self.data.commands}, **sensors}
         for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
             keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
-            link = link_channel(drive, shown)
-            if link is None:
+            if (recorded := link_channel(drive, series)) is None:
                 continue
             seen.add(drive.name)
-            channel, sources = link
+            channel, sources = recorded
             if not (found := first_samples(channel)):
                 continue
             place, speed, place_error, speed_error = found
