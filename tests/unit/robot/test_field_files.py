@@ -1,5 +1,7 @@
 """Files as the field writes them: what ROS, Gazebo and Drake read is read with a warning, and means the same."""
 
+import re
+
 import pytest
 
 import asrsim
@@ -14,6 +16,7 @@ AS_WRITTEN = {
     # what: (text of the pendulum, replacement, code of the warning)
     "blank line before the declaration": ("<?xml", "\n \n<?xml", "mended-xml"),
     "comment before the declaration": ("<?xml", "<!-- made by a tool -->\n<?xml", "mended-xml"),
+    "another version of XML": ('version="1.0"', 'version="1"', "mended-xml"),
     "dashes in a comment": ("<axis", f"{COMMENT}<axis", "mended-xml"),
     "dashes in the comment before the declaration": ("<?xml", f"{COMMENT}\n<?xml", "mended-xml"),
     "undeclared name space": ("</robot>", "<drake:collision_filter_group/></robot>", "mended-xml"),
@@ -143,7 +146,7 @@ GRIPPER = """
 <limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(("kind", "lower"), [("screw", "0"), ("planar", "0"), ("revolute", "zero")])
+@pytest.mark.parametrize(("kind", "lower"), [("screw", "0"), ("floating", "0"), ("revolute", "zero")])
 def test_a_robot_with_an_impossible_gripper_runs_with_locked_joints(kind, lower, tiny, asrsim_command):
     tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind=kind, lower=lower)))
     with pytest.raises(RobotError):
@@ -178,6 +181,28 @@ def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
         load_robot(tiny.robot)
+
+
+def test_a_robot_whose_joints_all_lack_mass_is_refused_for_that(tiny):
+    """A finger that mimics another one does not count as a joint that moves."""
+    text = PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1"))
+    text = text.replace("</joint></robot>", '<mimic joint="finger_left"/></joint></robot>')
+    tiny.robot.write_text(re.sub("<(inertial|gazebo)>.*?</\\1>", "", text, flags=re.DOTALL))
+    with pytest.raises(RobotError, match="wrist: nothing behind this joint has mass"):
+        load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(
+    "joint", ["", '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><link name="b"/>']
+)
+def test_a_body_without_moving_joints_is_refused_for_that(joint, tmp_path, asrsim_command):
+    (tmp_path / "cube.urdf").write_text(f'<robot name="cube"><link name="a"/>{joint}</robot>')
+    assert "the robot has no moving joint" in asrsim_command("check", tmp_path / "cube.urdf").out
+
+
+def test_expressions_of_xacro_in_a_urdf_are_evaluated(tiny):
+    tiny.robot.write_text(PENDULUM.replace("<axis", '<origin xyz="${0.05 + 0.02} 0 $(optenv NO_SUCH_VALUE 0.1)"/><axis'))
+    assert load_robot(tiny.robot).moving_joints[0].origin == (0.07, 0.0, 0.1)
 
 
 @pytest.mark.parametrize(("text", "tool"), [("<mujoco model='a'/>", "mjcf_urdf"), ("<sdf version='1.7'/>", "sdf2urdf")])
