@@ -13,7 +13,6 @@ import types
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import EnumType
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -292,8 +291,6 @@ def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     # An intrinsic of Numba wraps the generator of its machine code, a dispatcher its source, a cached function itself.
     for wrapped in ("_defn", "py_func", "__wrapped__"):
         function = getattr(function, wrapped, function)
-    if isinstance(function, EnumType):
-        return repr([*function])
     if not isinstance(function, types.FunctionType):
         return function.tobytes().hex() if hasattr(function, "tobytes") else repr(function)
     if id(function) in seen:

@@ -20,7 +20,7 @@ from asrsim.simulation.arguments import Common, Corrections, Recorded, Stretch, 
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
-from asrsim.simulation.layout import Health
+from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
@@ -83,7 +83,7 @@ class Core:
         self.done = np.zeros(worlds, dtype=np.int64)
         """Number of completed substeps of each world, (worlds,)."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        """Health of each world (`asrsim.simulation.layout.Health`) and number of the joint at fault, (worlds, 2)."""
+        """Health of each world (`asrsim.simulation.layout.HEALTH`) and number of the joint at fault, (worlds, 2)."""
         self.corrections = UNOBSERVED
         """Corrections by an observer."""
         self._world_tables: Tables | None = None
@@ -192,7 +192,7 @@ class Core:
         self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self._plain_joints.pop(world, None)
         self.held[world] = self.rows[world] = np.nan
-        self.done[world], self.fault[world] = 0, Health.HEALTHY
+        self.done[world], self.fault[world] = 0, HEALTH.healthy
         bound.entered(world)
 
     @property

@@ -11,7 +11,7 @@ from typing import Any
 from asrsim.actuators.motor import MotorConstants, motor_kick, velocity_bounds
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Pushes, Scheme, Works
 from asrsim.simulation.laws import drive_of, inputs_of, joint_step, motor_of, put_load, spring_law
-from asrsim.simulation.layout import EXTERNAL, GOALS, Task
+from asrsim.simulation.layout import EXTERNAL, GOALS, TASK
 from asrsim.simulation.sensing import read_sensors, remember_positions
 from asrsim.simulation.staged import begin_stages, end_stages, lead_stages, note_kick
 
@@ -88,7 +88,7 @@ def settle(
     read_engine(joint, link, scheme, velocity, now, jumped)
     if kind.stages:
         end_stages(joint, kind, scheme)
-        spring_law(kind.spring_law, joint, link, kind, joint.position, Task.REMEMBER)
+        spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.remember)
 
 
 def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
@@ -299,7 +299,7 @@ def find_state(joint: JointState, link: JointConstants, kind: JointKind) -> None
     """Compute stiffness and energy of the springs at the recorded kick."""
     for i in range(kind.positions):
         motor_of(joint, i).theta = motor_of(joint, i).kick_position
-    spring_law(kind.spring_law, joint, link, kind, joint.position, Task.WHOLE)
+    spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
 
 
 def friction_of(joint: JointState, link: JointConstants, v: float) -> float:

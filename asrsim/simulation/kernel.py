@@ -15,7 +15,7 @@ from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
 from asrsim.simulation.laws import engine_step, joint_of, motion_of, motor_of, value_of
-from asrsim.simulation.layout import Health
+from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.ledger import update_ledger
 
 FASTEST = 1e4
@@ -42,7 +42,7 @@ def run(
         while cut < len(cuts) and 0 <= cuts[cut][0] < first:
             cut += 1
         for step in range(first, first + stretch.substeps):
-            if fault[w, 0] != Health.HEALTHY:
+            if fault[w, 0] != HEALTH.healthy:
                 break
             substep = worlds.done[w]
             asked, begins = substep % every == 0, substep == 0
@@ -59,9 +59,9 @@ def run(
                     joint, link, kind, scheme, inputs, lengths, exchange, j, step, begin, end, on_time, begins, whole
                 )
                 if not abs(total) < ENDLESS:
-                    fault[w, 0], fault[w, 1] = Health.NO_VALUE, j
+                    fault[w, 0], fault[w, 1] = HEALTH.no_value, j
                     break
-            if fault[w, 0] != Health.HEALTHY:
+            if fault[w, 0] != HEALTH.healthy:
                 break
             engine_step(engine.step, engine.record, x, exchange, pushes[begin:end], lengths[begin:end], end - begin)
             for j in range(len(kinds)):
@@ -79,7 +79,7 @@ def run(
                         out[place, kept, j, len(of_state) + c] = references[step][j][of_inputs[c]]
                 move_on(joint, scheme, position, velocity, begins)
                 if not abs(velocity) <= FASTEST:
-                    fault[w, 0], fault[w, 1] = Health.RAN_AWAY, j
+                    fault[w, 0], fault[w, 1] = HEALTH.ran_away, j
             if asked:
                 kept += 1
             worlds.done[w] = substep + 1

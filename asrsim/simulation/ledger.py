@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, Pushes, Scheme
 from asrsim.simulation.laws import drive_of, motor_of, spring_law
-from asrsim.simulation.layout import Task
+from asrsim.simulation.layout import TASK
 
 AT_STOP = 1e-12
 """Distance in rad or m from a stop below which a motor or a link counts as being at the stop, as a margin for rounding."""
@@ -76,11 +76,11 @@ def _update_springs(
     kinematic, energy_before, lost = kind.dynamic < kind.placed, joint.spring_energy, 0.0
     if recorded or first or kinematic:
         if kind.stages:
-            spring_law(kind.spring_law, joint, link, kind, joint.position, Task.STORE)
+            spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.store)
         joint.spring_energy = joint.law_energy + joint.stage_energy
         joint.stiffest = max(joint.stiffest, abs(joint.stiffness))
     if kind.stages and not first:
-        spring_law(kind.spring_law, joint, link, kind, joint.position, Task.LOSE)
+        spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.lose)
         lost = joint.stage_lost
         joint.stage_loss += lost
     work = _update_motors(joint, link, kind, step, first)
@@ -162,7 +162,7 @@ def _energy_at(joint: JointState, link: JointConstants, kind: JointKind, q: floa
         own = motor.last_kick_position if last else motor.kick_position
         motor.theta = half_way if i < kind.dynamic else own
     stiffness, energy = joint.stiffness, joint.law_energy
-    spring_law(kind.spring_law, joint, link, kind, q, Task.WHOLE)
+    spring_law(kind.spring_law, joint, link, kind, q, TASK.whole)
     energy_there = joint.law_energy
     joint.stiffness, joint.law_energy = stiffness, energy
     return energy_there

@@ -19,7 +19,7 @@ from asrsim.simulation import kernel
 from asrsim.simulation.arguments import Common, Corrections, EngineCall, Recorded, Stretch, Tables
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, columns_of_stages
 from asrsim.simulation.inputs import Given
-from asrsim.simulation.layout import Task
+from asrsim.simulation.layout import TASK
 from asrsim.simulation.staged import SLOPE, Access, compose
 
 INLINE = (
@@ -85,19 +85,19 @@ def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     known = 0.0, 0.0
-    if task == Task.WHOLE:
+    if task == TASK.whole:
         known = stiffness(*given), energy(*given)
     joint = joint_at(s)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
-    if task == Task.WHOLE:
+    if task == TASK.whole:
         joint.stiffness, joint.law_energy = known
 
 
 def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
     joint, link = joint_at(s), link_at(p)
-    if task == Task.WHOLE:
+    if task == TASK.whole:
         place(joint, link, kind, q + SLOPE)
         least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
         place(joint, link, kind, q - SLOPE)
@@ -105,7 +105,7 @@ def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     place(joint, link, kind, q)
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
-    if task == Task.WHOLE:
+    if task == TASK.whole:
         joint.law_energy = energy(*given)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
@@ -123,18 +123,18 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
         _put_staged(s, p, kind_at(k), q, task)
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
-        if task >= Task.REMEMBER:
+        if task >= TASK.remember:
             # The kick is over: the next torque has no value.
             motor_of(joint_at(s), 0).position = np.nan
 
 
 def _put_staged(s: int, p: int, kind: Any, q: float, task: int) -> None:
     joint, link = joint_at(s), link_at(p)
-    if task == Task.REMEMBER:
+    if task == TASK.remember:
         remember(joint, link, kind)
-    elif task == Task.STORE:
+    elif task == TASK.store:
         store(joint, link, kind)
-    elif task == Task.LOSE:
+    elif task == TASK.lose:
         lose(joint, link, kind)
     else:
         springs(s, p, kind, q, task)

@@ -20,7 +20,7 @@ from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 from asrsim.simulation.laws import drive_of, motor_of, spring_law
-from asrsim.simulation.layout import GOALS, Task
+from asrsim.simulation.layout import GOALS, TASK
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "limit": 6.0, "low": -math.inf, "high": math.inf}
 """Constants of the released DCMotor class, which simulates a second motor for every actuator: values of a
@@ -55,7 +55,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         motor.theta = motor.position if moving else u[GOALS + i]
-    spring_law(kind.spring_law, joint, link, kind, joint.position, Task.TORQUES)
+    spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         if moving:
@@ -63,7 +63,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
             motor.theta = motor.position
         motor.kick_position = motor.theta
     if controlled:
-        spring_law(kind.spring_law, joint, link, kind, joint.position, Task.TORQUES)
+        spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         motor.load = motor.pull

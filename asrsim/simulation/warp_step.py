@@ -26,7 +26,7 @@ from asrsim.simulation.fields import (
     motor_column,
 )
 from asrsim.simulation.joint import find_state, load_joint, move_on, settle
-from asrsim.simulation.layout import Task
+from asrsim.simulation.layout import TASK
 from asrsim.simulation.shape import RowShape
 from asrsim.simulation.staged import Access, Composed, compose
 from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
@@ -195,11 +195,11 @@ def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage
             yield f"{names['place']}({joint}, {q})"
 
     if staged is not None:
-        yield f"if task == {Task.REMEMBER}:"
+        yield f"if task == {TASK.remember}:"
         yield f"    {names['remember']}({joint})"
         yield "    return"
     if place is not None:
-        yield f"if task == {Task.WHOLE}:"
+        yield f"if task == {TASK.whole}:"
         sums = []
         for sign, side in (("-", "below"), ("+", "above")):
             yield from (f"    {line}" for line in placed(f"q {sign} {SLOPE_ON_WARP}"))
@@ -213,7 +213,7 @@ def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage
     for i, (name, kind) in enumerate(zip(results, found.kinds, strict=True)):
         yield f"s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
     if place is None:
-        yield f"if task == {Task.WHOLE}:"
+        yield f"if task == {TASK.whole}:"
         yield f"    s[s_at + {JOINT['stiffness']}] = {number_as(Value(one, called(stiffness)), FLOAT).text}"
     if staged is not None:
         yield f"{names['add']}({joint}, q)"

@@ -30,7 +30,7 @@ from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
-from asrsim.simulation.layout import EXTERNAL, Health
+from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
@@ -212,7 +212,7 @@ class Worlds:
     @property
     def healthy(self) -> NDArray[np.bool_]:
         """Whether each world can continue, (N,); False after a divergence."""
-        return np.asarray(self.core.fault[:, 0] == Health.HEALTHY)
+        return np.asarray(self.core.fault[:, 0] == HEALTH.healthy)
 
     @property
     def compiled(self) -> bool:
@@ -230,7 +230,7 @@ class Worlds:
         ran, start = 0, -(-self.core.done // self.substeps) if keep else NOTHING
         places = self._everyone[: len(numbers)]
         while ran < count and len(numbers):
-            if (self.core.fault[numbers, 0] != Health.HEALTHY).any():
+            if (self.core.fault[numbers, 0] != HEALTH.healthy).any():
                 moving = self.healthy[numbers]
                 numbers, places = numbers[moving], places[moving]
                 continue

@@ -318,7 +318,8 @@ class Translation:
 
     @staticmethod
     def _known(found: Any) -> Value:
-        if callable(found) or isinstance(found, types.ModuleType):
+        # The numbers of a named tuple are taken by their names.
+        if callable(found) or isinstance(found, types.ModuleType) or hasattr(found, "_fields"):
             return Value(None, known=found)
         return constant(found)
 
