@@ -116,7 +116,7 @@ API = {
     "stepping": ("asrsim.simulation", "asrsim.environment"),
     "inputs": ("asrsim.robot", "asrsim.scenario", "asrsim.recordings"),
     "logs": ("asrsim.log",),
-    "studies": ("asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
+    "studies": ("asrsim.designs", "asrsim.exports", "asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
     "errors": ("asrsim.errors",),
 }
 """Pages about the public names, `docs/api-*.md`, and the modules whose names each page has."""

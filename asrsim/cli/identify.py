@@ -184,7 +184,7 @@ def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
-    from asrsim.design.advice import advice, design_line
+    from asrsim.designs.advice import advice, design_line
     from asrsim.identification.folder import FIT
     from asrsim.identification.write import as_dict, write_curves_of
     from asrsim.outfile import write_json
@@ -209,7 +209,7 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.design.advice import advice
+    from asrsim.designs.advice import advice
     from asrsim.identification.show import columns, errors, judgement
 
     say_table(columns(result))

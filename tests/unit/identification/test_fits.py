@@ -9,8 +9,8 @@ import pytest
 
 import asrsim
 from asrsim import identify
-from asrsim.design.advice import advice, design_line
-from asrsim.design.limits import read_limits
+from asrsim.designs.advice import advice, design_line
+from asrsim.designs.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from asrsim.export.programs.base import Program
-from asrsim.export.programs.mjlab import Mjlab
-from asrsim.export.programs.mjx import Mjx
-from asrsim.export.programs.mujoco import Mujoco
-from asrsim.export.programs.warp import MujocoWarp
+from asrsim.exports.programs.base import Program
+from asrsim.exports.programs.mjlab import Mjlab
+from asrsim.exports.programs.mjx import Mjx
+from asrsim.exports.programs.mujoco import Mujoco
+from asrsim.exports.programs.warp import MujocoWarp
 from asrsim.registry import Registry
 
 PROGRAMS: Registry[type[Program]] = Registry("program", base=Program)
