@@ -27,24 +27,18 @@ class BoundEngine:
         self._exchange = np.zeros((0, len(engine.joints), 5))
         self._parts: list[Array] = []
         """Exchange arrays, indexed by the number of pieces of the kick."""
-        self._call = self._make_call()
         self.states: Any = {}
         """States of the engine by number of the world, except for the world whose state the engine contains."""
         self._world: int | None = None
         """Number of the world whose state the engine contains; None if this state belongs to no world."""
-
-    def _make_call(self) -> EngineCall:
-        """What the kernel receives, with the present exchange."""
-        # Items of a memory view are read and written several times faster than those of an array.
-        return EngineCall(step=self._step, record=0, exchange=self._exchange.data)
 
     def borrow(self, pieces: int) -> EngineCall:
         """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
-            self._call = self._make_call()
-        return self._call
+        # Items of a memory view are read and written several times faster than those of an array.
+        return EngineCall(step=self._step, record=0, exchange=self._exchange.data)
 
     def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
@@ -89,6 +83,7 @@ class CalledEngine(BoundEngine):
 
     def __init__(self, engine: Engine, wrenches: int, watch: Callable[[], None] | None = None) -> None:
         """wrenches: number of wrenches of the scenario."""
+        super().__init__(engine, watch)
         own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
 
         def called(record: int, x: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
@@ -98,12 +93,13 @@ class CalledEngine(BoundEngine):
 
         self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(called)
         self._wrenches = wrenches
+        self._address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self._raised: BaseException | None = None
-        super().__init__(engine, watch)
 
-    def _make_call(self) -> EngineCall:
-        address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        return EngineCall(step=address, record=0, exchange=self._exchange)
+    def borrow(self, pieces: int) -> EngineCall:
+        """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
+        super().borrow(pieces)
+        return EngineCall(step=self._address, record=0, exchange=self._exchange)
 
     def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
         # Exceptions must not pass through compiled code: the world is stopped instead.
