@@ -108,6 +108,7 @@ def scenario_report(path: Path) -> FileReport:
 
 def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
     """Report with the findings in a scenario and its robot. For a robot file, only the robot's own warnings are reported."""
+    from asrsim.scenario.check import loop_warnings
     from asrsim.simulation.examine import findings
     from asrsim.simulation.prepare import build
 
@@ -116,7 +117,8 @@ def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> Fi
     if plan is None:
         return replace(report, errors=errors, warnings=warnings)
     if alone:
-        plan = replace(plan, warnings=tuple(map(scenario.placed, warnings_of(plan.robot))))
+        loops = (replace(one, file=report.path) for one in loop_warnings(scenario, plan.source, plan.robot))
+        plan = replace(plan, warnings=(*map(scenario.placed, warnings_of(plan.robot)), *loops))
     report = replace(report, robot=plan.robot, step=scenario.step, warnings=plan.warnings)
     try:
         prepared = build(plan)

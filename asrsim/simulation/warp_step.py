@@ -29,7 +29,7 @@ from asrsim.simulation.joint import find_state, load_joint, move_on, settle
 from asrsim.simulation.layout import TASK
 from asrsim.simulation.shape import RowShape
 from asrsim.simulation.staged import Access, Composed, compose
-from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
+from asrsim.warping import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpProgram
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
 
@@ -89,12 +89,12 @@ Law = tuple[Any, int, tuple[type[Stage], ...]]
 """Actuator, number of positions that its laws take, and stages."""
 
 
-def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[Program, list[Law]]:
+def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgram, list[Law]]:
     """The program that advances joints with these drives, and their laws: `spring_law` of a joint is the number of its law,
     from 1. Raises TranslationError that names the actuator and the line."""
     found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
     used = list(dict.fromkeys(law for law in found if law is not None))
-    made = Program({
+    made = WarpProgram({
         laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
         laws.memory_of: _memory, laws.spring_law: _call_law, laws.inputs_of: _inputs, laws.put_load: _put_load,
         later: _later, find_state: _nothing,
@@ -159,7 +159,7 @@ ROWS = "s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int
 """Arguments of a function that receives the state, the constants and the kind of a joint."""
 
 
-def _law_text(made: Program, used: Sequence[Law]) -> str:
+def _law_text(made: WarpProgram, used: Sequence[Law]) -> str:
     """A function that calls the laws with a number."""
     lines = ["@wp.func", f"def spring_law(which: int, {ROWS}, q: float, task: int):"]
     for number, law in enumerate(used, start=1):
@@ -167,7 +167,7 @@ def _law_text(made: Program, used: Sequence[Law]) -> str:
     return "\n".join([*lines, "    return"])
 
 
-def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
+def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
     """Lines that carry out a task of the laws of an actuator with stages. own: beginning of their names."""
     kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
     law = f"p_at + int(k[k_at + {columns(JointKind)['law']}])"
@@ -224,7 +224,7 @@ SLOPE_ON_WARP = 1e-3
 JOINT_ROWS = STATE, CONSTANTS, KIND
 
 
-def _access(made: Program, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
     """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
     first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
