@@ -13,8 +13,8 @@ PARNENZINI = (
 QB_ROS = "qbrobotics, ROS-qbmove, qb_move_description/config/default.yaml"
 QB_FIRMWARE = "qbrobotics, firmware of the qbmove Maker Pro 6.1.0, commands.h"
 EDINBURGH = (
-    "Howard (2010), libmaccepa, University of Edinburgh, which cites Van Ham et al. (2007), Robotics and Autonomous Systems 55, "
-    "761-768, for the law"
+    "Howard (2010), libmaccepa, University of Edinburgh, which cites Van Ham et al. (2007), Robotics and Autonomous Systems "
+    "55, 761-768, for the law"
 )
 PAPER = "Mengacci et al. (2021), section 4.1 and figure 8"
 FRIEDL_2011 = "Friedl, Hoeppner, Petit, Hirzinger (2011), Wrist and forearm rotation of the DLR Hand Arm System, IROS, abstract"
