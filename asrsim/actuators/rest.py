@@ -126,8 +126,8 @@ def increasing_roots(
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
     third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
-    unknown), from which the width of the first bracket follows. apart: whether the search of each entry of the first axis ends by
-    itself, so that its roots do not depend on the other entries; else all searches end together.
+    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a search of its
+    own, whose roots do not depend on the other entries; else all searches end together.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)

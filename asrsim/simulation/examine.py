@@ -6,14 +6,16 @@ Whatever works on a `Plan` trusts it: `prepare` builds the run, `asrsim.runs.exe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_laws
+from asrsim.registry.engines import ENGINES
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
 from asrsim.samples import JointInfo
 from asrsim.scenario import one_scenario
@@ -42,12 +44,15 @@ class Plan:
     """The moving joints, with their drives and start."""
     joints: tuple[JointInfo, ...]
     """Description of the joints, in the order of logs."""
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     warnings: tuple[Problem, ...] = ()
 
     def on(self, **changes: Any) -> Plan:
         """This plan with other fields of the scenario that need no examination: engine, step, substeps, sampled signals."""
         scenario = replace(self.scenario, **changes)
-        return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario))
+        model = model_of(scenario, self.robot) if scenario.engine != self.scenario.engine else self.model
+        return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario), model=model)
 
 
 @blame_laws()
@@ -96,14 +101,21 @@ def findings(
     errors = [*errors, *_wrong_claims(scenario, joints)]
     if errors or not sound:
         return None, tuple(errors), warnings_of(source)
-    warnings = [
-        *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot),
-        *loop_warnings(scenario, source, robot), *weight_warnings(scenario, robot, propose=propose),
-    ]  # fmt: skip
+    model = model_of(scenario, robot)
+    warnings = (
+        *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot), *loop_warnings(scenario, source, robot),
+        *(() if model is None else weight_warnings(scenario, robot, model, propose=propose)),
+    )  # fmt: skip
     plan = Plan(
-        scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, warnings=tuple(warnings)
-    )
-    return plan, (), plan.warnings
+        scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, model=model,
+        warnings=warnings,
+    )  # fmt: skip
+    return plan, (), warnings
+
+
+def model_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
+    """Kinematics and dynamics of the robot; None if the scenario's engine prescribes the motion of the links."""
+    return None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
 
 
 def described(scenario: Scenario, drives: Sequence[SteppedJoint]) -> tuple[JointInfo, ...]:

@@ -306,7 +306,7 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
         from asrsim.kinematics import plan_references
 
         planned = plan_references(planned, plan.robot)
-    model = None if ENGINES.get(planned.engine).prescribed else robot_model(planned, plan.robot)
+    model = plan.model
     if model is not None:
         if planned.initial_equilibrium:
             drives = at_equilibrium(planned, drives, model)

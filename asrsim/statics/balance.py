@@ -33,8 +33,8 @@ def balanced(
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
     there. loads: function from positions (m, k, n) to the torques of gravity and the like on the joints (m, k, n), N m.
     springs: function from positions (m, k, n) to the torques (m, k, n) that depend on the position of their own joint only.
-    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at which the
-    search ends, rad (m); 0: it ends when the torques balance.
+    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at which
+    the search ends, rad (m); 0: it ends when the torques balance.
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))

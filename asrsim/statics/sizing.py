@@ -279,16 +279,15 @@ def _sagging(scenario: Scenario, robot: Robot) -> list[ActuatorBlock]:
 
 
 def weight_warnings(
-    scenario: Scenario, robot: Robot, model: RobotModel | None = None, *, propose: bool = False
-) -> tuple[Problem, ...]:
+    scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False
+) -> tuple[Problem, ...]:  # fmt: skip
     """Warnings about joints that sag or fall in a valid scenario; see `sizing`. A robot with closed chains is not checked.
 
-    model: model of the robot, if there is one. propose: propose parameters for the weak joints, which takes some time.
+    model: model of the robot. propose: propose parameters for the weak joints, which takes some time.
     """
     blocks = _sagging(scenario, robot)
     if not blocks or robot.loops:
         return ()
-    model = model or robot_model(scenario, robot)
     statics = _Statics(scenario, robot, model, blocks)
     if surely_held(statics):
         return ()
