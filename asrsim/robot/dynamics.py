@@ -14,7 +14,7 @@ causes at unit velocity.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -234,7 +234,7 @@ class RobotModel:
         lift: Array = frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)
         return lift
 
-    def _rises(self, steps: Array, backs: Array, gravity: Array) -> list[Array]:
+    def _rises(self, steps: Array, backs: NDArray[Any], gravity: Array) -> list[Array]:
         """Acceleration of the base that replaces gravity, along the axes of each body."""
         rises = [self._lift(gravity)]
         for parent, step, back in zip(self._parents, steps, backs, strict=True):

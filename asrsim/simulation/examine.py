@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_laws
@@ -18,10 +18,11 @@ from asrsim.robot.doubts import warnings_of
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
 from asrsim.samples import JointInfo
-from asrsim.scenario import one_scenario
+from asrsim.scenario import read_scenarios
 from asrsim.scenario.check import loop_warnings, misfits, robot_of
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
+from asrsim.scenario.load import distinct, several_variants
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.quantities import recorded_quantities
@@ -55,20 +56,27 @@ class Plan:
         return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario), model=model)
 
 
-@blame_laws()
+class Examined(NamedTuple):
+    """What an examination finds in one variant of a scenario."""
+
+    scenario: Scenario
+    source: Robot | None
+    """Robot of the file; None if it cannot be read."""
+    plan: Plan | None
+    """None if there are errors."""
+    errors: tuple[Problem, ...]
+    warnings: tuple[Problem, ...]
+
+
 def examine(
-    scenario: str | Path | Scenario | Plan,
-    robot: Robot | None = None,
-    *,
-    variant: str | None = None,
-    overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (),
-) -> Plan:
-    """Check robot, actuators, signals, claims and recordings of a scenario.
+    scenario: str | Path | Scenario | Plan, robot: Robot | str | Path | None = None, *, variant: str | None = None,
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (),
+) -> Plan:  # fmt: skip
+    """Check a scenario of one variant: keys, robot, actuators, signals, claims and recordings.
 
     Args:
         scenario: Scenario file, or a scenario. A plan is returned as it is: nothing is examined twice.
-        robot: Robot of the file, possibly changed, in place of the scenario's robot.
+        robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
         variant, overrides: Of a scenario's file, as `asrsim.run` takes them.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
 
@@ -76,12 +84,71 @@ def examine(
     """
     if isinstance(scenario, Plan):
         return scenario
-    one = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
-    source = robot_of(one) if robot is None else robot
-    plan, errors, _ = findings(one, source)
-    if plan is None:
-        raise (RobotError if source.faults else ScenarioError)(errors, warnings=warnings_of(source))
-    return replace(plan, given=robot is not None)
+    return _plans(*read(scenario, robot, variants=(variant,), overrides=overrides, plugins=plugins, one=True), robot)[0]
+
+
+def examine_all(
+    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str] = (),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (),
+) -> tuple[Plan, ...]:  # fmt: skip
+    """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
+    reported together."""
+    return _plans(*read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins), robot)
+
+
+@blame_laws()
+def read(
+    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str | None] = (None,),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), one: bool = False, propose: bool = False,
+) -> tuple[list[Examined], tuple[Problem, ...]]:  # fmt: skip
+    """What is found in each variant, and the problems of the scenario's file; arguments as for `examine`.
+
+    variants: names; None: all. one: whether several variants are a problem. propose: propose parameters for an arm that its
+    springs and motors do not hold, which takes some time. Raises ScenarioError for a file that contains no scenario, or lacks a
+    variant.
+    """
+    given, file = (robot, None) if isinstance(robot, Robot) else (None, robot)
+    parts = [read_scenarios(scenario, variant=name, overrides=overrides, robot=file, plugins=plugins) for name in variants]
+    scenarios, problems = [one for part, _ in parts for one in part], [problem for _, part in parts for problem in part]
+    if one and len(scenarios) > 1:
+        raise ScenarioError([*distinct(problems), several_variants(scenarios)])
+    found, robots = [], _Robots()
+    for own in scenarios:
+        source, errors = (given, ()) if given is not None else robots.of(own)
+        plan, more, warnings = findings(own, source, propose=propose)
+        found.append(Examined(own, source, plan, (*errors, *more), warnings))
+    return found, tuple(distinct(problems))
+
+
+class _Robots:
+    """Robots of scenarios; variants with the same robot share it."""
+
+    def __init__(self) -> None:
+        self._read: dict[Any, tuple[Robot | None, tuple[Problem, ...]]] = {}
+
+    def of(self, scenario: Scenario) -> tuple[Robot | None, tuple[Problem, ...]]:
+        """Robot of the file that the scenario names, or None and the reasons why it cannot be read."""
+        if any(key == "robot" for key, *_ in scenario.unread):
+            return None, ()
+        named = {**scenario.xacro_arguments}, {**scenario.package_paths}
+        key = scenario.robot, scenario.locked, *(tuple(table.items()) for table in named)
+        if key not in self._read:
+            try:
+                self._read[key] = robot_of(scenario), ()
+            except RobotError as error:
+                self._read[key] = None, error.problems
+        return self._read[key]
+
+
+def _plans(found: Sequence[Examined], problems: Sequence[Problem], robot: Robot | str | Path | None) -> tuple[Plan, ...]:
+    """Plans without problems. Raises ScenarioError, or RobotError if the robot's file is at fault."""
+    errors = [problem for one in found for problem in one.errors]
+    plans = [replace(one.plan, given=isinstance(robot, Robot)) for one in found if one.plan is not None]
+    if problems or len(plans) < len(found):
+        of_robot = not problems and any(one.source is None or one.source.faults for one in found)
+        warnings = distinct(warning for one in found if one.plan is None for warning in one.warnings)
+        raise (RobotError if of_robot else ScenarioError)(distinct([*problems, *errors]), warnings=warnings)
+    return tuple(plans)
 
 
 def findings(
