@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from asrsim.errors import SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.runs.execute import execute, write_summary
+from asrsim.runs.folder import folder_problems
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario import Scenario
@@ -209,7 +210,10 @@ def run(
         DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
-    plan = examine(scenario, robot, variant=variant, overrides=overrides, plugins=plugins)
+    plan = examine(
+        scenario, robot, variant=variant, overrides=overrides, plugins=plugins,
+        beside=None if out is None else lambda own: folder_problems(own, lambda _: Path(out), overwrite=overwrite),
+    )  # fmt: skip
     return _run_one(
         plan, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check, progress=progress, stop=stop
     )
@@ -228,11 +232,17 @@ def run_variants(
 
     out: Folder in which each variant gets a subfolder.
     """
-    found = {}
-    for plan in examine_all(scenario, overrides=overrides, plugins=plugins):
-        name = plan.scenario.variant
-        found[name] = _run_one(plan, None if out is None else Path(out) / name, overwrite=overwrite, keep=keep)
-    return found
+
+    def folder(one: Scenario) -> Path:
+        return Path(out or "") / one.variant
+
+    plans = examine_all(
+        scenario, overrides=overrides, plugins=plugins,
+        beside=None if out is None else lambda own: folder_problems(own, folder, overwrite=overwrite),
+    )  # fmt: skip
+    return {
+        plan.scenario.variant: _run_one(plan, out and folder(plan.scenario), overwrite=overwrite, keep=keep) for plan in plans
+    }
 
 
 def _run_one(

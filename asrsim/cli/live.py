@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,9 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
 from asrsim.cli.interrupt import Interruption
 from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, View, into_folder, option
+
+if TYPE_CHECKING:
+    from asrsim.scenario import Scenario as LoadedScenario
 
 
 @command("Print errors and warnings only.")
@@ -59,6 +62,7 @@ def live(
     from asrsim.live import TRANSPORTS, Access
     from asrsim.live.origin import origin_of
     from asrsim.live.session import Session, Settings
+    from asrsim.runs.folder import folder_problems
     from asrsim.simulation.examine import examine
 
     names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
@@ -66,7 +70,14 @@ def live(
     if wrong := [name for name in names if name not in known]:
         raise typer.BadParameter(f"there is no transport '{wrong[0]}'; choose from: {', '.join(known)}", param_hint="--on")
     names = [name for name in names if name != "none"]
-    plan = examine(scenario, variant=variant, overrides=overrides or (), plugins=plugin)
+
+    def folder_of(one: LoadedScenario) -> Path:
+        return out or Path("out") / one.name / f"{one.variant}_live"
+
+    plan = examine(
+        scenario, variant=variant, overrides=overrides or (), plugins=plugin,
+        beside=None if twin else lambda own: folder_problems(own, folder_of, overwrite=overwrite),
+    )  # fmt: skip
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
         return _follow(plan, names, access, namespace, duration, view=view, quiet=quiet)
@@ -74,7 +85,7 @@ def live(
     with StatusLine(show=not quiet) as line:
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
-        folder = out or Path("out") / plan.scenario.name / f"{plan.scenario.variant}_live"
+        folder = folder_of(plan.scenario)
         with Interruption("") as interruption:
             if view:
                 session, summary = _shown(

@@ -15,6 +15,7 @@ from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, i
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import Executed
+    from asrsim.scenario import Scenario as LoadedScenario
 
 
 @command("Print errors, warnings and failed claims only.")
@@ -58,19 +59,25 @@ def run(
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import execute, write_summary
-    from asrsim.runs.folder import default_folder
+    from asrsim.runs.folder import default_folder, folder_problems
     from asrsim.runs.lock import owned
     from asrsim.simulation.examine import examine_all
 
     settings = [*(overrides or []), *([f"engine={engine}"] if engine else [])]
-    plans = examine_all(scenario, variants=variant or (), overrides=settings, plugins=plugin)
+
+    def folder_of(one: LoadedScenario, variants: int) -> Path:
+        return default_folder(one) if out is None else (out / one.variant if variants > 1 else out)
+
+    plans = examine_all(
+        scenario, variants=variant or (), overrides=settings, plugins=plugin,
+        beside=lambda own: folder_problems(own, lambda one: folder_of(one, len(own)), overwrite=overwrite),
+    )  # fmt: skip
     done: list[Executed] = []
     printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
     with Interruption() as interruption:
         for plan in plans:
-            one = plan.scenario
-            folder = default_folder(one) if out is None else (out / one.variant if len(plans) > 1 else out)
+            one, folder = plan.scenario, folder_of(plan.scenario, len(plans))
             title, before = f"{one.name} / {one.variant}", len(done)
             try:
                 with owned(folder):

@@ -5,7 +5,7 @@ Whatever works on a `Plan` trusts it: `prepare` builds the run, `asrsim.runs.exe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,6 +56,14 @@ class Plan:
         return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario), model=model)
 
 
+DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
+"""Keys of the scenario that say which joints there are, and what drives them."""
+
+
+Beside = Callable[[Sequence[Scenario]], Iterable[Problem]]
+"""Function that returns further problems of the variants, to be reported beside those found."""
+
+
 class Examined(NamedTuple):
     """What an examination finds in one variant of a scenario."""
 
@@ -70,7 +78,7 @@ class Examined(NamedTuple):
 
 def examine(
     scenario: str | Path | Scenario | Plan, robot: Robot | str | Path | None = None, *, variant: str | None = None,
-    overrides: Overrides = (), plugins: Sequence[str | Path] = (),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
 ) -> Plan:  # fmt: skip
     """Check a scenario of one variant: keys, robot, actuators, signals, claims and recordings.
 
@@ -79,21 +87,24 @@ def examine(
         robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
         variant, overrides: Of a scenario's file, as `asrsim.run` takes them.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
+        beside: Function that returns further problems, such as those of the folder for results, if there are problems at all.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.
     """
     if isinstance(scenario, Plan):
         return scenario
-    return _plans(*read(scenario, robot, variants=(variant,), overrides=overrides, plugins=plugins, one=True), robot)[0]
+    found, problems = read(scenario, robot, variants=(variant,), overrides=overrides, plugins=plugins, one=True)
+    return _plans(found, problems, robot, beside)[0]
 
 
 def examine_all(
     scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str] = (),
-    overrides: Overrides = (), plugins: Sequence[str | Path] = (),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
 ) -> tuple[Plan, ...]:  # fmt: skip
     """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
     reported together."""
-    return _plans(*read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins), robot)
+    found, problems = read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins)
+    return _plans(found, problems, robot, beside)
 
 
 @blame_laws()
@@ -140,12 +151,15 @@ class _Robots:
         return self._read[key]
 
 
-def _plans(found: Sequence[Examined], problems: Sequence[Problem], robot: Robot | str | Path | None) -> tuple[Plan, ...]:
+def _plans(
+    found: Sequence[Examined], problems: Sequence[Problem], robot: Robot | str | Path | None, beside: Beside | None
+) -> tuple[Plan, ...]:
     """Plans without problems. Raises ScenarioError, or RobotError if the robot's file is at fault."""
     errors = [problem for one in found for problem in one.errors]
     plans = [replace(one.plan, given=isinstance(robot, Robot)) for one in found if one.plan is not None]
     if problems or len(plans) < len(found):
         of_robot = not problems and any(one.source is None or one.source.faults for one in found)
+        errors += [] if beside is None else beside([one.scenario for one in found])
         warnings = distinct(warning for one in found if one.plan is None for warning in one.warnings)
         raise (RobotError if of_robot else ScenarioError)(distinct([*problems, *errors]), warnings=warnings)
     return tuple(plans)
@@ -159,14 +173,14 @@ def findings(
     source: robot of the file; None if it cannot be read. propose: propose parameters for an arm that its springs and motors do
     not hold, which takes some time.
     """
-    robot, errors = misfits(scenario, source)
+    robot, faults, errors = misfits(scenario, source)
     if source is None or robot is None:
-        return None, (*errors, *_wrong_claims(scenario)), () if source is None else warnings_of(source)
-    stepping, sound = stepping_called(scenario.stepping), not errors and not scenario.unread
-    drives = make_drives(robot, stepping, scenario) if sound else ()
+        return None, (*faults, *errors, *_wrong_claims(scenario)), () if source is None else warnings_of(source)
+    stepping, known = stepping_called(scenario.stepping), not faults and not any(key in DRIVING for key, *_ in scenario.unread)
+    drives = make_drives(robot, stepping, scenario) if known else ()
     joints = described(scenario, drives)
-    errors = [*errors, *_wrong_claims(scenario, joints)]
-    if errors or not sound:
+    errors = [*faults, *errors, *_wrong_claims(scenario, joints)]
+    if errors or scenario.unread:
         return None, tuple(errors), warnings_of(source)
     model = model_of(scenario, robot)
     warnings = (
