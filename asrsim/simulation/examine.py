@@ -53,7 +53,7 @@ class Plan:
         """This plan with other fields of the scenario that need no examination: engine, step, substeps, sampled signals."""
         scenario = replace(self.scenario, **changes)
         model = model_of(scenario, self.robot) if scenario.engine != self.scenario.engine else self.model
-        return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario), model=model)
+        return replace(self, scenario=scenario, model=model)
 
 
 DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
