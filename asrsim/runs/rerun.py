@@ -69,7 +69,7 @@ class Repetition:
         }
 
 
-def repeat(
+def rerun(
     path: str | Path,
     *,
     plugins: Sequence[str | Path] = (),
