@@ -6,7 +6,6 @@ import pytest
 
 import asrsim
 from asrsim.errors import InputError
-from asrsim.export import export_mjcf
 from asrsim.scenario import check as checks
 from asrsim.simulation import examine as examination
 from asrsim.simulation.examine import examine
@@ -87,7 +86,7 @@ DOORS = {
     "sweep": lambda path: asrsim.sweep(path, {"duration": [0.1, 0.2]}),
     "make_env": lambda path: asrsim.make_env(path),
     "view": lambda path: maker(path),
-    "export": lambda path: export_mjcf(path, path.parent / "robot.xml"),
+    "export": lambda path: asrsim.export(path, path.parent / "robot.xml"),
 }
 
 
