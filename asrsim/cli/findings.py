@@ -102,13 +102,15 @@ def scenario_report(path: Path) -> FileReport:
 def _built(found: Examined, report: FileReport) -> FileReport:
     """Report with what is found in a scenario and its robot, and when the run is built. For a robot file, only the robot's own
     warnings are reported."""
+    from asrsim.scenario.check import loop_warnings
     from asrsim.simulation.prepare import build
 
     scenario, plan, alone = found.scenario, found.plan, report.kind == "robot"
     if plan is None:
         return replace(report, errors=found.errors, warnings=found.warnings)
     if alone:
-        plan = replace(plan, warnings=tuple(map(scenario.placed, warnings_of(plan.robot))))
+        loops = (replace(one, file=report.path) for one in loop_warnings(scenario, plan.source, plan.robot))
+        plan = replace(plan, warnings=(*map(scenario.placed, warnings_of(plan.robot)), *loops))
     report = replace(report, robot=plan.robot, step=scenario.step, warnings=plan.warnings)
     try:
         prepared = build(plan)

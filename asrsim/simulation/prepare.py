@@ -20,6 +20,7 @@ from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_
 from asrsim.plugins import blame_laws
 from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
+from asrsim.robot.massless import SINGULAR
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
@@ -37,8 +38,6 @@ from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import Resolution, resolution_of
 from asrsim.versions import version
 
-SINGULAR = 1e-12
-"""Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
 WORLD, MAP = "world", "map"
 WARP = "mujoco_warp"
 """Name of the engine of worlds on a device of Warp."""
