@@ -24,7 +24,7 @@ from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.sweeps.fitted import Joint, joint_of, load_fit
+from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 
 LARGEST = float(np.finfo(np.float32).max)
 """Bound that the observation space states for unbounded values."""
@@ -88,7 +88,9 @@ class ControlTask:
         delay = options["delay"]
         self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
         self._period = self.steps * scenario.step
-        self._fit: Joint | None = joint_of(load_fit(Path(options["fit"])), Path(options["fit"])) if options["fit"] else None
+        self._fit: JointDistribution | None = (
+            joint_of(load_fit(Path(options["fit"])), Path(options["fit"])) if options["fit"] else None
+        )
         for joint in self._push.keys:
             prepared.slot_of(joint, EXTERNAL_TORQUE)
         # Start positions beyond a stop must raise now, not after hours of training.

@@ -19,7 +19,7 @@ from asrsim.kinematics.inverse import Demand
 from asrsim.learning.figure import write_figure
 from asrsim.learning.plant import Plant, make_plant
 from asrsim.learning.prepared import PreparedLearning, prepare_learning
-from asrsim.learning.state import State, load_state, save_state, simulation_basis
+from asrsim.learning.state import LearningState, load_state, save_state, simulation_basis
 from asrsim.learning.trial import LearningResult, Trial, iterate
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
@@ -105,7 +105,7 @@ def learn(
 
         def ended(trial: Trial) -> None:
             trials.append(trial)
-            save_state(folder / STATE, basis, State(trials=tuple(trials)))
+            save_state(folder / STATE, basis, LearningState(trials=tuple(trials)))
             if on_trial is not None:
                 on_trial(trial)
 

@@ -18,7 +18,7 @@ from asrsim.simulation.divergence import runaway
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
-from asrsim.simulation.layout import HEALTHY, NO_VALUE
+from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
@@ -133,7 +133,7 @@ class Simulation:
             if self.recording.active:
                 first, found = whole_steps(before, self.substep, self.substeps)
                 self.recording.take(first, rows[0, :found])
-            if self._core.fault[0, 0] != HEALTHY:
+            if self._core.fault[0, 0] != HEALTH.healthy:
                 self._diverge()
             if self.substep == boundary:
                 self.flush()
@@ -152,7 +152,7 @@ class Simulation:
         core, prepared = self._core, self.prepared
         self.recording.flush(self.substep, core.S[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
-        if kind != NO_VALUE:
+        if kind != HEALTH.no_value:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
             joint = np.nan_to_num(np.abs(core.S[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite or sane"

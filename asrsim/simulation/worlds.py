@@ -24,12 +24,13 @@ from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
+from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
-from asrsim.simulation.layout import EXTERNAL, HEALTHY
+from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
@@ -211,7 +212,7 @@ class Worlds:
     @property
     def healthy(self) -> NDArray[np.bool_]:
         """Whether each world can continue, (N,); False after a divergence."""
-        return np.asarray(self.core.fault[:, 0] == HEALTHY)
+        return np.asarray(self.core.fault[:, 0] == HEALTH.healthy)
 
     @property
     def compiled(self) -> bool:
@@ -229,7 +230,7 @@ class Worlds:
         ran, start = 0, -(-self.core.done // self.substeps) if keep else NOTHING
         places = self._everyone[: len(numbers)]
         while ran < count and len(numbers):
-            if (self.core.fault[numbers, 0] != HEALTHY).any():
+            if (self.core.fault[numbers, 0] != HEALTH.healthy).any():
                 moving = self.healthy[numbers]
                 numbers, places = numbers[moving], places[moving]
                 continue
@@ -531,11 +532,11 @@ class Worlds:
         # A follower is corrected through its master.
         followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
-        self.core.observer = observer.measured, np.array(observer.gains), engine.coordinates
+        self.core.corrections = Corrections(observer.measured, np.array(observer.gains), engine.coordinates)
         try:
             return self.record(names, steps=steps, worlds=numbers)
         finally:
-            self.core.observer = UNOBSERVED
+            self.core.corrections = UNOBSERVED
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
         """Quantities of a run of the worlds from their start; see `rollout`."""

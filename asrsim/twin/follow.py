@@ -14,7 +14,7 @@ from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import save_charts
 from asrsim.quantities import linear_unit
 from asrsim.recordings import read_recording, resample
@@ -214,8 +214,8 @@ def charts(found: Followed) -> list[list[Chart]]:
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
         unit, stiff = (found.units[field][j].replace("N m", "N·m") for field in ("external_torque", "stiffness"))
         bands = [
-            Band(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
-            Band(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),
+            Shade(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
+            Shade(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),
         ]
         line = Line(label="external torque", x=found.time, y=torque, colour=style.SKY)
         known = np.abs(torque[np.isfinite(torque)])

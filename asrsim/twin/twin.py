@@ -19,7 +19,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.prepare import Prepared, Start, prepare
 from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.twin.loops import Limits, Loops, compiled_loops, tables
+from asrsim.twin.loops import AlarmLimits, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
@@ -134,12 +134,12 @@ class Twin:
         self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
-        self._limits = Limits(
+        self._limits = AlarmLimits(
             forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
             slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
         )  # fmt: skip
         self._tables = tables(len(self._starts), n, COLUMNS)
-        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else Loops()
+        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else TwinLoops()
         self._mismatch = Mismatch(self._tables.rows, interval=EVERY)
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
