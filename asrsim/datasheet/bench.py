@@ -19,7 +19,7 @@ MOST_POINTS = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class MeasuredCurve:
     """Measured points of a torque curve."""
 
     label: str
@@ -29,7 +29,7 @@ class Measured:
     """Torque on the link (n,), N m."""
 
 
-def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> Measured:
+def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> MeasuredCurve:
     """Torque over deflection in a recording: of a column `deflection`, or of motor and link positions; the torque is
     `link_torque`, or the sum of the elastic torques. Raises RecordingError if a column is missing."""
     recording = read_recording(path, mapping=list(mapping) or None, joints=[source.drive.joint])
@@ -56,4 +56,4 @@ def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> Measur
         deflection = over_arrays(source.drive.actuator.equilibrium_position)(*places) - values("link_position")
     torque = np.sum([values(name) for name in torques], axis=0)
     kept = slice(None, None, max(1, len(time) // MOST_POINTS))
-    return Measured(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept])
+    return MeasuredCurve(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept])

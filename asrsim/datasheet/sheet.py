@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.datasheet.bench import Measured, measured_curve
+from asrsim.datasheet.bench import MeasuredCurve, measured_curve
 from asrsim.datasheet.data import Entry, Sheet
 from asrsim.datasheet.linear import Load, position_bandwidth, preset_bandwidth
 from asrsim.datasheet.published import PUBLISHED
@@ -191,7 +191,7 @@ def _settings(statics: Statics) -> list[tuple[str, float]]:
     return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(*statics.presets, CURVES)]
 
 
-def _laws(statics: Statics, bench: Measured | None) -> tuple[Chart, ...]:
+def _laws(statics: Statics, bench: MeasuredCurve | None) -> tuple[Chart, ...]:
     torques, stiffnesses = [], []
     for i, (label, preset) in enumerate(_settings(statics)):
         deflection = np.linspace(-(reach := statics.reach(preset)), reach, 201)

@@ -16,7 +16,7 @@ from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
-from asrsim.plots.figures import Page, run_pages
+from asrsim.plots.figures import FigurePage, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
@@ -44,6 +44,8 @@ class PlotJob:
     quantities: tuple[str, ...] | None = None
     lag: LagChoice = "auto"
     """Lag of the recordings' clock in s, or how it is found."""
+    measures: tuple[str, ...] = ()
+    """Names of further measures of run and recording."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
@@ -203,7 +205,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
             # A recording has one clock: the lag found with the first run is used for the other runs too.
-            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
+            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, measures=job.measures,
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)
@@ -244,7 +246,7 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
     folder = make_folder(job.folder)
     before = {path.name for path in folder.iterdir()}
     files: list[Path] = []
-    pages: list[Iterator[Page]] = []
+    pages: list[Iterator[FigurePage]] = []
     if result.compared:
         runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
         references = any(name.startswith("reference") for name in job.quantities or ())

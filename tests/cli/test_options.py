@@ -38,9 +38,10 @@ CALLS = {
                    "samples": 8, "seed": 7, "fit": "f.json"}]},
     ),
     "asrsim.plots.job.PlotJob": (
-        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --align 0.2 --format pdf --bode --band 1 5
-        --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
-        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"], "lag": 0.2,
+        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --measure rms --align 0.2 --format pdf --bode
+        --band 1 5 --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
+        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"],
+         "measures": ["rms"], "lag": 0.2,
          "formats": ["pdf"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
          "start": 0.1, "end": 2.0, "folder": "pictures"},
     ),
