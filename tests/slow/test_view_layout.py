@@ -15,7 +15,7 @@ def test_news_do_not_move_the_buttons(tmp_path):
         open_page() as browser,
         asrsim.view(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", out=tmp_path / "run") as view,
     ):
-        page = browser(view.address)
+        page = browser(view)
         button = page.page.get_by_role("button", name="Pause", exact=True)
         button.wait_for()
         page.page.get_by_text("behind").first.wait_for()
