@@ -46,11 +46,13 @@ def drawn(folder, seed):
     """Robot files that `check` accepts, in random order; of one repository, one file for each name of a robot."""
     files, seen = sorted(folder.rglob("*.urdf")), set()
     for index in np.random.default_rng(seed).permutation(len(files)):
-        robot = robot_report(files[index]).robot if files[index].is_file() else None
-        key = robot and (files[index].relative_to(folder).parts[0], robot.name)
-        if robot and key not in seen:
-            seen.add(key)
-            yield files[index]
+        path = files[index]
+        report = robot_report(path) if path.is_file() else None
+        if report and report.robot and not report.errors:
+            key = (path.relative_to(folder).parts[0], report.robot.name)
+            if key not in seen:
+                seen.add(key)
+                yield path
 
 
 @pytest.mark.skipif("ASRSIM_ROBOTS" not in os.environ, reason="ASRSIM_ROBOTS names no folder of robots")
