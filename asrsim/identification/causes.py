@@ -17,6 +17,8 @@ from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameter
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
 from asrsim.samples import Array
 
+UNFOLLOWED = 0.5
+"""Fraction of the variance of a position above which a simulation does not follow it."""
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise."""
 PARTLY = 0.5
@@ -115,6 +117,21 @@ def _suspected(found: Extended, rest: str) -> str:
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
+
+
+def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on joints that do not follow their recorded motion under their controller, although the torque of their drive
+    was recorded.
+    """
+    for part, left in differences(problem, x):
+        track, joint = problem.tracks[part.track], part.channel.joint
+        mode = next(drive.mode for drive in track.door.drives if drive.name == joint)
+        lost = not np.mean(left**2) < UNFOLLOWED * np.var(part.recorded)
+        if part.channel.quantity == "link_position" and lost and mode and mode.controller and joint in track.data.torques:
+            names = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
+            maps = [f"'{track.data.torques[joint]}={joint}.reference_1'", *(f"'{name}=ignore'" for name in names)]
+            options = " ".join(f"--map {text}" for text in maps)
+            yield f"the robot's controller of {joint} may be another one: play the recorded torque instead (--mode 0 {options})"
 
 
 def _delays(problem: Problem, _: Array) -> Iterator[Extension]:

@@ -1,11 +1,16 @@
 """A fit names the effect that its model lacks; recordings are from an independent integrator."""
 
+from contextlib import ExitStack
+
+import numpy as np
 import pytest
 
 from asrsim.identification import identify
+from asrsim.identification.causes import wrong_controllers
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.robot import load_robot
 from asrsim.robot.dynamics import RobotModel
+from support.identify_files import prepared
 from support.odd_arm import drawn, record
 from support.soft_arm import SEA
 
@@ -78,3 +83,16 @@ def test_an_adopted_cause_is_identified_and_the_springs_are_right(tmp_path, effe
         one = found.find(name)
         assert one.low < value < one.high
         assert one.verdict == "identified"
+
+
+def test_a_recorded_torque_is_proposed_if_the_controller_is_another_one(tmp_path):
+    """A link of 0.009 kg m^2 under its recorded torque; the goal says little about its motion."""
+    time = np.arange(0.0, 2.0, 0.005)
+    place = 0.3 * np.sin(9.0 * time) + 0.1 * np.sin(17.0 * time)
+    torque = -0.009 * (24.3 * np.sin(9.0 * time) + 28.9 * np.sin(17.0 * time))
+    columns = {"time [s]": time, "joint_1.reference_1 [rad]": 0.1 * np.sin(2.0 * time), "joint_1.link_position [rad]": place}
+    with ExitStack() as stack:
+        problem = prepared(stack, tmp_path, {**columns, "joint_1.link_torque [N m]": torque}, ["joint_1.damping"], mode=1)
+        (text,) = wrong_controllers(problem, np.zeros(len(problem.layout)))
+    maps = "joint_1.link_torque [N m]=joint_1.reference_1", "joint_1.reference_1 [rad]=ignore"
+    assert text.endswith(f"(--mode 0 --map '{maps[0]}' --map '{maps[1]}')")
