@@ -11,14 +11,12 @@ import numpy as np
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
-from asrsim.identification.judge import missing_mode
+from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
 from asrsim.samples import Array
 
-UNFOLLOWED = 0.5
-"""Fraction of the variance of a position above which a simulation does not follow it."""
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise."""
 PARTLY = 0.5
@@ -126,7 +124,7 @@ def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         mode = next(drive.mode for drive in track.door.drives if drive.name == joint)
-        lost = not np.mean(left**2) < UNFOLLOWED * np.var(part.recorded)
+        lost = not np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded)
         if part.channel.quantity == "link_position" and lost and mode and mode.controller and joint in track.data.torques:
             names = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
             maps = [f"'{track.data.torques[joint]}={joint}.reference_1'", *(f"'{name}=ignore'" for name in names)]

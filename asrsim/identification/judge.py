@@ -29,7 +29,7 @@ SHAKEN = 2.0
 """Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
 HIDDEN = 3.0
 """Ratio of residuals to noise above which only noise of the commands explains the residuals of a model that fits."""
-EXPLAINED = 0.5
+FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
@@ -213,7 +213,7 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    lowest = 0.0 if any(one.explained > EXPLAINED for one in fits) else EXPLAINED
+    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
     doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
     found = {one.key: f"{one.key}: {one.suspicion or doubt}" for one in fits if one.explained < lowest}
     return list(found.values())
