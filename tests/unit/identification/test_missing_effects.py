@@ -10,7 +10,9 @@ from asrsim.identification.causes import wrong_controllers
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.robot import load_robot
 from asrsim.robot.dynamics import RobotModel
-from support.identify_files import prepared
+from support.identify_files import CHIRP, prepared, save, write
+from support.identify_files import SEA as LAB
+from support.identify_files import record as log_of
 from support.odd_arm import drawn, record
 from support.soft_arm import SEA
 
@@ -96,3 +98,20 @@ def test_a_recorded_torque_is_proposed_if_the_controller_is_another_one(tmp_path
         (text,) = wrong_controllers(problem, np.zeros(len(problem.layout)))
     maps = "joint_1.link_torque [N m]=joint_1.reference_1", "joint_1.reference_1 [rad]=ignore"
     assert text.endswith(f"(--mode 0 --map '{maps[0]}' --map '{maps[1]}')")
+
+
+@pytest.mark.slow
+def test_a_spring_that_saturates_and_a_zero_of_a_command_are_named(tmp_path):
+    """A simulated spring of 4 N m/rad whose torque stays constant beyond 0.03 rad; a torque that is 0.03 N m too small."""
+    chirp = f"{{equilibrium_position: {CHIRP}}}"
+    limited = write(tmp_path, "true", {**LAB, "tags": "<spring_k>4.0</spring_k><max_def>0.03</max_def>"}, chirp)
+    free = ["joint_1.spring_stiffness", "joint_1.damping"]
+    found = identify(write(tmp_path, "lab", LAB), [log_of(limited, tmp_path / "a.csv")], free=free)
+    assert found.causes[0].startswith("a limit max_deflection of joint_1 (0.03")
+    time = np.arange(0.0, 3.0, 1e-3)
+    place = 0.4 * (1.0 - np.cos(5.0 * time)) + 1e-4 * np.random.default_rng(0).normal(size=len(time))
+    moved = 0.4 * (0.009 * 25.0 * np.cos(5.0 * time) + 0.05 * 5.0 * np.sin(5.0 * time))
+    heading = "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]"
+    table = save(tmp_path / "b.csv", heading, time, moved - 0.03, place)
+    found = identify(write(tmp_path, "lab", {**LAB, "mode": 0}), [table], free=["joint_1.damping", "link_1.izz"])
+    assert found.causes[0].startswith("a zero offset of joint_1.reference_1 (-30"), found.causes
