@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.designs.limits import Limits, interval
+from asrsim.designs.limits import DesignLimits, interval
 from asrsim.designs.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identification.door import COMPARABLE, Door, Drive, Start
+from asrsim.identification.door import Door, Drive, Start, comparable
 from asrsim.identification.parameters import Layout, numbers_of, parameters_of
 from asrsim.quantities import each_motor
 from asrsim.robot.model import Robot
@@ -85,7 +85,7 @@ class DesignPlant:
     """A scenario whose references are designed, for robots with different parameters."""
 
     def __init__(
-        self, scenario: Scenario, robot: Robot, layout: Layout, limits: Limits, seconds: float, robots: Sequence[Array]
+        self, scenario: Scenario, robot: Robot, layout: Layout, limits: DesignLimits, seconds: float, robots: Sequence[Array]
     ) -> None:
         """robots: parameter vector of each robot."""
         self.scenario = replace(scenario, duration=seconds, expect=(), desired={}, log_every=1)
@@ -93,7 +93,7 @@ class DesignPlant:
         self.step, self.rows = scenario.step, round(seconds / scenario.step) + 1
         self._problems: list[Problem] = []
         bounds = tuple(self._bounds(limits))
-        self.bounds = tuple(bound for bound in bounds if bound.quantity in COMPARABLE)
+        self.bounds = tuple(bound for bound in bounds if bound.quantity in comparable())
         self.references = tuple(one for drive in self.door.drives for one in self._references(drive, bounds))
         self.channels = tuple(self._channels(limits))
         parameters = tuple(parameters_of(self.door.robot, (), {}))
@@ -130,7 +130,7 @@ class DesignPlant:
     def _fault(self, key: str, message: str, **details: Any) -> None:
         self._problems.append(Problem(message, key=key, code="limits", **details))
 
-    def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
+    def _bounds(self, limits: DesignLimits) -> Iterator[LimitBound]:
         references = {name: [name] for drive in self.door.drives for name in drive.references}
         for joint, ranges in limits.limits.items():
             if joint not in self.door.joints:
@@ -139,7 +139,7 @@ class DesignPlant:
             for name, given in ranges.items():
                 quantities = references.get(name) or _quantities(name)
                 if not quantities:
-                    message, choices = "no quantity or reference has this name", (*references, *COMPARABLE)
+                    message, choices = "no quantity or reference has this name", (*references, *comparable())
                     self._fault(f"limits.{joint}.{name}", message, meant=name, choices=choices)
                 yield from (LimitBound(joint, quantity, *interval(given)) for quantity in quantities)
 
@@ -170,13 +170,13 @@ class DesignPlant:
             else:
                 yield Reference(drive.name, name, slot, mode.units[min(slot, len(mode.units) - 1)], home, bound.low, bound.high)
 
-    def _channels(self, limits: Limits) -> Iterator[DesignChannel]:
+    def _channels(self, limits: DesignLimits) -> Iterator[DesignChannel]:
         noise = limits.noise or dict.fromkeys(("link_position", *each_motor("motor_{}_position")), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
             quantities = _quantities(quantity)
             if not quantities or owner not in ("", *self.door.joints):
-                self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=COMPARABLE)
+                self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=comparable())
             sensor = name if name in limits.sensors else ""
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
@@ -257,4 +257,5 @@ def _quantities(name: str) -> list[str]:
     all motors, `elastic_torque` for those of all springs.
     """
     each = ([*each_motor(name.replace("motor_", "motor_{}_"))], [*each_motor(name + "_{}")])
-    return next((several for several in ([name], *each) if several[0] in COMPARABLE), [])
+    known = comparable()
+    return next((several for several in ([name], *each) if several[0] in known), [])
