@@ -171,7 +171,7 @@ class BulletContacts(BulletEngine):
         self._pushed: tuple[HeldWrench, ...] = ()
         """Wrenches that are held on objects."""
         self._calculation = Calculation(find_torques, self._room)
-        self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
+        self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 6)), self._forces, np.ones(1)
         """Arguments of `find_torques`."""
 
     def _add_object(self, item: WorldObject) -> int:

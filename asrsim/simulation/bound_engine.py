@@ -25,7 +25,7 @@ class BoundEngine:
     def __init__(self, engine: Engine, watch: Callable[[], None] | None = None) -> None:
         """watch: function that is called before each step of the engine."""
         self.engine, self._watch = engine, watch
-        self._exchange = np.zeros((0, len(engine.joints), 5))
+        self._exchange = np.zeros((0, len(engine.joints), 6))
         self._parts: list[Array] = []
         """Exchange arrays, indexed by the number of pieces of the kick."""
         self.states: Any = {}
@@ -39,7 +39,7 @@ class BoundEngine:
         return self._step
 
     def borrow(self, pieces: int) -> tuple[Array, Any]:
-        """The exchange array (pieces, joints, 5) and a record for one call of the kernel. pieces: largest number of pieces of a
+        """The exchange array (pieces, joints, 6) and a record for one call of the kernel. pieces: largest number of pieces of a
         kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
@@ -148,7 +148,7 @@ class NativeEngine(BoundEngine):
     def borrow(self, pieces: int) -> tuple[Array, Any]:
         """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
         record = self._records.pop() if self._records else self._native.make_record()
-        return np.zeros((pieces, len(self.engine.joints), 5)), record
+        return np.zeros((pieces, len(self.engine.joints), 6)), record
 
     def give_back(self, record: Any) -> None:
         """End a call of the kernel."""

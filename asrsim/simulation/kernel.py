@@ -35,6 +35,7 @@ from asrsim.simulation.layout import (
     DIRECT,
     E_DAMPING,
     E_FRICTION,
+    E_MIDDLE,
     E_POSITION,
     E_TORQUE,
     E_VELOCITY,
@@ -76,7 +77,7 @@ def run(
     watched: 1 to compute energies, limits and spring stiffness, otherwise 0; done: number (worlds,) of completed substeps;
     fault: health and faulty joint (worlds, 2); states, constants: S and P (worlds, joints, ...) of `asrsim.simulation.fields`;
     kinds: K (joints, ...); stepping: a `Scheme`; engine_states: state of the engine (worlds, ...); inputs, references,
-    wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 5) shared with the engine;
+    wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 6) shared with the engine;
     engine: address of the engine's step function, which receives `record`; columns, goals: recorded columns of S and of the
     references; out: recorded values (m, rows, joints, columns of S and of the references); last_rows: last recorded row of each
     world (worlds, joints, ...); measured, gains, coordinates: see `observe`, empty without an observer.
@@ -144,11 +145,11 @@ def run(
                     exchange[at - begin, j, E_DAMPING] = joint.drag + joint.brake
                     exchange[at - begin, j, E_FRICTION] = friction_of(joint, link, v)
                     if jumped:
-                        exchange[at - begin, j, E_VELOCITY] = nan
                         _add_piece(joint, link, 2.0 * float(own_lengths[at]), turn > on_time)
                 if jumped:
                     joint.now.torque, joint.now.applied, joint.now.push, joint.drag = torque, applied, push, drag
                     joint.stiffness, joint.law_energy, joint.brake = stiffness, energy, link.brake
+                exchange[end - begin - 1, j, E_MIDDLE] = nan
                 if not abs(total) < ENDLESS:
                     fault[w, 0], fault[w, 1] = NO_VALUE, j
                     break
@@ -158,11 +159,11 @@ def run(
             for j in range(len(kinds)):
                 joint, link, kind = joint_of(s_all, j), link_of(p_all, j), kind_of(kinds, j)
                 velocity = exchange[end - begin - 1, j, E_VELOCITY]
-                now = 0.5 * (joint.engine_velocity + velocity)
+                now = exchange[end - begin - 1, j, E_MIDDLE]
                 if substep == 0 or scheme.staggered == 0.0:
                     now = joint.engine_velocity
-                elif jumped and isfinite(exchange[on_time - begin - 1, j, E_VELOCITY]):
-                    now = exchange[on_time - begin - 1, j, E_VELOCITY]
+                elif not isfinite(now):
+                    now = 0.5 * (joint.engine_velocity + velocity)
                 read_engine(joint, link, scheme, velocity, now, jumped)
                 if kind.stages:
                     remember_stages(joint, link, kind, scheme)

@@ -13,7 +13,7 @@ EXTERNAL, GOALS = 0, 1
 """First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
 the sensor takes a sample at the beginning of the kick or piece, and the noise."""
 
-(E_POSITION, E_VELOCITY, E_TORQUE, E_DAMPING, E_FRICTION) = range(5)
+(E_POSITION, E_VELOCITY, E_TORQUE, E_DAMPING, E_FRICTION, E_MIDDLE) = range(6)
 """Columns of the array that joints and engine exchange; see `asrsim.engines.base`."""
 
 HEALTHY, NO_VALUE, RAN_AWAY = range(3)

@@ -19,6 +19,9 @@ def limit(lower, upper):
     return f'<limit lower="{lower!r}" upper="{upper!r}" effort="1000" velocity="1000"/>'
 
 
+LINKS = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
+
+
 def stopped(link, friction, lower, upper, *, gravity):
     """Arm with two equal links, and its independent solution."""
     levels, lower, upper = (tuple(map(float, pair)) for pair in (friction, lower, upper))
@@ -133,8 +136,7 @@ def test_a_damped_link_reverses_at_second_order(engine, late):
     ],
 )
 def test_joints_with_friction_move_at_second_order_after_a_jump(engine, friction, lower, speed, before, after, reversals):
-    link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
-    robot, truth = stopped(link, friction, (-2.0, lower), (2.0, 2.0), gravity=0.0)
+    robot, truth = stopped(LINKS, friction, (-2.0, lower), (2.0, 2.0), gravity=0.0)
     jump, end = 0.05037, 0.2
     middle = truth.move(np.zeros(2), np.array(speed), lambda t, q: np.array(before), np.array([0.0, jump]))[0][-1]
     rows, events = truth.move(middle[:2], middle[2:], lambda t, q: np.array(after), np.array([jump, end]))
@@ -189,3 +191,34 @@ def test_two_joints_with_stops_match_an_event_driven_solution(engine, seed):
     # Between impacts the order is two. The time of an impact is accurate to a step, and the error may grow afterwards.
     assert errors[1] < 1.5e-3
     assert errors[1] < 0.4 * errors[0]
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("struck", [0, 1])
+@pytest.mark.parametrize("late", [0.2, 0.7])
+@pytest.mark.parametrize("jump", [0.0051, 0.0058])
+def test_velocities_of_all_joints_beside_an_impact_are_those_of_the_row(engine, struck, late, jump):
+    """Where a joint strikes its stop, the velocities of all joints change at this time. A torque jumps in the same step."""
+    speed, loads, time = np.array([2.0, 3.0]), (np.array([0.1, 0.0]), np.array([1.5, 0.0])), np.arange(13) * 1e-3
+    lower, upper = np.full(2, -9.0), np.full(2, 9.0)
+
+    def motion(times):
+        """Robot, and positions and velocities (n, 4) at the times."""
+        robot, truth = stopped(LINKS, (0.0, 0.0), lower, upper, gravity=0.0)
+        early, late = times[times < jump], times[times >= jump]
+        before, _ = truth.move(np.zeros(2), speed, lambda t, q: loads[0], np.append(early, jump))
+        after, _ = truth.move(before[-1, :2], before[-1, 2:], lambda t, q: loads[1], np.append(jump, late))
+        return robot, np.concatenate([before[:-1], after[1:]])
+
+    # The stop stands where the joint is at the time of the impact without a stop.
+    upper[struck] = motion(np.array([0.0, (5 + late) * 1e-3]))[1][-1, struck]
+    robot, rows = motion(time)
+    assert np.abs(rows[6, 2:] - rows[5, 2:]).min() > 0.5
+    result = run(
+        robot, engine=engine, gravity=0.0, duration=time[-1], step=1e-3,
+        external={"joint_1": Step(at=jump, before=0.1, after=1.5)},
+        initial_velocities={f"joint_{j + 1}": float(v) for j, v in enumerate(speed)},
+    )  # fmt: skip
+    for j in (0, 1):
+        # The velocity torques of the step of the impact are those before the impact.
+        assert column(result, "link_velocity", j) == pytest.approx(rows[:, 2 + j], abs=0.05)

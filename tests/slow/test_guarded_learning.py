@@ -42,9 +42,7 @@ def test_no_trial_exceeds_the_announced_limit_without_a_warning(tmp_path):
                 warned = next_input(plant, folder, folder / f"{number}.csv").warning is not None
                 inputs = inputs_in(folder / "next.csv", plant)
         final.append(min(errors))
-        print(
-            f"{seed}: first error {errors[0]:.2e}, best {min(errors):.2e} rad; each trial over the best before: {', '.join(ratios)}"
-        )
+        print(f"{seed}: first error {errors[0]:.2e}, best {min(errors):.2e} rad; over the best before: {', '.join(ratios)}")
     print(f"needless warnings: {needless}; largest errors of the best trials: {sorted(final)}")
     assert not setbacks
     assert len(needless) <= 3
