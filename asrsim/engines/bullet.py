@@ -77,7 +77,7 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
     for i in range(room.freedoms):
         room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
-    find_change(room, exchange, 0, lengths[0])
+    find_change(room, exchange, 0, lengths[0], True)
     for j in range(room.joints):
         i = room.joint_v[j]
         mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]

@@ -270,10 +270,10 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
     have struck them.
     """
-    count, length = room.joints, lengths[piece]
+    count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
     if piece == 0:
         if _has_impact(room):
-            find_change(room, exchange, piece, 0.0)
+            find_change(room, exchange, piece, 0.0, last)
             for i in range(room.freedoms):
                 room.velocity[i] += room.change[i]
         for i in range(room.freedoms):
@@ -283,12 +283,12 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     for k in range(len(lengths)):
         ahead += 0.5 * lengths[k] if k >= piece else -0.5 * lengths[k]
     for splits in range(count + 1):
-        find_change(room, exchange, piece, length)
+        find_change(room, exchange, piece, length, last)
         resting = first_standstill(room) if splits < count else -1
         part = length
         if resting != -1:
             part *= -room.velocity[resting] / room.change[resting]
-            find_change(room, exchange, piece, part)
+            find_change(room, exchange, piece, part, last)
         if ahead > 0.0:
             _move_middle(room, exchange, piece, part, min(ahead / part, 1.0))
             ahead -= part
@@ -318,7 +318,7 @@ def _move_middle(room: Any, exchange: Any, piece: int, length: float, share: flo
     for i in range(room.freedoms):
         room.middle[i] += share * room.change[i]
     if struck:
-        find_change(room, exchange, piece, length)
+        find_change(room, exchange, piece, length, True)
 
 
 def _strikes(room: Any, i: int) -> bool:
@@ -329,10 +329,11 @@ def _strikes(room: Any, i: int) -> bool:
     return abs(goal) > SLOW or abs(room.velocity[i]) > SLOW  # type: ignore[no-any-return]
 
 
-def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
+def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool) -> None:
     """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
 
-    length: length of the part as a fraction of a step.
+    length: length of the part as a fraction of a step; last: whether the drift follows this piece. Before other pieces, only
+    joints that rest at their stops feel these.
     """
     step = room.scheme[STEP]
     time = length * step
@@ -358,6 +359,10 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
         # back would give the joint a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
+        if not last and room.slowest[i] < -SLOW:
+            room.slowest[i] = -inf
+        if not last and room.fastest[i] > SLOW:
+            room.fastest[i] = inf
     settle(room)
 
 

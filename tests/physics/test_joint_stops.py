@@ -221,4 +221,4 @@ def test_velocities_of_all_joints_beside_an_impact_are_those_of_the_row(engine, 
     )  # fmt: skip
     for j in (0, 1):
         # The velocity torques of the step of the impact are those before the impact.
-        assert column(result, "link_velocity", j) == pytest.approx(rows[:, 2 + j], abs=0.05)
+        assert column(result, "link_velocity", j) == pytest.approx(rows[:, 2 + j], abs=0.02)
