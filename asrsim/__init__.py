@@ -18,13 +18,15 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from asrsim.api import JointSeries, Result, run, run_variants
+    from asrsim.designs import Design, design
     from asrsim.errors import AsrsimError, DivergenceError, InputError, OutputError, SimulationError
+    from asrsim.exports import Export, export
     from asrsim.identification import identify
     from asrsim.learning import LearningSession, learn
     from asrsim.log import Log, open_log, read_log
     from asrsim.recordings import Recording, read_recording
     from asrsim.robot import Robot, load_robot
-    from asrsim.runs.repeat import Repetition, repeat
+    from asrsim.runs.rerun import Repetition, rerun
     from asrsim.scenario import Scenario, load_scenario, make_scenario
     from asrsim.simulation.observation import Observation
     from asrsim.simulation.prepare import Prepared, Start, prepare
@@ -37,14 +39,16 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
+    "asrsim.designs": ("Design", "design"),
     "asrsim.environment": ("make_env", "make_vec_env"),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
+    "asrsim.exports": ("Export", "export"),
     "asrsim.identification": ("identify",),
     "asrsim.learning": ("LearningSession", "learn"),
     "asrsim.log": ("Log", "open_log", "read_log"),
     "asrsim.recordings": ("Recording", "read_recording"),
     "asrsim.robot": ("Robot", "load_robot"),
-    "asrsim.runs.repeat": ("Repetition", "repeat"),
+    "asrsim.runs.rerun": ("Repetition", "rerun"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
     "asrsim.simulation.observation": ("Observation",),
     "asrsim.simulation.prepare": ("Prepared", "Start", "prepare"),
@@ -59,7 +63,9 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AsrsimError",
+    "Design",
     "DivergenceError",
+    "Export",
     "InputError",
     "JointSeries",
     "LearningSession",
@@ -80,6 +86,8 @@ __all__ = [
     "View",
     "Worlds",
     "__version__",
+    "design",
+    "export",
     "identify",
     "learn",
     "load_robot",
@@ -91,7 +99,7 @@ __all__ = [
     "prepare",
     "read_log",
     "read_recording",
-    "repeat",
+    "rerun",
     "run",
     "run_variants",
     "sweep",
@@ -100,10 +108,14 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'asrsim' has no attribute '{name}'")
     from importlib import import_module
 
+    if name not in _HOME:
+        from asrsim.renamed import new_name
+
+        if (new := new_name(name)) is None:
+            raise AttributeError(f"module 'asrsim' has no attribute '{name}'")
+        return globals().get(new) or __getattr__(new)
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value

@@ -12,6 +12,7 @@ R = TypeVar("R")
 
 OPTIONS = {
     "design": {"--seconds": "--duration", "--after": "--experiment"},
+    "export": {"--timestep": "--step"},
     "identify": {"--time": "--duration"},
     "ilc": {"--next": "--experiment", "--lag": "--align"},
     "live": {"--rate": "--publish-rate"},
@@ -27,6 +28,14 @@ NAMES = {"repeat": "rerun"}
 def tell(old: str, new: str) -> str:
     """Sentence about a name that has changed."""
     return f"{old} is called {new} now; the next version drops the old name"
+
+
+def new_name(old: str) -> str | None:
+    """New name of what the package `asrsim` called `old`, with a warning; None: there never was such a name."""
+    new = NAMES.get(old)
+    if new is not None:
+        warnings.warn(tell(f"asrsim.{old}", f"asrsim.{new}"), DeprecationWarning, stacklevel=3)
+    return new
 
 
 def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:

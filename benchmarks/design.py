@@ -20,12 +20,12 @@ import yaml
 from scipy.ndimage import uniform_filter1d
 
 import asrsim
-from asrsim.design import design
-from asrsim.design.limits import read_limits
-from asrsim.design.plant import DesignPlant
-from asrsim.design.run import altered, design_task, read_task
-from asrsim.design.search import SMALL, Search
-from asrsim.design.write import write_design
+from asrsim.designs import design
+from asrsim.designs.limits import read_limits
+from asrsim.designs.plant import DesignPlant
+from asrsim.designs.run import altered, design_task, read_task
+from asrsim.designs.search import SMALL, Search
+from asrsim.designs.write import write_design
 
 URDF = Path(__file__).parent.parent / "examples" / "urdf"
 MOTOR = ["motor_1_inertia", "motor_1_damping", "motor_1_friction_torque"]

@@ -23,7 +23,7 @@ from typing import Any
 import asrsim
 
 sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
-from tables import markdown_table, measure_table, problem_tables, scenario_tables, word_tables
+from tables import markdown_table, measure_table, problem_tables, sampler_table, scenario_tables, word_tables
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
@@ -43,6 +43,7 @@ def parts() -> dict[str, str]:
         **problem_tables(),
         **word_tables(),
         "measures": measure_table(),
+        "samplers": sampler_table(),
         "commands": commands(),
         "options": options(),
         "extras": extras(),
@@ -116,7 +117,7 @@ API = {
     "stepping": ("asrsim.simulation", "asrsim.environment"),
     "inputs": ("asrsim.robot", "asrsim.scenario", "asrsim.recordings"),
     "logs": ("asrsim.log",),
-    "studies": ("asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
+    "studies": ("asrsim.designs", "asrsim.exports", "asrsim.identification", "asrsim.learning", "asrsim.sweeps", "asrsim.twin"),
     "errors": ("asrsim.errors",),
 }
 """Pages about the public names, `docs/api-*.md`, and the modules whose names each page has."""

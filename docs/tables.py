@@ -18,6 +18,7 @@ from asrsim.robot.vocabulary import PLUGINS, WORDS
 from asrsim.scenario.data import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
 from asrsim.signals.parse import block_of
+from asrsim.sweeps.samplers import SAMPLERS
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -116,6 +117,11 @@ def measure_table() -> str:
         unit = {"series": "of the series", "1": "-"}.get(found.unit, found.unit)
         rows.append((f"`{name}`", NEEDS[found.needs], unit, found.doc, ", ".join(options)))
     return markdown_table(("measure", "of", "unit", "definition", "options"), rows)
+
+
+def sampler_table() -> str:
+    """Every sampler of a study with what it is."""
+    return markdown_table(("sampler", "draws"), [(f"`{name}`", SAMPLERS.get(name).title) for name in SAMPLERS])
 
 
 def word_tables() -> dict[str, str]:

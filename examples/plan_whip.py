@@ -1,6 +1,6 @@
 """Plan a whip motion of a soft arm in plain MuJoCo, and simulate the plan in asrsim.
 
-The plan makes the tip as fast as possible after 0.8 s. `export_mjcf` writes the arm with motors, springs and friction.
+The plan makes the tip as fast as possible after 0.8 s. `export` writes the arm with motors, springs and friction.
 The cross-entropy method plans; `mujoco.rollout` simulates all its candidates in one call.
 
     python plan_whip.py urdf/two_elastic_joints.urdf
@@ -17,7 +17,7 @@ import numpy as np
 from mujoco import rollout
 
 import asrsim
-from asrsim.export import export_mjcf
+from asrsim.exports import export
 
 DURATION, CANDIDATES, ELITE, ROUNDS = 0.8, 96, 12, 12
 KNOTS = np.linspace(0.0, DURATION, 7)
@@ -32,7 +32,7 @@ def main(robot: Path) -> None:
     """Plan the motion, and compare the tip speeds in both simulators."""
     scenario = asrsim.make_scenario(robot=robot, duration=DURATION, engine="mujoco", gravity=[0.0, 0.0, 0.0])
     with tempfile.TemporaryDirectory() as folder:
-        exported = export_mjcf(scenario, Path(folder) / "arm.xml", plot=False)
+        exported = export(scenario, Path(folder) / "arm.xml", plot=False)
         model = mujoco.MjModel.from_xml_path(str(exported.files[0]))
     steps = round(DURATION / model.opt.timestep)
     joints = exported.replay.joints

@@ -35,6 +35,13 @@ def actuators(incomplete: str) -> list[str]:
     return _beginning(ACTUATORS.names(), incomplete)
 
 
+def measures(incomplete: str) -> list[str]:
+    """Names of all measures."""
+    from asrsim.metrics import MEASURES
+
+    return _beginning(MEASURES.names(), incomplete)
+
+
 def robot_keys(incomplete: str) -> list[str]:
     """Keys of the robot's numbers that can be identified or varied."""
     from asrsim.errors import AsrsimError

@@ -53,8 +53,8 @@ def design(
     examples/recordings/limits.yaml --duration 4
     """
     from asrsim.cli.progress import FractionBar
-    from asrsim.design.run import design as designed
-    from asrsim.design.write import columns, write_design
+    from asrsim.designs.run import design as designed
+    from asrsim.designs.write import columns, write_design
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}

@@ -24,7 +24,7 @@ def export(
         int | None,
         option("Knots on each side of the spline of a spring's law.", min=0, max=50, default="error below 0.1 mrad"),
     ] = None,
-    timestep: Annotated[float | None, option("Time step of the model, s.", default="half of the scenario's step")] = None,
+    step: Annotated[float | None, option("Time step of the model, s.", default="half of the scenario's step")] = None,
     fit: Annotated[
         Path | None,
         option("fit.json of `identify`: the model gets its values, and ranges are written.", metavar="FILE"),
@@ -42,12 +42,12 @@ def export(
     """
     if to != "mjcf":
         raise typer.BadParameter(f"'{to}' is not a known format; choose from: mjcf", param_hint="--to")
-    if timestep is not None and not 1e-6 <= timestep <= 1.0:
-        raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--timestep")
-    from asrsim.export import export_mjcf
+    if step is not None and not 1e-6 <= step <= 1.0:
+        raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--step")
+    from asrsim.exports import export as exported
 
-    found = export_mjcf(
-        scenario, out, variant=variant, overrides=overrides or (), program=program, knots=knots, timestep=timestep, fit=fit,
+    found = exported(
+        scenario, out, variant=variant, overrides=overrides or (), program=program, knots=knots, step=step, fit=fit,
         plot=plot,
     )  # fmt: skip
     replay = found.replay

@@ -72,6 +72,9 @@ def identify(
             "--accept",
         ),
     ] = False,
+    adopt: Annotated[
+        bool, option("If effects are missing in the model, add those that are suspected, and fit again.", "--adopt")
+    ] = False,
     resume: Annotated[
         bool,
         option(
@@ -116,18 +119,18 @@ def identify(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
     )
     folder = out or Path("out") / task.name / "fit"
-    if resume and (check or duration is not None):
-        message = "--resume makes no fit: leave out --check and --duration"
+    if resume and (check or adopt or duration is not None):
+        message = "--resume makes no fit: leave out --check, --adopt and --duration"
         raise InputError(message, code="resume")
     if resume:
         return _resume(task, folder, everything=everything, accept=accept)
-    result, code = _run(task, check=check, quiet=quiet, accept=accept, duration=duration)
+    result, code = _run(task, check=check, quiet=quiet, accept=accept, adopt=adopt, duration=duration)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
     data = {"ok": code == 0, **as_dict(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 
-def _run(task: Task, *, check: bool, quiet: bool, accept: bool, duration: float | None) -> tuple[Result, int]:
+def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, duration: float | None) -> tuple[Result, int]:
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
 
@@ -137,7 +140,7 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, duration: float 
     ):
         result = identify(
             task, progress=progress.update, stop=interruption.stop, check=check,
-            accept=accept, duration=duration,
+            accept=accept, adopt=adopt, duration=duration,
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED
@@ -184,7 +187,7 @@ def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
-    from asrsim.design.advice import advice, design_line
+    from asrsim.designs.advice import advice, design_line
     from asrsim.identification.folder import FIT
     from asrsim.identification.write import as_dict, write_curves_of
     from asrsim.outfile import write_json
@@ -209,7 +212,7 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.design.advice import advice
+    from asrsim.designs.advice import advice
     from asrsim.identification.show import columns, errors, judgement
 
     say_table(columns(result))

@@ -52,6 +52,9 @@ def plot(
     mapping: ColumnMap = None,
     joint: Annotated[Texts, option("Only this joint; may be repeated.", autocompletion=complete.joints)] = None,
     quantity: Annotated[Texts, option("Only this quantity; may be repeated.", autocompletion=complete.quantities)] = None,
+    measure: Annotated[
+        Texts, option("Show this measure, too; may be repeated.", metavar="NAME", autocompletion=complete.measures)
+    ] = None,
     align: Align = "auto",
     rate: Rate = None,
     bode: Annotated[bool, option("Draw frequency responses with coherence.", "--bode")] = False,
@@ -93,6 +96,8 @@ def plot(
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
+    if measure and not experiment:
+        raise typer.BadParameter("requires --experiment; `expect:` measures a run alone", param_hint="--measure")
     found: list[Path] = []
     for place in logs or ():
         own, problems = find_logs(place)
@@ -102,6 +107,7 @@ def plot(
         logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
         experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,
         joints=tuple(joint) if joint else None, quantities=tuple(quantity) if quantity else None,
+        measures=tuple(measure or ()),
         lag=lag_of(align), formats=tuple(formats or ("png",)),
         bode=bode, band=band, given=given, output=output, start=start, end=end,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Files, argument, option
 
 if TYPE_CHECKING:
-    from asrsim.runs.repeat import Repetition
+    from asrsim.runs.rerun import Repetition
 
 SHOWN = 10
 """Largest number of differing series that are printed."""
@@ -40,14 +40,14 @@ def rerun(
     from asrsim.errors import counted
     from asrsim.log import open_log
     from asrsim.runs.folder import find_logs
-    from asrsim.runs.repeat import repeat
+    from asrsim.runs.rerun import rerun
 
     (logs, problems), repetitions = find_logs(log), []
     say_problems(problems, "warning")
     with Interruption() as interruption:
         for one in logs:
             with RunBar(one.name, open_log(one).duration, show=not quiet) as progress:
-                repetition = repeat(
+                repetition = rerun(
                     one, plugins=plugins or [], trust_plugins=trust_plugins, progress=progress.update, stop=interruption.stop
                 )  # fmt: skip
             repetitions.append(repetition)

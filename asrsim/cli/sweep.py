@@ -35,7 +35,7 @@ def sweep(
     ] = None,
     variant: Variants = None,
     overrides: Overrides = None,
-    design: Annotated[str, option("Design of the draws: random, lhs, sobol, saltelli.")] = "random",
+    design: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
     samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
     seed: Annotated[int, option("Seed of the draws.", min=0)] = 0,
     fit: Annotated[

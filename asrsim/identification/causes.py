@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -30,7 +30,7 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
-"""Limits that are tried, as fractions of the largest simulated torque or speed of the motor."""
+"""Limits that are tried, as fractions of the largest simulated torque or speed of the motor, or deflection of the spring."""
 LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
 """Parameters of spring laws that are tried, words for them, and their start values, in typical sizes."""
 MODES = (1.5, 3.0, 6.0)
@@ -50,21 +50,33 @@ frequency of a command above which the command does not cause the oscillation.
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
-def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Sentences that name effects that the model may lack, each with the estimates of a model with these effects, by name.
-    problem: problem whose residuals are weighted by the recorded noise.
-    """
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Suspicion:
+    """Effects that the model may lack."""
+
+    text: str
+    trials: tuple[Mapping[str, float], ...] = ()
+    """Estimates of the models that were tried and that reduce the error, by name; those with the suspected effects last."""
+    model: tuple[Problem, Array] | None = None
+    """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording state them."""
+    added: tuple[str, ...] = ()
+    """Names of the parameters of the suspected effects."""
+
+
+def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
+    """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
     base = mean_square(problem, x)
     # Residuals below the estimated noise may be correlated nevertheless.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
-    found = Extended((), problem, x, base)
+    found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, np.zeros(len(x))):
         there = extended(
-            problem, begin, (_sensors, _robot, _delays, _wrong_ties, _modes), most=CAUSES, rounds=ROUNDS,
+            problem, begin, (_sensors, _commands, _robot, _delays, _wrong_ties, _modes), most=CAUSES, rounds=ROUNDS,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
+        trials += there.trials
         there = pruned(problem, there, least=(1.0 - EXPLAINED) * excess, rounds=ROUNDS)
         found = min((found, there), key=lambda one: mean_square(one.problem, one.x))
         if mean_square(found.problem, found.x) < NOISE:
@@ -74,10 +86,15 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[st
         rest = mean_square(found.problem, found.x)
         if rest <= base - PARTLY * excess:
             more = "" if rest <= target else "; more is missing"
-            explained, layout = (found.problem, found.x), found.problem.layout
-            yield _suspected(found, percent((rest / base) ** 0.5)) + more, layout.named(found.x)
+            explained = found.problem, found.x
+            yield Suspicion(
+                text=_suspected(found, percent((rest / base) ** 0.5)) + more,
+                trials=(*trials, found.problem.layout.named(found.x)),
+                model=None if any(cause.elastic for cause in found.chosen) else explained,
+                added=tuple(one.name for cause in found.chosen for one in cause.parameters),
+            )
     for text in chain(_oscillations(*explained), _varying_springs(*explained)):
-        yield text, {}
+        yield Suspicion(text=text)
 
 
 def _suspected(found: Extended, rest: str) -> str:
@@ -96,7 +113,7 @@ def _suspected(found: Extended, rest: str) -> str:
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    added = f" ({' '.join(dict.fromkeys(options))})" if options else ""
+    added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
@@ -138,6 +155,14 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
 
 
+def _commands(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Extensions that free the zeros of commands, such as that of an amplifier."""
+    for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
+        offset = Parameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
+        if offset.key not in problem.layout.keys:
+            yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
+
+
 def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
     """Extensions by a second mode: the link behind a joint with a recorded position is elastic."""
     track = problem.tracks[0]
@@ -161,7 +186,7 @@ def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that free fixed springs, friction, damping, hysteresis and motor limits."""
+    """Extensions that free fixed springs, friction, damping, hysteresis, and limits of motors and springs."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
@@ -187,14 +212,15 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 # A joint that too much friction holds moves only without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
-        for name in ("torque", "velocity") if drive.dynamic_motors else ():
-            key, series = f"{joint}.motor_1_max_{name}", track.series(values, problem.playing, [(j, f"motor_1_{name}")])
+        limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
+        for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
+            key, series = f"{joint}.{name}", track.series(values, problem.playing, [(j, quantity)])
             reached = 0.0 if series is None else float(np.abs(series).max())
-            if key not in free and reached > 0.0:
+            if key in known and key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
-                ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1))
+                ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1 and "motor_1" in key))
                 limit = replace(known[key], start=reached, low=1e-3 * reached, high=4.0 * reached, logarithmic=True)
-                text, factors = f"a limit motor_1_max_{name} of {joint}", tuple(np.log(LIMIT_FACTORS))
+                text, factors = f"a limit {name} of {joint}", tuple(np.log(LIMIT_FACTORS))
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
 
 

@@ -4,7 +4,7 @@ reduce the error significantly.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -16,8 +16,6 @@ from asrsim.identification.problem import Problem, huber, jacobian, mean_square,
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
-SIMPLER = 1.1
-"""Factor by which an extension must reduce the error more than another extension for each parameter that it has more."""
 SIGNIFICANT = 20.0
 """Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
@@ -156,6 +154,14 @@ class Extended:
     x: Array
     cost: float
     """Mean of the Huber loss of the residuals."""
+    samples: float = 1.0
+    """Number of independent samples to which the residuals are equivalent."""
+    trials: tuple[Mapping[str, float], ...] = ()
+    """Estimates, by name, of the extended problems that were tried and that have smaller errors."""
+
+    def criterion(self, samples: float) -> float:
+        """Schwarz's criterion (BIC) without a constant, from a number of independent samples; the smallest is the best."""
+        return samples * float(np.log(max(self.cost, 1e-300))) + len(self.x) * float(np.log(samples))
 
 
 Propose = Callable[[Problem, Array], Iterable[Extension]]
@@ -165,23 +171,30 @@ def extended(
     problem: Problem, x: Array, kinds: Sequence[Propose], *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
     rounds: int = 60,
 ) -> Extended:  # fmt: skip
-    """Problem with added extensions: in each round, the extension with the smallest remaining error is added, until `enough` is
-    true or no further extension is significant. kinds: functions that propose extensions of a problem.
+    """Problem with added extensions: in each round, the extension that is best by Schwarz's criterion is added, until `enough`
+    is true or no further extension is significant. kinds: functions that propose extensions of a problem.
     """
-    found = Extended((), problem, x, huber(residuals(problem, x)))
+    found, named = Extended((), problem, x, huber(residuals(problem, x))), list[Mapping[str, float]]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
-        optimum, trials = Optimum(found.problem, found.x), []
+        optimum, trials = Optimum(found.problem, found.x), list[Extended]()
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
         for one in sorted(promises, key=lambda promise: -promise.share)[:TRIED]:
             if one.share:
                 there = solve(one.problem, one.start, rounds=rounds, tolerance=1e-5)
                 left = residuals(one.problem, there)
-                if one.extension.accepts(found.cost, huber(left), independent_samples(left)):
-                    trials.append(Extended((*found.chosen, one.extension), one.problem, there, huber(left)))
+                trial = Extended(
+                    (*found.chosen, one.extension), one.problem, there, huber(left), max(independent_samples(left), 2.0)
+                )  # fmt: skip
+                if trial.cost < found.cost:
+                    named.append(one.problem.layout.named(there))
+                if one.extension.accepts(found.cost, trial.cost, trial.samples):
+                    trials.append(trial)
         if not trials:
             break
-        found = min(trials, key=lambda trial: trial.cost * SIMPLER ** len(trial.x))
-    return found
+        # Residuals of the best trial are most like noise, so that they show best how many samples are independent.
+        samples = min(trials, key=lambda trial: trial.cost).samples
+        found = min(trials, key=lambda trial: trial.criterion(samples))
+    return replace(found, trials=tuple(named))
 
 
 def pruned(problem: Problem, found: Extended, *, least: float, rounds: int) -> Extended:

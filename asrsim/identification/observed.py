@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from asrsim.identification.data import Channel
+from asrsim.identification.data import Channel, Recorded
 from asrsim.identification.door import Drive
 from asrsim.samples import Array
 
@@ -67,6 +67,29 @@ class Measured:
                 true = values.get(f"{key}.gain", 1.0) * (shown - values.get(f"{key}.offset", 0.0))
                 found[::every, joint, column] += sign * true
         return found
+
+
+def link_channel(drive: Drive, shown: Mapping[str, Recorded]) -> tuple[Channel, tuple[str, ...]] | None:
+    """Recorded position of a link, and the keys of the series that give it: measured, or the motor's position minus the
+    deflection if there is one motor. None if no series give it. shown: channels and commands by key.
+    """
+    link, deflection = (shown.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
+    if isinstance(link, Channel):
+        return link, (link.key,)
+    ideal = drive.mode is not None and drive.mode.spring and not drive.mode.motor
+    motor = shown.get(f"{drive.name}.{'reference_1' if ideal else 'motor_1_position'}")
+    if motor is None or not isinstance(deflection, Channel) or drive.actuator is None or drive.actuator.motors != 1:
+        return None
+    inside = (deflection.time >= motor.time[0] - 1e-9) & (deflection.time <= motor.time[-1] + 1e-9)
+    time, noises, quanta = deflection.time[inside], [deflection.noise], [deflection.quantum]
+    if isinstance(motor, Channel):
+        noises, quanta = [*noises, motor.noise], [*quanta, motor.quantum]
+    place = Channel(
+        joint=drive.name, quantity="link_position", unit=deflection.unit, time=time,
+        values=np.interp(time, motor.time, motor.values) - deflection.values[inside],
+        noise=math.hypot(*noises), quantum=max(quanta),
+    )  # fmt: skip
+    return place, (motor.key, deflection.key)
 
 
 class _Curve:

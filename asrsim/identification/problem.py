@@ -172,6 +172,8 @@ class Setup:
     scenario: Scenario
     robot: Robot
     problem: Problem
+    adopted: tuple[str, ...] = ()
+    """Names of the parameters of effects that the first model lacked."""
 
 
 def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:

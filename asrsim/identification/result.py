@@ -12,11 +12,10 @@ from asrsim.identification.combinations import UNKNOWN, Combination, combination
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.parameters import Layout, Parameter
-from asrsim.identification.problem import Problem
+from asrsim.identification.problem import Problem, differences
 from asrsim.identification.profiles import Profile
 from asrsim.identification.replay import Replay
 from asrsim.identification.task import Task, Tie
-from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
@@ -31,6 +30,8 @@ parameters are fixed; if only the other free parameters make its interval so wid
 """
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
+NOTHING = 1e-9
+"""Effect, in standard deviations of the noise, below which a parameter has no effect but that of rounding."""
 FAR = 4.0
 """Largest factor between start and estimate of an identified mass or inertia."""
 VANISHED = 0.01
@@ -72,7 +73,7 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
     """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
     absorb what it lacks; or a mass or inertia is far from its start, which the robot file states.
 
-    others: estimates of other models, such as one with the suspected causes, by name. The intervals of a model that does not
+    others: estimates of other models, such as those with suspected causes, by name. The intervals of a model that does not
     fit contain them.
     """
     for one in known:
@@ -80,8 +81,9 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
         reason, values = "", [values[one.name] for values in others if one.name in values]
         if not fits:
             one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
-            far = [value for value in values if not one.is_place and abs(value - one.value) > CLOSE * abs(one.value)]
-            reason = f"with the suspected causes it would be {far[-1]:.4g}" if far else "the model is not shown to fit"
+            far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
+            span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
+            reason = f"models that explain more give {span}" if far else "the model is not shown to fit"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
@@ -108,7 +110,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Esti
             vanished = _vanished(entry, value) if without[i] else ""
             verdict, reason = AT_BOUND, vanished or f"{value:.4g} {entry.unit}".rstrip() + " is its bound"
         elif without[i]:
-            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), problem.tracks[0])
+            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), problem, x)
         elif own and not margin <= UNKNOWN:
             verdict, reason = RATIO, "identified is " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
@@ -141,12 +143,20 @@ def _vanished(entry: Parameter, value: float) -> str:
     return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
 
 
-def _reason(entry: Parameter, norm: float, track: Track) -> str:
+def _reason(entry: Parameter, norm: float, problem: Problem, x: Array) -> str:
     """Reason why a parameter has no effect on the compared channels."""
-    if norm > 1e-9:
+    if norm > NOTHING:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
-    modes = {one.name: f" in mode {one.mode.number} ({one.mode.name})" for one in track.door.drives if one.mode}
-    return f"no compared channel depends on it{modes.get(entry.key.partition('.')[0], '')}"
+    if any(np.isnan(left).any() for _, left in differences(problem, x)):
+        return "the simulation diverges, so no effect can be computed"
+    joint, _, name = entry.key.rpartition(".")
+    for drive in problem.tracks[0].door.drives:
+        if drive.name == joint and drive.mode and drive.actuator:
+            where = f"mode {drive.mode.number} ({drive.mode.name})"
+            if not drive.mode.spring and name in [one.name for one in drive.actuator.parameters]:
+                return f"{where} has no spring; modes 2 to 8 have one (operation_mode of the robot, or `init --mode`)"
+            return f"no compared channel depends on it in {where}"
+    return "no compared channel depends on it"
 
 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import contradicted_ties, missing_causes
+from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
@@ -126,6 +126,7 @@ def identify(
     stop: Callable[[], bool] | None = None,
     check: bool = False,
     accept: bool = False,
+    adopt: bool = False,
     duration: float | None = None,
     **options: Any,
 ) -> Result:
@@ -142,6 +143,7 @@ def identify(
         check: Compute only the sensitivities at the start.
         accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
             is written.
+        adopt: If the model does not fit, add the effects that it may lack, and fit again.
         duration: Longest time of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
@@ -158,25 +160,43 @@ def identify(
         if not problem.observes and any(np.isnan(left).any() for part, left in before if part.track in problem.fitted):
             message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
-        watch.best, watch.stop, status = Best(problem, start), stop, CHECKED if check else COMPLETE
-        try:
-            with watch.in_time():
-                if not check:
-                    search(watch.best, watch.stage)
-                    watch.stage("substeps and weights")
-                    settle(watch.best)
-        except OutOfTime:
-            status = UNFINISHED
-        except Stopped:
-            status = INTERRUPTED
-        try:
-            return _judged(setup, watch.best, before, status, watch, accept=accept)
-        except Stopped:
-            # The user interrupts the judgement after the search is complete.
-            return _judged(setup, watch.best, before, INTERRUPTED, watch, accept=accept)
+        watch.stop = stop
+        watch.best = Best(problem, start)
+        result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
+        if adopt and suspected is not None and suspected.model is not None:
+            # The search begins again, since the effects change the other parameters, too.
+            wider, start = suspected.model
+            watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
+            setup = replace(setup, adopted=suspected.added)
+            result, _ = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
+        return result
 
 
-def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool) -> Result:
+def _fitted(
+    setup: Setup, best: Best, before: Differences, watch: Watch, *, check: bool, accept: bool
+) -> tuple[Result, Suspicion | None]:
+    """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack."""
+    status = CHECKED if check else COMPLETE
+    try:
+        with watch.in_time():
+            if not check:
+                search(best, watch.stage)
+                watch.stage("substeps and weights")
+                settle(best)
+    except OutOfTime:
+        status = UNFINISHED
+    except Stopped:
+        status = INTERRUPTED
+    try:
+        return _judged(setup, best, before, status, watch, accept=accept)
+    except Stopped:
+        # The user interrupts the judgement after the search is complete.
+        return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
+
+
+def _judged(
+    setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool
+) -> tuple[Result, Suspicion | None]:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
@@ -184,7 +204,7 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
     free, followed = problem.observed(0.0), best.free or (problem, trained)
     fits = channel_fits(free, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
-    others: list[Mapping[str, float]] = []
+    others, suspected = list[Mapping[str, float]](), list[Suspicion]()
     if complete and best.free:
         misfit.append(
             "errors of the model accumulate in a simulation of the recording: estimates are from predictions over "
@@ -195,9 +215,10 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         watch.stage("what may be missing")
         causes += foreign(channel_fits(problem, before, trained) if best.free else fits)
         with watch.in_time(), suppress(OutOfTime):
-            for text, values in _causes(*followed):
-                causes.append(text)
-                others.append(values)
+            for one in _causes(*followed):
+                suspected.append(one)
+                causes.append(one.text)
+                others += one.trials
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -212,7 +233,7 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         watch.stage("profiles")
         with watch.in_time(), suppress(OutOfTime):
             curves = profiles(final, x, found, tuple(one.name for one in known))
-    return Result(
+    result = Result(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
@@ -222,12 +243,11 @@ def _judged(setup: Setup, best: Best, before: Differences, status: str, watch: W
         replay=replay_of(problem.tracks[0], final.layout.table(x, 0), replace(final.playing, bandwidth=0.0)),
         played=problem.tracks[0].data.commands,
     )  # fmt: skip
+    return result, next((one for one in suspected if one.trials), None)
 
 
-def _causes(problem: Problem, x: Array) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Sentences on effects that the model may lack, each with the estimates of a model with these effects, from the training
-    part, or from whole recordings if the training part fits.
-    """
+def _causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
+    """Effects that the model may lack, from the training part, or from whole recordings if the training part fits."""
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
         plain, x = plain.whole, refined(plain.whole, x, 20)
@@ -256,7 +276,9 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
 
 def _remarks(setup: Setup, problem: Problem) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
-    added = problem.layout.entries[len(setup.problem.layout) :]
+    added = [one for one in problem.layout.entries[len(setup.problem.layout) :] if one.name not in setup.adopted]
+    if setup.adopted:
+        yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
     if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
         yield f"{', '.join(late)}: commands jumped that long before the sample that shows the jump"
     for entry in (one for one in added if not one.key.startswith(JUMP)):

@@ -4,8 +4,9 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
-to 0. Otherwise errors of the model accumulate in it. Then the bandwidth rises again until noise limits the predictions, and
-this level is kept: its estimates depend least on what the model lacks.
+to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is kept, and above the first
+level the bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of
+its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
 """
 
 from __future__ import annotations
@@ -104,12 +105,14 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):
         return
     best.free = free.problem, free.x
-    (problem, x), level = found[0], LEVELS[0]
-    while problem.can_rise(level * RISE) and not _is_limited(problem, x):
-        level *= RISE
+    kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
+    while kept is found[0] and problem.can_rise(level := level * RISE) and not _is_limited(*kept):
         begin(_name(level))
-        problem, x = _solved(problem.observed(level), x)
-    best.take(problem, x)
+        risen = _solved(kept[0].observed(level), kept[1])
+        if _likelihood(risen) >= _likelihood(kept):
+            break
+        found[0] = kept = risen
+    best.take(*kept)
 
 
 def _name(level: float) -> str:

@@ -9,11 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Data, PlayedCommand
+from asrsim.identification.data import Channel, Data, PlayedCommand, Recorded
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import motion_band
-from asrsim.identification.observed import Measured
+from asrsim.identification.observed import Measured, link_channel
 from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -142,12 +142,16 @@ class Track:
 
         A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
         """
-        sensors = {one.key: one for one in self.channels}
-        for joint, position, velocity in zip(self.door.joints, self.door.positions, self.door.velocities, strict=True):
-            keys = f"{joint}.initial_position", f"{joint}.initial_velocity"
+        sensors, seen = {one.key: one for one in self.channels}, set[str]()
+        series: dict[str, Recorded] = {**{one.key: one for one in self.data.commands}, **sensors}
+        for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
+            keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
-            channel = sensors.get(f"{joint}.link_position")
-            if not channel or not (found := first_samples(channel)):
+            if (recorded := link_channel(drive, series)) is None:
+                continue
+            seen.add(drive.name)
+            channel, sources = recorded
+            if not (found := first_samples(channel)):
                 continue
             place, speed, place_error, speed_error = found
             # An initial position that is not a round number was probably copied from a noisy recording.
@@ -156,7 +160,7 @@ class Track:
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
-                zero = f"{channel.key}.offset" in freed
+                zero = any(f"{key}.offset" in freed for key in sources)
                 # A position that was copied from a sensor with an unknown zero is unknown, too.
                 shown = {keys[0]: position if zero else place} if measured or not zero else {}
                 shown |= {keys[1]: speed} if moving else {}
@@ -175,7 +179,7 @@ class Track:
             places, errors = zip(*map(at_rest, channels), strict=True)
             if np.any(np.abs(np.subtract(places, rest)) > STILL * np.array(errors)):
                 self.motors[drive.name] = list(places)
-                if f"{drive.name}.link_position" not in sensors:
+                if drive.name not in seen:
                     # A link at rest moves with the initial positions of its motors.
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 

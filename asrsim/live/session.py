@@ -32,7 +32,7 @@ from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary
 
 TICK = 1e-3
-"""Wall-clock time between ticks, s; the time step if the time step is longer."""
+"""Wall-clock time between ticks of a run with topics, s."""
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
@@ -58,6 +58,8 @@ class Settings:
     namespace: str = ""
     transports: Sequence[str] = ()
     access: Access = field(default_factory=Access)
+    tick: float = TICK
+    """Wall-clock time between ticks, s; the time step if the time step is longer."""
     batch: float = BATCH
     """Interval at which samples are written to the log and shown to an operator, s."""
 
@@ -188,7 +190,7 @@ class Session:
     def set_speed(self, speed: float) -> None:
         """Set the simulated seconds per wall-clock second."""
         self.pace.speed = speed
-        self._tick_steps = max(1, round(TICK * (1.0 if math.isinf(speed) else speed) / self._step))
+        self._tick_steps = max(1, round(self.settings.tick * (1.0 if math.isinf(speed) else speed) / self._step))
 
     def single_step(self, steps: int = 1) -> None:
         """Do some steps of a paused run in its next tick."""

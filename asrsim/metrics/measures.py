@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -163,6 +163,23 @@ def _chosen(
     if not keep.all():
         time, arguments = time[keep], [argument[keep] for argument in arguments]
     return found, time, arguments
+
+
+def chosen_measures(names: Sequence[str]) -> list[Measure]:
+    """Measures by name that compare two series without options. Raises InputError with the problem of each name."""
+    problems: list[Problem] = []
+    for name in names:
+        try:
+            found = MEASURES.get(name)
+        except InputError as error:
+            problems += error.problems
+            continue
+        problems += option_problems(found, {})
+        if found.needs == "poses":
+            problems.append(Problem("is a measure of the poses of a body", key=name, code="wrong-series"))
+    if problems:
+        raise InputError(problems)
+    return [MEASURES.get(name) for name in dict.fromkeys(names)]
 
 
 def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:

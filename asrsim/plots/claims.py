@@ -25,7 +25,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     data = info.resolved.get("scenario", {})
     if not isinstance(data, dict) or not data.get("expect"):
         return ()
-    from asrsim.runs.repeat import unpacked
+    from asrsim.runs.rerun import unpacked
     from asrsim.scenario import scenario_from_data
 
     robot = folder / "robot.urdf"

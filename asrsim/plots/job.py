@@ -44,6 +44,8 @@ class PlotJob:
     quantities: tuple[str, ...] | None = None
     lag: LagChoice = "auto"
     """Lag of the recordings' clock in s, or how it is found."""
+    measures: tuple[str, ...] = ()
+    """Names of further measures of run and recording."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
@@ -203,7 +205,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
             # A recording has one clock: the lag found with the first run is used for the other runs too.
-            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
+            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, measures=job.measures,
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)

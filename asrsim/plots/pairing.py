@@ -93,10 +93,12 @@ def compare_run(
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
     lags: Mapping[str, LagChoice],
+    measures: Sequence[str] = (),
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: lag of each recording, by its path. Raises RecordingError (no common joint or
+    joints, quantities: all by default. lags: lag of each recording, by its path. measures: further
+    measures by name. Raises RecordingError (no common joint or
     quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
@@ -116,7 +118,7 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         if {*pairing.values()} & {*paired}:
             lag = alignments[str(recording.path)].lag
-            compared.append(compare(samples, recording, infos=infos, quantities=common, lag=lag))
+            compared.append(compare(samples, recording, infos=infos, quantities=common, lag=lag, measures=measures))
     findings = [problem for alignment in alignments.values() for problem in alignment.findings]
     findings += [problem for one in compared for problem in one.findings]
     return RunComparison(

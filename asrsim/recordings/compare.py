@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
+from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, chosen_measures, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import (
@@ -45,9 +45,9 @@ class Series:
     reading: str
     """Description of how the column was read."""
     metrics: Mapping[str, float]
-    """Error measures of the simulation relative to the recording, by name; NaN where undefined."""
-    steps: Mapping[str, tuple[float, float]]
-    """Measures of the step response by name, each with the values (simulation, recording)."""
+    """Measures of the difference of simulation and recording, by name; NaN where undefined."""
+    each: Mapping[str, tuple[float, float]]
+    """Measures of one series, such as those of a step response, by name, each with the values (simulation, recording)."""
     findings: tuple[Problem, ...] = ()
 
     @property
@@ -77,7 +77,7 @@ class Comparison:
         rows: list[MetricRow] = []
         for s in self.series:
             values = [(pair, what, value) for what, value in s.metrics.items()]
-            for what, (ours, recorded) in s.steps.items():
+            for what, (ours, recorded) in s.each.items():
                 values += [(source or "simulation", what, ours), (name, what, recorded)]
             rows += [
                 MetricRow(
@@ -96,6 +96,7 @@ def compare(
     infos: Sequence[JointInfo] = (),
     quantities: Sequence[str] | None = None,
     lag: LagChoice = "auto",
+    measures: Sequence[str] = (),
 ) -> Comparison:
     """Comparison of all quantities that the simulation and the recording share.
 
@@ -105,10 +106,13 @@ def compare(
         infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: auto, off, start, or the delay of the recording in s.
+        measures: Names of further measures in `MEASURES`, without options.
 
     Raises:
         RecordingError: No common joint, no common quantity, or no overlap in time.
+        InputError: A measure is unknown, has an option without a default, or is a measure of bodies.
     """
+    further = [(one.name, one.needs == "series") for one in chosen_measures(measures)]
     pairing = match_joints(samples.joints, recording)
     columns, findings = comparable(recording, pairing, infos, quantities)
     found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
@@ -125,7 +129,9 @@ def compare(
     prismatic = {info.name for info in infos if info.prismatic}
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
     series = tuple(
-        _series(joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
+        _series(
+            joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, further, prismatic=joint in prismatic
+        )
         for (joint, quantity), own in found.items()
     )
     findings += alignment.findings
@@ -135,7 +141,8 @@ def compare(
 
 
 def _series(
-    joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float, *, prismatic: bool
+    joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float, further: Sequence[tuple[str, bool]], *,
+    prismatic: bool,
 ) -> Series:  # fmt: skip
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
@@ -155,11 +162,13 @@ def _series(
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         findings.append(Problem("has fewer than two samples with numbers in both records", code="no-overlap"))
-    metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
-    steps = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
+    of_both = (*PAIR_MEASURES, *(name for name, alone in further if not alone))
+    of_each = (*STEP_MEASURES, *(name for name, alone in further if alone))
+    metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in of_both}
+    each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in of_each}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b,
-        reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
+        reading=column.reading, metrics=metrics, each=each, findings=tuple(findings),
     )  # fmt: skip
 
 

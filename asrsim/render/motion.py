@@ -205,7 +205,7 @@ def telling_times(films: Sequence[Film], count: int) -> list[float]:
 
 def logged_scene(info: RunInfo, path: Path) -> tuple[RenderScene, tuple[str, ...]]:
     """Robot and world of a log, and notes on parts that cannot be drawn as they are. Raises the errors of `Film`."""
-    from asrsim.runs.repeat import restore
+    from asrsim.runs.rerun import restore
 
     if not info.urdf or "scenario" not in info.resolved:
         raise LogError("the log does not contain its robot and scenario", file=path, code="no-scenario")

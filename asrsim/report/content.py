@@ -107,7 +107,7 @@ def read_content(log: Path) -> RunContent:
 
 def read_parameters(info: RunInfo) -> dict[str, tuple[ParameterRow, ...]]:
     """Parameters of each joint with their sources, from the robot and scenario in the log. Raises InputError."""
-    from asrsim.runs.repeat import restore
+    from asrsim.runs.rerun import restore
     from asrsim.scenario import apply_to_robot
 
     with TemporaryDirectory(prefix="asrsim-report-") as folder:

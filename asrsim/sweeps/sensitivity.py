@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.errors import listed
 from asrsim.samples import Array
+from asrsim.sweeps.samplers import SAMPLERS
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
@@ -95,10 +96,11 @@ class SobolIndices:
 def sobol(table: Table, result: str) -> SobolIndices | None:
     """Sobol indices of a result; None for a study with another design.
 
-    First-order index after Saltelli et al. (2010), total index after Jansen (1999).
+    First-order index after Saltelli et al. (2010), total index after Jansen (1999). SciPy's `sobol_indices` gives the same,
+    but only for a power of two of samples: a study in which one run has no value would have no indices.
     """
     study = table.study
-    if study.design != "saltelli" or not study.groups:
+    if not SAMPLERS.get(study.design).blocks or not study.groups:
         return None
     n, d = study.base_samples, len(study.groups)
     values = np.full(table.manifest["runs"], np.nan)

@@ -25,9 +25,8 @@ from asrsim.scenario.blocks import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
+from asrsim.sweeps.samplers import SAMPLERS
 
-DESIGNS = ("random", "lhs", "sobol", "saltelli")
-"""Designs of the draws. saltelli: samples x (drawn axes + 2) draws, which give Sobol indices."""
 SAMPLES = 100
 """Default number of draws of a study with distributions."""
 MOST_RUNS = 100_000_000
@@ -79,7 +78,7 @@ class Study:
     overrides: Mapping[str, Any] | Sequence[str] = declare(
         MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
     )
-    design: str = declare(Choice(DESIGNS), default="random", doc="how draws are placed")
+    design: str = declare(Choice(SAMPLERS.names), default="random", doc="sampler that places the draws")
     samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
@@ -120,16 +119,13 @@ class Study:
 
     @cached_property
     def base_samples(self) -> int:
-        """Number of draws, or of base samples of a Saltelli design: a power of two, as Sobol's sequence needs it."""
-        samples = self.samples or SAMPLES
-        return 1 << max(1, (samples - 1).bit_length()) if self.design == "saltelli" else samples
+        """Number of samples of the sampler."""
+        return SAMPLERS.get(self.design).samples(self.samples or SAMPLES)
 
     @cached_property
     def draws(self) -> int:
         """Number of draws at every point of the grid."""
-        if not self.groups:
-            return 1
-        return self.base_samples * (len(self.groups) + 2 if self.design == "saltelli" else 1)
+        return SAMPLERS.get(self.design).draws(self.base_samples, len(self.groups)) if self.groups else 1
 
     @cached_property
     def grid(self) -> tuple[int, ...]:
@@ -165,7 +161,7 @@ class Study:
         """Matrix of all draws (draws, groups)."""
         from scipy.special import ndtri
 
-        unit = _unit_points(self.design, self.base_samples, len(self.groups), self.seed)
+        unit = self._unit_points()
         # The first point of a sequence may be 0, where the quantile of a normal distribution is infinite.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
         columns = [law.quantile(column) for (_, law), column in zip(self.drawn, unit.T, strict=False)]
@@ -173,27 +169,14 @@ class Study:
             columns += list(self.joint.from_scores(ndtri(unit[:, len(columns) :])).T)
         return np.column_stack(columns)
 
-
-def _unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
-    """Points (n, dimensions) in the unit cube; equal arguments give equal points.
-
-    saltelli: blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), n = samples (dimensions + 2).
-    """
-    from scipy.stats import qmc
-
-    if design == "random":
-        return np.random.default_rng(seed).random((samples, dimensions))
-    if design == "lhs":
-        return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(samples))
-    # Draw up to the next power of two, for which SciPy gives no warning; the first points are the same.
-    power = max(0, math.ceil(math.log2(samples)))
-    sequence = qmc.Sobol(2 * dimensions if design == "saltelli" else dimensions, rng=seed)
-    points = np.asarray(sequence.random_base2(power))[:samples]
-    if design == "sobol":
+    def _unit_points(self) -> Array:
+        """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
+        shape = (self.draws, len(self.groups))
+        points = np.asarray(SAMPLERS.get(self.design).points(self.base_samples, shape[1], self.seed), dtype=np.float64)
+        if points.shape != shape or not ((points >= 0.0) & (points <= 1.0)).all():
+            message = f"the sampler must return points from 0 to 1 of shape {shape}; its shape is {points.shape}"
+            raise InputError(message, key="design", value=self.design, code="sampler-points")
         return points
-    first, second = points[:, :dimensions], points[:, dimensions:]
-    mixed = np.where(np.eye(dimensions, dtype=bool)[:, None], second, first)
-    return np.concatenate([first, second, *mixed])
 
 
 STUDY = block_of(Study, "study")
@@ -262,16 +245,18 @@ def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> 
     groups = [*(axis_of(*pair).keys for pair in pairs), *(joint.groups if joint else ())]
     keys = [key for group in groups for key in group]
     problems += [Problem("is varied twice", key=key, code="sweep-twice") for key in study.keys if keys.count(key) > 1]
-    if study.design not in DESIGNS:
-        problems.append(Problem(f"there is no design '{study.design}'", key="design", choices=DESIGNS, code="choice"))
     if not keys:
         hint = "Add --over KEY=VALUES, or `over:` in a study file"
         problems.append(Problem("no key is varied", key="over", hint=hint, code="sweep-empty"))
     if study.samples is not None and not (drawn and 1 <= study.samples <= MOST_RUNS):
         message = f"must be 1 to {MOST_RUNS}" if drawn else "is given, but no key has a distribution"
         problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
-    if study.design == "saltelli" and (joint or study.listed):
-        message = "Sobol indices need independent draws: the design saltelli allows neither a fit nor listed values"
+    if study.design not in SAMPLERS:
+        choices = SAMPLERS.names()
+        message = "is not one of the choices"
+        problems.append(Problem(message, key="design", value=study.design, choices=choices, meant=study.design, code="choice"))
+    elif SAMPLERS.get(study.design).blocks and (joint or study.listed):
+        message = f"Sobol indices need independent draws: the design {study.design} allows neither a fit nor listed values"
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)

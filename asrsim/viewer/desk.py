@@ -6,6 +6,7 @@ import math
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from html import escape
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
@@ -22,7 +23,7 @@ from asrsim.simulation.prepare import Numbers
 from asrsim.summary import RunSummary
 from asrsim.viewer.colours import words_of
 from asrsim.viewer.figure import frames_of
-from asrsim.viewer.page import Page, by_hand, on_click, plain
+from asrsim.viewer.page import Page, by_hand, line, lines, on_click
 from asrsim.viewer.pull import LIMIT, SPRING, Grip, torques_by_joint
 from asrsim.viewer.stage import Pull
 from asrsim.viewer.subject import Companion, Subject
@@ -136,7 +137,7 @@ class Desk:
                     label = f"external torque, {unit(EXTERNAL_TORQUE, infos[drive.name])}"
                     self._add_slider((drive.name, EXTERNAL_TORQUE), label, -most, most)
                     if drive.acting_references:
-                        self._present[drive.name] = gui.add_markdown("")
+                        self._present[drive.name] = gui.add_html(lines(len(drive.acting_references), ""))
         on_click(release, self._release)
 
     def _add_slider(self, target: Target, label: str, low: float, high: float) -> None:
@@ -314,7 +315,7 @@ class Desk:
 
     def ended(self, summary: RunSummary) -> None:
         """Say why the run has diverged; a reset starts the next one."""
-        self._end = f"**{summary.simulated_time:.2f} s**\n\n{plain(summary.message)}\n\nReset starts again."
+        self._end = f"<b>{summary.simulated_time:.2f} s</b><p>{escape(summary.message)}</p><p>Reset starts again.</p>"
         self._said = -1.0
 
     def show(self) -> None:
@@ -323,12 +324,12 @@ class Desk:
         latest = self.subject.history.latest
         if latest is None:
             return
-        time = float(latest.time[-1])
         self._page.draw(latest, pull=self._pull)
-        if abs(time - self._said) >= SAID or time < self._said:
-            self._said = time
+        # By the wall clock: a run that is paused has news too.
+        if (now := clock.perf_counter()) - self._said >= SAID:
+            self._said = now
             self._say_references(latest)
-            self._page.say(self._end or self._status(time))
+            self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
         """Say each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
@@ -340,13 +341,14 @@ class Desk:
                     source = "scenario" if self._by_hand.get(target) is None else "by hand"
                     column, slot = self.session.simulation.prepared.slot_of(*target)
                     value = float(latest.values[f"reference_{slot}"][-1, column])
-                    parts.append(f"{words_of(target[1])} {value:.4g} ({source})")
-            text.content = "Now " + ", ".join(parts)
+                    parts.append(line(f"now {value:.4g} ({source}): {escape(words_of(target[1]))}"))
+            if (shown := lines(len(parts), "".join(parts))) != text.content:
+                text.content = shown
 
     def _status(self, time: float) -> str:
         session, pull = self.session, self._pull
         pace = "paused" if session.paused else f"{1e3 * session.pace.late:.0f} ms behind"
-        parts = [f"**{time:.2f} s**", pace]
+        parts = [f"<b>{time:.2f} s</b>", pace]
         if pull is not None:
             parts.append(f"pull {np.linalg.norm(pull.force):.3g} N")
-        return " · ".join(parts) + (f"\n\n{plain(self._news)}" if self._news else "")
+        return line(" · ".join(parts)) + escape(self._news, quote=False)

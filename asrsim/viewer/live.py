@@ -31,6 +31,9 @@ from asrsim.viewer.tuning import differences, tunable, tuned_scenario
 
 BEFORE = "the run before"
 """Label of the ghost of the run before a reset."""
+TICK = 4e-3
+"""Wall-clock time between ticks of a run without topics, s. A hand is slower. Each tick needs Python's lock, for which it may
+have to wait until a picture or a message lets go of it."""
 WAIT = 0.05
 """Time between two looks at the page after a run has ended, s."""
 
@@ -58,6 +61,8 @@ class LiveView:
         of several variants; settings: of the live runs; companions: ghosts."""
         self._page, self._scenarios, self._tell = page, {one.variant: one for one in scenarios}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
+        if not self._settings.transports:
+            self._settings = replace(self._settings, tick=TICK)
         self._out, self._overwrite, self._companions = out, overwrite, list(companions)
         first = variant or scenarios[0].variant
         self._wish = Wish(variant=first, tuned={}, speed=self._settings.speed)
@@ -73,7 +78,7 @@ class LiveView:
     def run(self, stop: Callable[[], bool]) -> RunSummary | None:
         """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; those of
         later ones are shown on the page, and the run before starts again."""
-        with Painter(self._draw) as painter:
+        with Painter(self._draw, self._page.lock) as painter:
             summary = self._runs(lambda: stop() or painter.error is not None)
         if painter.error is not None:
             raise painter.error
@@ -81,9 +86,8 @@ class LiveView:
 
     def _draw(self) -> None:
         """Show the present run."""
-        with self._page.lock:
-            if self._present is not None:
-                self._present.show()
+        if self._present is not None:
+            self._present.show()
 
     def _runs(self, stop: Callable[[], bool]) -> RunSummary | None:
         summary: RunSummary | None = None

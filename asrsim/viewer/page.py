@@ -31,6 +31,10 @@ NARROW = 700
 """Width of a window whose controls stand below the robot, pixels."""
 LIFT = 0.2
 """Distance by which the robot stands above the middle of a narrow window, as a fraction of the window's height."""
+LINE = 21
+"""Height of a line of text that changes, pixels."""
+SAID = 4
+"""Number of lines of the text above the tabs."""
 UP = (0.0, 0.0, 1.0)
 """Direction that is up on the page."""
 OWN = "their own"
@@ -51,7 +55,7 @@ class Page:
         self._drawn = self._plotted = -1.0
         """Wall-clock times of the last pictures, s."""
         self.server.on_client_connect(self._make_room)
-        self.server.gui.add_markdown(PREPARING)
+        self.server.gui.add_html(lines(SAID, PREPARING))
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
 
     def _make_room(self, client: Any) -> None:
@@ -73,7 +77,7 @@ class Page:
             self.server.scene.reset()
             gui.set_panel_label(subject.title)
             self.stage = Stage(self.server, subject)
-            self._status = gui.add_markdown(PREPARING)
+            self._status = gui.add_html(lines(SAID, PREPARING))
             tabs = gui.add_tab_group()
             panel = gui.add_panel()
             panel.dock_left()
@@ -105,10 +109,15 @@ class Page:
         self.stage.drop(label)
         self.plots.companions.pop(label, None)
 
-    def say(self, text: str) -> None:
-        """Show a text in Markdown above the tabs."""
-        if text != self._status.content:
-            self._status.content = text
+    def say(self, text: str, *, last: bool = False) -> None:
+        """Show HTML above the tabs, where it has room for some lines; no text leaves no room.
+
+        last: whether the text is the last one of a run, which gets the room that it needs.
+        """
+        shown = lines(0 if last else SAID, text)
+        if shown != self._status.content:
+            self._status.content = shown
+            self._status.visible = bool(text)
 
     def due(self) -> bool:
         """Whether it is time for the next picture."""
@@ -192,6 +201,19 @@ def on_click(button: Any, act: Callable[[], object]) -> None:
         act()
 
     button.on_click(clicked)
+
+
+def lines(number: int, content: str) -> str:
+    """HTML of a text that changes while a person uses the page: as high as this number of lines whatever it says, so that the
+    controls below it stay where they are. 0: as high as the text."""
+    room = f"height: {number * LINE}px; overflow-y: auto; " if number else ""
+    style = f"{room}padding: 0 12px; margin-bottom: 8px; font-size: 14px; line-height: {LINE}px; overflow-wrap: anywhere"
+    return f'<div style="{style}">{content}</div>'
+
+
+def line(content: str) -> str:
+    """HTML of one line, which is cut off where it is too long."""
+    return f'<div style="overflow: hidden; white-space: nowrap; text-overflow: ellipsis">{content}</div>'
 
 
 def plain(text: str) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 import time as clock
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from threading import Event, Thread
+from typing import Any
 
 from asrsim.viewer.page import FRAME
 
@@ -13,14 +15,15 @@ SWITCH = 5e-4
 """Longest time for which one thread keeps Python's lock while another one waits, s. With Python's own 5 ms, each tick of the
 simulation could wait as long for a picture or a message."""
 SHARE = 0.5
-"""Largest fraction of the time that is spent on pictures."""
+"""Largest fraction of a core's time that is spent on pictures."""
 
 
 class Painter:
     """Calls a function at the page's rate; a context manager that ends the thread."""
 
-    def __init__(self, draw: Callable[[], None]) -> None:
-        self._draw, self._stopped = draw, Event()
+    def __init__(self, draw: Callable[[], None], lock: AbstractContextManager[Any]) -> None:
+        """lock: held while a picture is drawn."""
+        self._draw, self._lock, self._stopped = draw, lock, Event()
         self._thread = Thread(target=self._work, daemon=True)
         self.error: BaseException | None = None
         """Error that ended the thread."""
@@ -40,11 +43,14 @@ class Painter:
         try:
             due, pause = clock.perf_counter(), 0.0
             while not self._stopped.wait(pause):
-                began = clock.perf_counter()
-                self._draw()
+                with self._lock:
+                    began = clock.thread_time()
+                    self._draw()
+                    spent = clock.thread_time() - began
                 now = clock.perf_counter()
-                # A late picture does not delay the next one; pictures that are not due any more are left out.
-                due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * (now - began))
+                # A late picture does not delay the next one; pictures that are not due any more are left out. What counts
+                # is the time of this thread's own work: neither the wait for a page that is being made, nor for a core.
+                due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * spent)
                 pause = due - now
         except BaseException as error:
             self.error = error

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Sequence
 from functools import partial
+from html import escape
 from typing import Any
 
 from asrsim.viewer.events import Event
-from asrsim.viewer.page import FRAME, Page, by_hand, on_click, plain
+from asrsim.viewer.page import FRAME, Page, by_hand, on_click
 from asrsim.viewer.subject import Companion, Subject
 
 STEP = 0.01
@@ -49,7 +50,7 @@ class Player:
         by_hand(pace, lambda value: setattr(self, "speed", float(value)))
         on_click(self._button, self.toggle)
         on_click(back, lambda: self.jump(self.start))
-        page.say(" ".join(f"{plain(text)}." for text in subject.notes[:1]))
+        page.say(" ".join(f"{escape(text)}." for text in subject.notes[:1]))
 
     def jump(self, time: float) -> None:
         """Go to a time in s, and stay there."""

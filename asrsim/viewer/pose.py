@@ -57,7 +57,7 @@ class PoseView:
                 by_hand(slider, partial(self._values.__setitem__, joint.name))
                 sliders.append((joint.name, slider, start))
         page.finish()
-        page.say("No scenario: joints are moved by hand, without physics. `asrsim init` writes a scenario.")
+        page.say("No scenario: joints are moved by hand, without physics. <code>asrsim init</code> writes a scenario.")
 
         def reset() -> None:
             for name, slider, start in sliders:

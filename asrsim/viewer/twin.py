@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from asrsim.twin.live import LiveTwin
 from asrsim.viewer.events import Event
 from asrsim.viewer.history import History
 from asrsim.viewer.live import live_subject
-from asrsim.viewer.page import Page, plain
+from asrsim.viewer.page import Page
 from asrsim.viewer.player import Player
 from asrsim.viewer.subject import Subject
 
@@ -63,8 +64,8 @@ class TwinPage:
         latest = self._subject.history.latest
         if latest is not None:
             self._page.draw(latest)
-        alarms = f" · alarm: {plain(', '.join(names))}" if names else ""
-        self._page.say(f"**{time:.2f} s** followed{alarms}")
+        alarms = f" · alarm: {escape(', '.join(names))}" if names else ""
+        self._page.say(f"<b>{time:.2f} s</b> followed{alarms}")
 
 
 class TwinView(TwinPage):

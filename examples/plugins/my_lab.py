@@ -1,4 +1,4 @@
-"""A plugin that adds a signal, a measure and a recording format.
+"""A plugin that adds a signal, a measure, a recording format and a sampler.
 
 asrsim run lab.yaml --plugin examples/plugins/my_lab.py
 """
@@ -15,6 +15,7 @@ from asrsim.metrics import MEASURES, Measure
 from asrsim.recordings import READERS, Reader
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.signals import SIGNALS, Signal
+from asrsim.sweeps.samplers import SAMPLERS, Sampler
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +50,18 @@ def read_mylog(path, reading):
     return Content(format="mylog", tables=(RawTable(columns=columns),))
 
 
+class Halton(Sampler):
+    """A Halton sequence. In a study: `asrsim sweep ... --design halton`."""
+
+    title = "Halton sequence"
+
+    def points(self, samples, dimensions, seed):
+        from scipy.stats import qmc
+
+        return qmc.Halton(dimensions, rng=seed).random(samples)
+
+
 SIGNALS.add(Triangle.kind, Triangle)
 READERS.add("mylog", Reader(suffixes=(".mylog",), read=read_mylog))
 MEASURES.add("crest_factor", Measure(name="crest_factor", function=crest_factor, unit="1", needs="series"))
+SAMPLERS.add("halton", Halton())

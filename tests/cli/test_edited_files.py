@@ -16,7 +16,7 @@ from asrsim.plots import draw_run
 from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.report import write_report
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from support.edits import edits
 
 
@@ -44,7 +44,7 @@ def use(log):
         lambda: read_log(log),
         lambda: read_recording(log),
         lambda: judge(asrsim.log.open_log(log)),
-        lambda: repeat(log),
+        lambda: rerun(log),
         lambda: draw_run(log, log.parent),
         lambda: write_report(log, log.parent / "page.html", film=False),
     ):

@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from asrsim.design import design
+import asrsim
+from asrsim.designs import design
 from asrsim.errors import InputError
 
 SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
@@ -15,15 +16,15 @@ CALLS = {
         SHARED | {"given": ["a.yaml", ["a.csv"]], "validate": ["b.csv"], "free": ["j.damping=1"], "ties": ["j.a=j.b"],
                   "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3},
     ),
-    "asrsim.design.run.design": (
+    "asrsim.designs.run.design": (
         """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --duration 3 --experiment a.csv --robust 2 --seed 7
         --variant soft --set step=0.001""",
         SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping"], "ties": ["j.a=j.b"], "duration": 3.0,
                   "experiments": ["a.csv"], "robust": 2, "seed": 7},
     ),
-    "asrsim.export.export_mjcf": (
-        "export a.yaml --out b.xml --knots 9 --timestep 0.002 --fit fit.json --variant soft --set step=0.001 --no-plot",
-        {"given": ["a.yaml", "b.xml"], "knots": 9, "timestep": 0.002, "fit": "fit.json", "variant": "soft",
+    "asrsim.exports.export": (
+        "export a.yaml --out b.xml --knots 9 --step 0.002 --fit fit.json --variant soft --set step=0.001 --no-plot",
+        {"given": ["a.yaml", "b.xml"], "knots": 9, "step": 0.002, "fit": "fit.json", "variant": "soft",
          "overrides": ["step=0.001"], "plot": False},
     ),
     "asrsim.twin.follow.follow": (
@@ -37,9 +38,10 @@ CALLS = {
                    "samples": 8, "seed": 7, "fit": "f.json"}]},
     ),
     "asrsim.plots.job.PlotJob": (
-        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --align 0.2 --format pdf --bode --band 1 5
-        --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
-        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"], "lag": 0.2,
+        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --measure rms --align 0.2 --format pdf --bode
+        --band 1 5 --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
+        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"],
+         "measures": ["rms"], "lag": 0.2,
          "formats": ["pdf"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
          "start": 0.1, "end": 2.0, "folder": "pictures"},
     ),
@@ -66,6 +68,7 @@ def test_options_reach_the_library(function, monkeypatch, asrsim_command):
     ("line", "said"),
     [
         ("design a.yaml --limits l.yaml --seconds 3", "--seconds is called --duration now"),
+        ("export a.yaml --timestep 0.001", "--timestep is called --step now"),
         ("twin a.yaml -e a.csv --lag=0.2", "--lag is called --clock-offset now"),
     ],
 )
@@ -78,3 +81,8 @@ def test_an_old_name_of_an_option_works_and_says_the_new_one(asrsim_command, lin
 def test_an_old_name_of_a_keyword_works_and_warns(tmp_path):
     with pytest.warns(DeprecationWarning, match="seconds is called duration now"), pytest.raises(InputError, match=r"l\.yaml"):
         design("a.yaml", tmp_path / "l.yaml", seconds=3.0)
+
+
+def test_an_old_name_of_the_package_works_and_warns():
+    with pytest.warns(DeprecationWarning, match=r"asrsim\.repeat is called asrsim\.rerun now"):
+        assert asrsim.repeat is asrsim.rerun

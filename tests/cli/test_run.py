@@ -139,13 +139,13 @@ def test_invalid_claims_are_reported_before_the_run(tiny, asrsim_command):
 
 
 def test_rerun_reports_the_missing_part_of_a_shorter_repetition(tiny, asrsim_command, monkeypatch):
-    from asrsim.runs import repeat
+    from asrsim.runs import rerun
     from asrsim.simulation.run import simulate
 
     asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "-q", "--set", "duration=0.1")
     shorter = lambda scenario, *given, **how: simulate(replace(scenario, duration=0.04), *given, **how)  # noqa: E731
-    monkeypatch.setattr("asrsim.runs.repeat.simulate", shorter)
-    found = repeat.repeat(tiny.folder / "out" / "log.mcap")
+    monkeypatch.setattr("asrsim.runs.rerun.simulate", shorter)
+    found = rerun.rerun(tiny.folder / "out" / "log.mcap")
     assert (found.samples, found.missing, found.logged_samples, found.identical) == (41, 60, 101, False)
     outcome = asrsim_command("rerun", "out/log.mcap")
     assert outcome.code == 1

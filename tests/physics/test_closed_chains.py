@@ -5,7 +5,7 @@ import pytest
 
 import asrsim
 from asrsim.errors import AsrsimError, RobotError
-from asrsim.export import export_mjcf
+from asrsim.exports import export
 from asrsim.robot import read_robot
 from support import four_bar
 from support import parallelogram as pair
@@ -288,6 +288,6 @@ def test_an_exported_closed_chain_moves_in_mujoco_as_in_asrsim(tmp_path):
         actuators={"crank": {"type": "sea", "mode": 6}}, link_damping={"crank": {"constant": 0.3}},
         references={"crank": {"equilibrium_position": {"step": {"at": 0.1, "to": 1.5}}}},
     )  # fmt: skip
-    replay = export_mjcf(scenario, tmp_path / "four_bar.xml", plot=False).replay
+    replay = export(scenario, tmp_path / "four_bar.xml", plot=False).replay
     assert np.abs(replay.error).max() < 2.5  # mrad
     assert np.ptp(asrsim.run(scenario).run.samples.values["link_position"][:, 0]) > 0.3

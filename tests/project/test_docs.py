@@ -11,6 +11,7 @@ import pytest
 import asrsim
 from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
+from asrsim.exports import PROGRAMS
 from asrsim.live.transport import TRANSPORTS
 from asrsim.metrics import MEASURES
 from asrsim.robot import load_robot
@@ -18,6 +19,7 @@ from asrsim.scenario import load_scenario
 from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
+from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import ROOT
 from validation.sections import SECTIONS
 
@@ -125,7 +127,7 @@ def test_commands_in_the_documentation_exist(page):
 def test_names_of_the_library_in_the_pages_exist(tiny):
     """Every name such as `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` in the pages exists."""
     # Groups of entry points have similar names.
-    registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, TRANSPORTS)
+    registries = (ACTUATORS, ENGINES, MEASURES, PROGRAMS, SAMPLERS, SIGNALS, TRANSPORTS)
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
     with asrsim.Simulation(tiny.scenario, record=True) as simulation:

@@ -22,7 +22,7 @@ from asrsim.live.mailbox import LARGEST_MESSAGE, WAITING_BYTES
 from asrsim.live.ros import RosTransport, fast_dds, load_rclpy
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from support.paths import ROOT
 
 PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
@@ -202,4 +202,4 @@ def test_ros_node_receives_every_topic_and_moves_the_arm(server, peers, name):
     assert "asrsim rerun" in out
     commands = list(open_log(folder / "log.mcap").commands())
     assert len(commands) > 50
-    assert repeat(folder / "log.mcap").identical
+    assert rerun(folder / "log.mcap").identical

@@ -51,14 +51,14 @@ SCRIPT = """
 import json
 import asrsim
 from asrsim.errors import AsrsimError
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 
 def outcome(**keys):
     try:
         result = asrsim.run(asrsim.make_scenario("r.urdf", duration=0.2, **keys), out="out", overwrite=True)
     except AsrsimError as error:
         return str(error)
-    return [float(result["j"].link_position[-1]), repeat("out/log.mcap").identical]
+    return [float(result["j"].link_position[-1]), rerun("out/log.mcap").identical]
 
 engines = {name: outcome(engine=name) for name in ("weightless", "missing", "nothing")}
 print(json.dumps(engines))

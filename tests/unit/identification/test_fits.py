@@ -9,22 +9,24 @@ import pytest
 
 import asrsim
 from asrsim import identify
-from asrsim.design.advice import advice, design_line
-from asrsim.design.limits import read_limits
+from asrsim.designs.advice import advice, design_line
+from asrsim.designs.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import numbers_of
+from asrsim.identification.result import estimates
 from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
 from asrsim.identification.track import Played
+from asrsim.identification.uncertainty import uncertainty
 from asrsim.identification.write import as_dict, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.fitted import joint_of
 from support.exact_swing import DAMPING, STIFFNESS, swing
-from support.identify_files import BENCH, CHIRP, SEA, bench, prepared, record, save, write
+from support.identify_files import BENCH, CHIRP, SEA, bench, modelled, prepared, record, save, write
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -63,6 +65,22 @@ def test_a_parameter_without_effect_has_a_reason(lab):
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
     one = result.find("joint_1.motor_1_inertia")
     assert (one.verdict, one.reason) == ("no effect", "no compared channel depends on it in mode 3 (SpringEqPres)")
+
+
+def test_a_spring_without_effect_says_that_the_mode_has_none(tmp_path):
+    """Its deflection was recorded, so that a sentence about the recorded channels would be wrong."""
+    goal = 0.2 * np.sin(9.0 * np.arange(0.0, 1.0, 1e-2))
+    heading = "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad],joint_1.deflection [rad]"
+    table = save(tmp_path / "a.csv", heading, np.arange(0.0, 1.0, 1e-2), goal, -goal, 0.1 * goal**2)
+    lab = write(tmp_path, "lab", {**SEA, "mode": 0})
+    result = identify(lab, [table], free=["joint_1.spring_stiffness", "link_1.izz"], check=True)
+    assert result.find("joint_1.spring_stiffness").reason.startswith("mode 0 (LinkTorque) has no spring")
+
+
+def test_an_effect_that_a_diverging_simulation_hides_is_not_denied():
+    problem = modelled(lambda _: None, 1, 2000)
+    (one,), _ = estimates(problem, np.zeros(1), uncertainty(problem, np.zeros(1), foreseen=True))
+    assert one.reason == "the simulation diverges, so no effect can be computed"
 
 
 def test_an_inertia_without_effect_is_reported(tmp_path):

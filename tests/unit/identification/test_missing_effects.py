@@ -62,3 +62,19 @@ def test_an_elastic_link_has_the_inertia_of_the_rigid_link_and_its_own_frequency
     assert matrix[0, 0] == pytest.approx(RobotModel(rigid).mass_matrix([0.0])[0, 0], rel=1e-12)
     assert elastic.joint("joint_1_bend").spring_stiffness == pytest.approx(50.0**2 * matrix[1, 1], rel=1e-12)
     assert sum(link.mass or 0.0 for link in elastic.links) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("effect", ["backlash", pytest.param("torque limit", marks=pytest.mark.slow)])
+def test_an_adopted_cause_is_identified_and_the_springs_are_right(tmp_path, effect):
+    """Without the cause, the stiffness is only weakly known; with it, the model fits and the intervals contain the truth."""
+    scenario, recording, truth = record(effect, 23, tmp_path)
+    (true,) = drawn(effect, 23)[1].values()
+    found = identify(scenario, [recording], free=list(truth), adopt=True)
+    assert found.fits, found.misfit
+    assert not found.causes
+    key = {"backlash": "joint_1.backlash", "torque limit": "joint_1.motor_1_max_torque"}[effect]
+    assert any(text.startswith(f"{key}: adopted") for text in found.remarks)
+    for name, value in ((key, true), ("joint_1.spring_stiffness", truth["joint_1.spring_stiffness"])):
+        one = found.find(name)
+        assert one.low < value < one.high
+        assert one.verdict == "identified"

@@ -92,3 +92,18 @@ def test_derivatives_on_many_threads_equal_those_on_one(tmp_path, monkeypatch):
     for one, two in found.values():
         np.testing.assert_array_equal(one, two)
     assert len({one.tobytes() for one, _ in found.values()}) == 3
+
+
+@pytest.mark.parametrize(("mode", "motor"), [(5, "motor_1_position"), (2, "reference_1")])
+def test_a_link_starts_where_motor_and_deflection_say(tmp_path, mode, motor):
+    """A link that moves at 2 rad/s behind a motor at rest; the motor is measured, or played in mode 2."""
+    home = 0.4 + 0.0 * TIME
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": home, f"joint_1.{motor} [rad]": home + noise(len(TIME), seed=1)}
+    columns["joint_1.deflection [rad]"] = 0.3 - 2.0 * TIME + 5.0 * TIME**2 + noise(len(TIME), seed=2)
+    with ExitStack() as stack:
+        problem = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=mode)
+        initial = problem.tracks[0].initial
+        assert initial["joint_1.initial_position"] == pytest.approx(0.1, abs=1e-3)
+        assert initial["joint_1.initial_velocity"] == pytest.approx(2.0, abs=0.1)
+        starts = ["joint_1.initial_position", "joint_1.initial_velocity"]
+        assert [entry.key for entry in problem.layout.entries] == ["joint_1.damping", *starts]

@@ -23,7 +23,7 @@ from asrsim.live.mailbox import LARGEST_MESSAGE, WAITING, WAITING_BYTES
 from asrsim.live.origin import origin_of
 from asrsim.live.transport import Access, Interface, LiveTopic
 from asrsim.log import open_log
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 
 
 def test_messages_in_json():
@@ -176,4 +176,4 @@ def test_a_client_of_the_protocol(tmp_path):
     assert list(open_log(tmp_path / "out" / "log.mcap").commands())[-1].value == 0.1
     live = json.loads((tmp_path / "out" / "summary.json").read_text())["live"]
     assert (live["commands"], sum(live["dropped"].values())) == (100, 5)
-    assert repeat(tmp_path / "out" / "log.mcap").identical
+    assert rerun(tmp_path / "out" / "log.mcap").identical

@@ -15,7 +15,7 @@ from asrsim.live.commands import CommandInput
 from asrsim.live.pace import Pace
 from asrsim.live.session import Session, Settings
 from asrsim.log import open_log, read_log
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.samples import Command, HeldWrench, JointInfo, WrenchCommand
 from support.paths import EXAMPLES
 
@@ -78,7 +78,7 @@ def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
     commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert len(commands) == summary.live["applied"]
     assert {command.reference for command in commands} == {"equilibrium_position", "stiffness_preset", "external_torque"}
-    found = repeat(tmp_path / "run" / "log.mcap")
+    found = rerun(tmp_path / "run" / "log.mcap")
     assert found.identical
     assert found.samples == 401
     assert not found.missing
@@ -110,7 +110,7 @@ def test_a_wrench_that_an_operator_holds_on_a_box_is_repeated_bit_for_bit(tmp_pa
     assert len(commands) == session.figures()["applied"] > 50
     assert {type(one) for one in commands} == {Command, WrenchCommand}
     assert log.read().samples.bodies["box"][-1, 0] > 2.001
-    assert repeat(log.path).identical
+    assert rerun(log.path).identical
 
 
 def test_topics_are_published_half_as_often_by_late_runs(tmp_path, monkeypatch):
@@ -261,7 +261,7 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
     wanted = {0: (0.1, -0.1), 50: (0.2, -0.1), 75: (0.25625, 0.0) if smooth else (0.25, 0.0), 150: (0.3, 0.1)}
     for row, references in wanted.items():
         np.testing.assert_allclose(samples.values["reference_1"][row], references, atol=1e-12)
-    assert repeat(tmp_path / "run" / "log.mcap").identical
+    assert rerun(tmp_path / "run" / "log.mcap").identical
 
 
 @pytest.mark.parametrize(
@@ -298,7 +298,7 @@ def test_a_killed_run_is_repeated_up_to_its_end(tmp_path, tiny):
     run_live(tmp_path / "run", Script(commands), scenario=one, duration=5.0)
     whole = (tmp_path / "run" / "log.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: int(0.7 * len(whole))])
-    found = repeat(tmp_path / "cut.mcap")
+    found = rerun(tmp_path / "cut.mcap")
     assert found.logged_status == "truncated"
     assert found.identical
     assert 1000 < found.samples < 5001

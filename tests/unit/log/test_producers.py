@@ -10,7 +10,7 @@ from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
 from asrsim.robot import load_robot, with_overrides
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.scenario import load_scenario
 from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
@@ -57,7 +57,7 @@ def test_a_log_repeats_its_run_and_checks_its_claims(tmp_path, monkeypatch, prod
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     for log in logs:
-        again = repeat(log)
+        again = rerun(log)
         assert not again.differences, f"{log}: {again.differences[0]}"
         assert again.identical
 
@@ -85,4 +85,4 @@ def test_the_log_names_changes_that_no_document_can_express(tmp_path):
         given = replace(scenario, expect=(), **changes)
         log = asrsim.run(given, robot=own, out=tmp_path, overwrite=True).log
         with pytest.raises(LogError, match=rf"cannot be repeated: .*{what}"):
-            repeat(log)
+            rerun(log)

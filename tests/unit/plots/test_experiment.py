@@ -16,6 +16,7 @@ from asrsim.plots import read_curves
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import comparison_pages, overlay_figure
 from asrsim.plots.pairing import assign
+from support.paths import ROOT
 from support.plot_example import made_up_log, simulated_log
 
 
@@ -42,6 +43,22 @@ def test_the_lag_is_found_and_removed(tmp_path):
     assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
     assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.csv"}
     assert "rise" in {row.measure for row in read_metrics(tmp_path / "out" / "metrics.csv")}
+
+
+def test_a_further_measure_is_shown_of_run_and_recording(tmp_path, asrsim_command):
+    """The recording is .9 of the run's sinusoid; `crest_factor` is a user's own measure, sqrt(2) for a sinusoid."""
+    log, recording = made_up_log(tmp_path / "log.mcap", count=2001), lab(tmp_path / "lab.csv", gain=0.9)
+    plugin = ROOT / "examples" / "plugins" / "my_lab.py"
+    words = ("plot", log, "-e", recording, "--align", "off", "--plugin", plugin)
+    done = asrsim_command(*words, "--measure", "rms", "--measure", "crest_factor", "--json")
+    rows = {
+        (row["measure"], row["source"]): row for row in json.loads(done.out)["metrics"] if row["quantity"] == "link_position"
+    }
+    sizes = [rows["rms", source]["value"] for source in ("soft", "lab.csv")]
+    assert sizes[1] == pytest.approx(0.9 * sizes[0], rel=0.01)
+    assert rows["crest_factor", "lab.csv"]["value"] == pytest.approx(2**0.5, rel=0.01)
+    assert "choices" in asrsim_command("plot", log, "-e", recording, "--measure", "rmss", "--json").out
+    assert "requires --experiment" in asrsim_command("plot", log, "--measure", "rms").err
 
 
 @pytest.mark.parametrize("header", [("elbow_cmd",), ("elbow_cmd", "elbow_pos")])

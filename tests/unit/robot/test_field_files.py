@@ -77,13 +77,13 @@ def test_files_of_the_field_mean_what_the_plain_file_means(case, tiny):
 
 @pytest.mark.parametrize("case", ["blank line before the declaration", "default name space", "undeclared world"])
 def test_runs_of_such_files_are_repeated_from_their_logs(case, tiny):
-    from asrsim.runs.repeat import repeat
+    from asrsim.runs.rerun import rerun
 
     old, new, _ = AS_WRITTEN[case]
     tiny.robot.write_text(PENDULUM.replace(old, new, 1))
     asrsim.run(tiny.scenario, out=tiny.folder / "out")
     (log,) = (tiny.folder / "out").rglob("log.mcap")
-    assert repeat(log).identical
+    assert rerun(log).identical
 
 
 def test_negative_limits_are_none(tiny):

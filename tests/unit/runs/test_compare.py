@@ -16,7 +16,7 @@ from asrsim.plots import draw_run
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.execute import execute
 from asrsim.runs.folder import find_logs, new_log, open_folder
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.samples import Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
@@ -111,7 +111,7 @@ def test_a_plugin_with_a_path_out_of_its_folder_is_not_loaded(tmp_path):
     joints = tuple(replace(joint, actuator="mine") for joint in INFO.joints)
     log = log_in(tmp_path, joints=joints, attachments={"plugins/../mine.py": b"1 / 0"}, resolved={})
     with pytest.raises(LogError, match="contains no scenario"):
-        repeat(log, trust_plugins=True)
+        rerun(log, trust_plugins=True)
 
 
 def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path):
@@ -175,6 +175,6 @@ def test_a_repeated_run_names_the_meshes_that_changed(tiny):
     part.write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
     (tiny.folder / "out").mkdir()
     execute(examine(tiny.scenario), tiny.folder / "out")
-    assert repeat(tiny.folder / "out" / "log.mcap").changed == ()
+    assert rerun(tiny.folder / "out" / "log.mcap").changed == ()
     part.write_text(part.read_text().replace("0.1", "0.11"))
-    assert repeat(tiny.folder / "out" / "log.mcap").changed == ("part.obj",)
+    assert rerun(tiny.folder / "out" / "log.mcap").changed == ("part.obj",)

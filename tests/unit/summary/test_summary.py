@@ -11,7 +11,7 @@ import pytest
 
 import asrsim
 from asrsim.metrics.summary import JointSummary
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -263,7 +263,7 @@ def test_claims_about_objects_and_tips_see_every_step(tmp_path):
     thin = asrsim.run(scenario, variant="soft", overrides=[*changes, "log_rate=20"], out=tmp_path / "thin")
     assert [claim.measured for claim in thin.summary.claims] == [claim.measured for claim in whole.summary.claims]
     assert thin.summary.tip == whole.summary.tip
-    assert repeat(thin.log).identical
+    assert rerun(thin.log).identical
     for name, poses in whole.bodies.items():
         assert np.array_equal(thin.bodies[name], poses[::50]), name
     for name, forces in whole.contacts.items():

@@ -11,7 +11,7 @@ import pytest
 
 import asrsim
 from asrsim.log import open_log, read_log
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from support.chromium import open_page
 from support.paths import EXAMPLES
 
@@ -125,7 +125,7 @@ def test_pause_step_reset_and_what_was_done_is_in_logs_that_repeat(live, browser
     logs = [folder.with_name(name) / "log.mcap" for name in ("run", "run_2")]
     assert list(open_log(logs[0]).commands())[-1].value == 0.25
     assert not list(open_log(logs[1]).commands())
-    assert repeat(logs[0]).identical
+    assert rerun(logs[0]).identical
 
 
 def test_a_log_is_played_back_with_a_ghost_and_plots(played, browser):

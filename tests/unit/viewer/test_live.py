@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 import asrsim
 from asrsim.errors import InputError
 from asrsim.log import open_log, read_log
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.viewer.pull import Grip
 from support.paths import EXAMPLES
@@ -63,7 +63,7 @@ def test_a_changed_parameter_starts_a_run_that_its_log_describes(arm, tmp_path, 
     assert {**drive.values, "damping": drive.joint.damping}[name] == value
     arm.close()
     for folder in ("soft", "soft_2"):
-        assert repeat(tmp_path / "run" / folder / "log.mcap").identical
+        assert rerun(tmp_path / "run" / folder / "log.mcap").identical
 
 
 def test_a_change_that_is_not_physical_is_said_and_the_run_starts_again(arm):
@@ -123,7 +123,7 @@ def test_letting_go_gives_the_torque_back_to_the_scenario(arm, tmp_path):
     path = tmp_path / "run" / "soft" / "log.mcap"
     last = {one.joint: one for one in open_log(path).commands()}
     assert {(one.reference, one.value) for one in last.values()} == {(EXTERNAL_TORQUE, None)}
-    assert repeat(path).identical
+    assert rerun(path).identical
 
 
 def test_pages_of_other_origins_are_refused(arm):
@@ -208,4 +208,4 @@ def test_the_mouse_pulls_objects_and_robots_with_a_floating_base(tmp_path, engin
             desk._drag(body, SimpleNamespace(phase="end"))
             until(lambda: desk._held is None)
     assert session.figures()["applied"] > 10
-    assert repeat(tmp_path / "run" / "log.mcap").identical
+    assert rerun(tmp_path / "run" / "log.mcap").identical

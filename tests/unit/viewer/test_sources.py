@@ -13,7 +13,7 @@ from asrsim.cli.app import COMMANDS
 from asrsim.errors import InputError, LogError
 from asrsim.log import open_log
 from asrsim.outfile import csv_text
-from asrsim.runs.repeat import repeat
+from asrsim.runs.rerun import rerun
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow
 from asrsim.viewer.events import limit_events
@@ -184,7 +184,7 @@ def test_commands_show_pages_and_end(asrsim_command, tmp_path):
     done = asrsim_command("live", SOFT_ARM, "--variant", "soft", "--on", "none", "--duration", "0.3", "--view", "-o", "live")
     assert done.code == 0, done.err
     assert "view: http://localhost:" in done.err
-    assert repeat(tmp_path / "live" / "log.mcap").identical
+    assert rerun(tmp_path / "live" / "log.mcap").identical
     done = asrsim_command("view", "live", "--duration", "0.3", "--port", "0", "--no-browser", "--json")
     assert (done.code, done.out.strip()[:1]) == (0, "{")
     assert "view" in COMMANDS

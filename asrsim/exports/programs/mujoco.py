@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.mujoco_library import load
-from asrsim.export.programs.base import Program
+from asrsim.exports.programs.base import Program
 from asrsim.samples import Array
 
 

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.engines.mujoco_library import exact_xml
-from asrsim.export.mjcf import model_of
-from asrsim.export.programs import PROGRAMS, Program
-from asrsim.export.ranges import own_numbers, write_ranges
-from asrsim.export.replay import Replay, draw, replay, run_of
+from asrsim.exports.mjcf import model_of
+from asrsim.exports.programs import PROGRAMS, Program
+from asrsim.exports.ranges import own_numbers, write_ranges
+from asrsim.exports.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
+from asrsim.renamed import renamed
 from asrsim.render.meshes import simplified
 from asrsim.robot.meshes import mesh_parts
 from asrsim.scenario.overrides import Overrides
@@ -25,7 +26,7 @@ from asrsim.sweeps.fitted import joint_of, load_fit
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
 
-__all__ = ["PROGRAMS", "Export", "Program", "Replay", "export_mjcf"]
+__all__ = ["PROGRAMS", "Export", "Program", "Replay", "export"]
 
 APART = 1.0
 """Largest difference between a program and MuJoCo on the same file, mrad (mm), with which the export succeeds."""
@@ -69,9 +70,10 @@ class Export:
         }
 
 
-def export_mjcf(
+@renamed(timestep="step")
+def export(
     scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (),
-    program: str = "mujoco", knots: int | None = None, timestep: float | None = None, fit: str | Path | None = None,
+    program: str = "mujoco", knots: int | None = None, step: float | None = None, fit: str | Path | None = None,
     plot: bool = True,
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for a program, and replay the scenario there.
@@ -80,10 +82,10 @@ def export_mjcf(
         scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As for `asrsim.run`.
-        program: Name of the program that the file is made for, in `asrsim.export.PROGRAMS`: the file has only what this
+        program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only what this
             program steps right. The replay is in this program if it is installed, else in MuJoCo.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
-        timestep: Time step of the model, s; None: half of the scenario's step.
+        step: Time step of the model, s; None: half of the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
             randomisation.
         plot: Draw the error.
@@ -117,7 +119,7 @@ def export_mjcf(
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         return f"{folder.name}/{files[-1].name}"
 
-    made = partial(model_of, run=run, path=path, mesh_file=mesh_file, timestep=timestep, constructs=target.constructs)
+    made = partial(model_of, run=run, path=path, mesh_file=mesh_file, timestep=step, constructs=target.constructs)
     model = made(ready, knots=knots)
     make_folder(path.parent)
     write_text(path, exact_xml(model.spec), "mjcf")
@@ -138,7 +140,7 @@ def export_mjcf(
     result = replay(ready, run, path, target)
     files += draw(result, path) if plot else []
     if result.diverged_at is not None:
-        remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --timestep")
+        remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --step")
     if result.apart > APART:
         remarks.append(f"{result.program} moves {result.apart:.3g} mrad (mm) from MuJoCo on the same file: do not use it there")
     if len(result.time) < len(run["link_position"]):

@@ -68,7 +68,7 @@ class Repetition:
         }
 
 
-def repeat(
+def rerun(
     path: str | Path,
     *,
     plugins: Sequence[str | Path] = (),

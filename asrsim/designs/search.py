@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 
-from asrsim.design.motion import Piece, chirp, fresh, step, varied
-from asrsim.design.plant import DesignPlant
+from asrsim.designs.motion import Piece, chirp, fresh, step, varied
+from asrsim.designs.plant import DesignPlant
 from asrsim.samples import Array
 
 LENGTH, MOST = 2.0, 8

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
-from asrsim.export.constructs import Constructs
+from asrsim.exports.constructs import Constructs
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
 

@@ -12,7 +12,7 @@ import pytest
 
 import asrsim
 from asrsim.errors import InputError, ScenarioError
-from asrsim.export import PROGRAMS, export_mjcf
+from asrsim.exports import PROGRAMS, export
 from support.paths import EXAMPLES
 
 STEP, SINE = {"step": {"at": 0.1, "to": 0.8}}, {"sinusoid": {"amplitude": 0.6, "frequency": 1.0}}
@@ -33,7 +33,7 @@ def installed(name):
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
 def test_affine_motors_and_linear_pieces_follow_asrsim_too(tmp_path, actuator, motion):
     """A step reaches torque limit and speed limit. Without MuJoCo XLA, MuJoCo steps the file."""
-    found = export_mjcf(scenario(actuator, motion), tmp_path / "soft.xml", program="mjx", plot=False)
+    found = export(scenario(actuator, motion), tmp_path / "soft.xml", program="mjx", plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert not model.tendon_stiffnesspoly.any()
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
@@ -49,7 +49,7 @@ def test_what_a_program_would_step_wrong_is_refused_at_once(tmp_path):
                                 "motor_1_stribeck_friction": 0.1}},
     )  # fmt: skip
     with pytest.raises(ScenarioError) as caught:
-        export_mjcf(given, tmp_path / "soft.xml", program="mjx")
+        export(given, tmp_path / "soft.xml", program="mjx")
     for part in ("delay", "integral action", "hysteresis", "Stribeck", "contacts"):
         assert part in str(caught.value)
     assert not list(tmp_path.iterdir())
@@ -59,17 +59,17 @@ def test_a_moving_adjuster_is_refused_for_mjlab(tmp_path):
     preset = {"sinusoid": {"amplitude": 0.005, "offset": 0.02, "frequency": 0.7}}
     given = scenario("awas_ii", references={"joint_1": {"equilibrium_position": SINE, "stiffness_preset": preset}})
     with pytest.raises(ScenarioError, match="control of a tendon"):
-        export_mjcf(given, tmp_path / "soft.xml", program="mjlab")
+        export(given, tmp_path / "soft.xml", program="mjlab")
 
 
 def test_an_unknown_program_is_told_with_the_known_ones(tmp_path):
     with pytest.raises(InputError, match="mujoco, warp, mjx, mjlab"):
-        export_mjcf(scenario("sea"), tmp_path / "soft.xml", program="isaac")
+        export(scenario("sea"), tmp_path / "soft.xml", program="isaac")
 
 
 def test_a_program_that_is_not_installed_is_said_not_to_be_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(PROGRAMS.get("mjx"), "modules", ("no_such_module",))
-    found = export_mjcf(scenario("sea", duration=0.1), tmp_path / "soft.xml", program="mjx", plot=False)
+    found = export(scenario("sea", duration=0.1), tmp_path / "soft.xml", program="mjx", plot=False)
     assert found.as_dict()["not_tried"] == "no_such_module is not installed here"
     assert found.replay.program.startswith("MuJoCo (")
 
@@ -85,7 +85,7 @@ def fit_at(path):
 def test_the_package_for_mjlab_has_the_rule_of_the_motors_and_the_ranges_of_a_fit(tmp_path):
     fit = fit_at(tmp_path / "fit.json")
     given = scenario("qbmove", duration=0.1, initial={"joint_1": {"position": 0.2}})
-    found = export_mjcf(given, tmp_path / "my-arm.xml", program="mjlab", fit=fit, plot=False)
+    found = export(given, tmp_path / "my-arm.xml", program="mjlab", fit=fit, plot=False)
     folder = tmp_path / "my_arm_mjlab"
     assert {path.name for path in found.files if path.parent == folder} == {path.name for path in folder.iterdir()}
     for path in folder.glob("*.py"):
@@ -110,7 +110,7 @@ def test_the_package_for_mjlab_has_the_rule_of_the_motors_and_the_ranges_of_a_fi
 @pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 def test_a_program_steps_its_file_as_mujoco_does(tmp_path, program, bound, actuator):
     """The table of docs/export.md. The programs calculate in single precision."""
-    found = export_mjcf(scenario(actuator, duration=0.5), tmp_path / "soft.xml", program=program, plot=False)
+    found = export(scenario(actuator, duration=0.5), tmp_path / "soft.xml", program=program, plot=False)
     print(found.replay.program, found.replay.apart, np.abs(found.replay.error).max())
     assert not found.replay.untried
     assert 0.0 < found.replay.apart < bound
@@ -121,7 +121,7 @@ def test_a_program_steps_its_file_as_mujoco_does(tmp_path, program, bound, actua
 @installed("mjlab")
 def test_the_reach_task_trains_in_mjlab_on_a_cpu(tmp_path):
     """One update of the policy, with parameters drawn from a fit."""
-    export_mjcf(scenario("qbmove", duration=0.1), tmp_path / "arm.xml", program="mjlab", fit=fit_at(tmp_path / "fit.json"))
+    export(scenario("qbmove", duration=0.1), tmp_path / "arm.xml", program="mjlab", fit=fit_at(tmp_path / "fit.json"))
     command = [sys.executable, "-m", "arm_mjlab.train", "--device", "cpu", "--worlds", "8", "--iterations", "1"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from asrsim.design.motion import chirp, fresh, joined, step, varied
-from asrsim.design.run import altered
+from asrsim.designs.motion import chirp, fresh, joined, step, varied
+from asrsim.designs.run import altered
 from support.identify_files import modelled
 
 PRESETS, TIME = np.array([False, True]), 1e-3 * np.arange(2000)

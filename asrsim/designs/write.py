@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.design.run import WANTED, Design
-from asrsim.design.search import DESIGN
+from asrsim.designs.run import WANTED, Design
+from asrsim.designs.search import DESIGN
 from asrsim.outfile import csv_text, write_text
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line

@@ -12,8 +12,8 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import ScenarioError
-from asrsim.export.constructs import Constructs
-from asrsim.export.springs import Spline, spline_of
+from asrsim.exports.constructs import Constructs
+from asrsim.exports.springs import Spline, spline_of
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import Prepared

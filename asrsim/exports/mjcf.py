@@ -14,8 +14,8 @@ from asrsim.actuators.stages import STAGES
 from asrsim.engines.mujoco_build import HARD, add_shape, assemble, couple, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import Problem, ScenarioError, SimulationError, listed
-from asrsim.export.constructs import Constructs
-from asrsim.export.motors import (
+from asrsim.exports.constructs import Constructs
+from asrsim.exports.motors import (
     STAGES_OF_MUJOCO,
     TINY,
     add_adjustable_spring,
@@ -28,7 +28,7 @@ from asrsim.export.motors import (
     springs_of,
     starts_of,
 )  # fmt: skip
-from asrsim.export.springs import Spline
+from asrsim.exports.springs import Spline
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.meshes import usable_shapes

@@ -15,9 +15,9 @@ import numpy as np
 
 from asrsim import __version__
 from asrsim.errors import ScenarioError
-from asrsim.export.constructs import Constructs
-from asrsim.export.motors import motor_name, starts_of
-from asrsim.export.programs.base import Program
+from asrsim.exports.constructs import Constructs
+from asrsim.exports.motors import motor_name, starts_of
+from asrsim.exports.programs.base import Program
 from asrsim.outfile import make_folder, write_text
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, ranges_of
@@ -54,7 +54,7 @@ class Mjlab(Program):
         written = [folder / "robot.json", *(folder / f"{name}.py" for name in FILES)]
         write_text(written[0], json.dumps(data, indent=2) + "\n", "json")
         for name, target in zip(FILES, written[1:], strict=True):
-            text = files("asrsim.export.programs").joinpath("mjlab_package", f"{name}.py.txt").read_text(encoding="utf-8")
+            text = files("asrsim.exports.programs").joinpath("mjlab_package", f"{name}.py.txt").read_text(encoding="utf-8")
             write_text(target, text.replace("PACKAGE", folder.name), "package")
         return written
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.design import design
-from asrsim.design.write import write_design
+from asrsim.designs import design
+from asrsim.designs.write import write_design
 from asrsim.recordings import read_recording
 from support.identify_files import save
 from support.paths import EXAMPLES

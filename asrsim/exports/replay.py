@@ -12,9 +12,9 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines.mujoco_library import load
 from asrsim.errors import SimulationError
-from asrsim.export.motors import motor_name, stiffness_name
-from asrsim.export.programs.base import Program
-from asrsim.export.programs.mujoco import Mujoco
+from asrsim.exports.motors import motor_name, stiffness_name
+from asrsim.exports.programs.base import Program
+from asrsim.exports.programs.mujoco import Mujoco
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.export.constructs import Constructs
-from asrsim.export.programs.base import Program
+from asrsim.exports.constructs import Constructs
+from asrsim.exports.programs.base import Program
 from asrsim.samples import Array
 
 

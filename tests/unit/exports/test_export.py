@@ -12,8 +12,8 @@ import yaml
 import asrsim
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.errors import ScenarioError, SimulationError
-from asrsim.export import export_mjcf
-from asrsim.export.springs import spline_of
+from asrsim.exports import export
+from asrsim.exports.springs import spline_of
 from asrsim.plugins import load_plugin_file
 from support.coupled_ode import RODS, TWO_FREE, urdf
 from support.independent_ode import solve
@@ -43,7 +43,7 @@ def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
         keys["actuators"] = {"joint_1": {"type": "my_vsa", "mode": 6}}
     preset = {"sea": None, "bavs": 0.1}.get(actuator, 0.2)
     robot = "qbmove" if actuator == "my_vsa" else actuator
-    found = export_mjcf(scenario(robot, preset=preset, **keys), tmp_path / "soft.xml").replay
+    found = export(scenario(robot, preset=preset, **keys), tmp_path / "soft.xml").replay
     np.testing.assert_array_equal(found.error, 1e3 * (found.theirs - found.ours))
     assert np.ptp(found.ours) > 0.6
     assert found.rms.max() < 1.0
@@ -66,7 +66,7 @@ PARTS = {
 def test_each_part_of_a_drive_moves_in_mujoco_as_in_asrsim(tmp_path, part, motion):
     """A step reaches torque limit and speed limit of the motor."""
     given = scenario("sea", references={"joint_1": {"equilibrium_position": motion}}, **PARTS[part])
-    found = export_mjcf(given, tmp_path / "soft.xml", plot=False)
+    found = export(given, tmp_path / "soft.xml", plot=False)
     assert found.remarks == ()
     assert np.abs(found.replay.error).max() < 2.0
     assert found.replay.rms.max() < 0.5
@@ -75,7 +75,7 @@ def test_each_part_of_a_drive_moves_in_mujoco_as_in_asrsim(tmp_path, part, motio
 @pytest.mark.parametrize("actuator", ["qbmove", "bavs"])
 def test_variable_stiffness_actuators_follow_a_step_at_their_limits(tmp_path, actuator):
     references = {"equilibrium_position": STEP, "stiffness_preset": 0.1}
-    found = export_mjcf(scenario(actuator, references={"joint_1": references}), tmp_path / "soft.xml", plot=False).replay
+    found = export(scenario(actuator, references={"joint_1": references}), tmp_path / "soft.xml", plot=False).replay
     assert np.abs(found.error).max() < 3.0
     assert found.rms.max() < 0.5
 
@@ -83,7 +83,7 @@ def test_variable_stiffness_actuators_follow_a_step_at_their_limits(tmp_path, ac
 def test_the_stiffness_of_an_adjustable_spring_is_a_control(tmp_path):
     preset = {"sinusoid": {"amplitude": 0.005, "offset": 0.02, "frequency": 0.7}}
     references = {"equilibrium_position": SINE, "stiffness_preset": preset}
-    found = export_mjcf(scenario("awas_ii", references={"joint_1": references}), tmp_path / "soft.xml", plot=False)
+    found = export(scenario("awas_ii", references={"joint_1": references}), tmp_path / "soft.xml", plot=False)
     assert found.replay.rms.max() < 0.5
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert [model.actuator(i).name for i in range(model.nu)] == ["joint_1.motor_1", "joint_1.stiffness"]
@@ -91,7 +91,7 @@ def test_the_stiffness_of_an_adjustable_spring_is_a_control(tmp_path):
 
 def test_names_contain_no_slash(tmp_path):
     """Programs that attach models to each other cut names at a slash."""
-    export_mjcf(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", plot=False)
+    export(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert b"/" not in model.names
 
@@ -99,7 +99,7 @@ def test_names_contain_no_slash(tmp_path):
 @pytest.mark.parametrize("ground", [False, True])
 def test_cones_are_elliptic_only_where_contacts_are(tmp_path, ground):
     """MuJoCo XLA and mjlab take pyramidal cones."""
-    export_mjcf(scenario("sea", world={"ground": ground}), tmp_path / "soft.xml", plot=False)
+    export(scenario("sea", world={"ground": ground}), tmp_path / "soft.xml", plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert (model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC) is ground
 
@@ -122,7 +122,7 @@ def test_exported_random_robots_follow_the_equations_of_the_paper(tmp_path, seed
     run.write(tmp_path)
     path = tmp_path / "random.yaml"
     path.write_text(yaml.safe_dump({"robot": "robot.urdf", "engine": "mujoco", **run.keys()}))
-    found = export_mjcf(path, tmp_path / "random.xml", plot=False).replay
+    found = export(path, tmp_path / "random.xml", plot=False).replay
     truth = solve(run, found.time, tolerance=1e-8)["positions"]
     error = 1e3 * np.sqrt(np.mean((found.theirs - truth) ** 2, axis=0))
     assert (error < 1.5).all(), error
@@ -133,7 +133,7 @@ def test_electric_motors_take_volts_or_amperes(tmp_path, mode, reference):
     electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 40.0, "motor_1_resistance": 2.0}
     wave = {"sinusoid": {"amplitude": 0.4, "frequency": 0.5}}
     given = scenario("sea", mode=mode, references={"joint_1": {reference: wave}}, parameters={"joint_1": electric})
-    found = export_mjcf(given, tmp_path / "soft.xml", plot=False).replay
+    found = export(given, tmp_path / "soft.xml", plot=False).replay
     assert found.rms.max() < 2e-3 * 1e3 * np.ptp(found.ours)
 
 
@@ -152,7 +152,7 @@ def test_splines_follow_a_law_and_stay_flat_beyond_its_limit(law):
 
 def test_ideal_motors_are_refused(tmp_path):
     with pytest.raises(ScenarioError, match="mode 3"):
-        export_mjcf(scenario("sea", mode=3), tmp_path / "soft.xml")
+        export(scenario("sea", mode=3), tmp_path / "soft.xml")
     assert not (tmp_path / "soft.xml").exists()
 
 
@@ -172,14 +172,14 @@ def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
     ACTUATORS.add("coupled", Coupled)
     with pytest.raises(ScenarioError, match="own deflection"):
-        export_mjcf(scenario("sea", actuators={"joint_1": {"type": "coupled", "mode": 6}}), tmp_path / "soft.xml")
+        export(scenario("sea", actuators={"joint_1": {"type": "coupled", "mode": 6}}), tmp_path / "soft.xml")
 
 
 def test_what_mjcf_does_not_have_is_listed(tmp_path):
     step = {"joint_1": {"equilibrium_position": {"step": {"to": 0.8}}, "stiffness_preset": 0.01}}
     effects = {"commands": {"joint_1": {"quantum": 0.01}}, "sensors": {"joint_1": {"delay": 0.01}}}
     given = scenario("awas_ii", references=step, parameters={"joint_1": {"motor_1_load_friction": 0.1}}, effects=effects)
-    text = "\n".join(export_mjcf(given, tmp_path / "soft.xml", plot=False).remarks)
+    text = "\n".join(export(given, tmp_path / "soft.xml", plot=False).remarks)
     for words in ("adjuster stays at 0.01 m", "depend on their load", "steps of commands", "delays of sensors"):
         assert words in text
 
@@ -190,7 +190,7 @@ def test_an_effort_limit_below_the_springs_is_listed(tmp_path, effort):
     (tmp_path / "robot.urdf").write_text(re.sub('effort="[^"]*"', f'effort="{effort}"', text))
     springs = {"joint_1": {"spring_stiffness": 4.0, "max_deflection": 0.5}}
     given = asrsim.make_scenario(tmp_path / "robot.urdf", engine="mujoco", duration=0.1, modes={"*": 6}, parameters=springs)
-    remarks = "".join(export_mjcf(given, tmp_path / "soft.xml", plot=False).remarks)
+    remarks = "".join(export(given, tmp_path / "soft.xml", plot=False).remarks)
     assert ("does not limit its springs, which reach 2" in remarks) is (effort < 2.0)
 
 
@@ -202,7 +202,7 @@ def test_intervals_of_a_fit_become_ranges_of_model_fields(tmp_path):
         "keys": keys, "mean": mean, "covariance": np.diag(np.square(deviations)).tolist(), "logarithmic": [False, True, True],
         "ties": [{"key": "joint_1.spring_k_2", "to": "joint_1.spring_k_1", "factor": 1.0}],
     }))  # fmt: skip
-    export_mjcf(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", fit=fit, plot=False)
+    export(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", fit=fit, plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert model.actuator("joint_1.motor_1").biasprm[3:5] == pytest.approx(0.05)
     ranges = yaml.safe_load((tmp_path / "soft.ranges.yaml").read_text())
@@ -224,7 +224,7 @@ def test_meshes_stand_beside_the_file(tmp_path):
     shape = '<visual><geometry><mesh filename="part.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
     (tmp_path / "robot.urdf").write_text(text.replace('<link name="link_1">', f'<link name="link_1">{shape}'))
     given = asrsim.make_scenario(tmp_path / "robot.urdf", engine="mujoco", duration=0.1, modes={"*": 6})
-    found = export_mjcf(given, tmp_path / "out" / "soft.xml", plot=False)
+    found = export(given, tmp_path / "out" / "soft.xml", plot=False)
     assert (tmp_path / "out" / "soft_meshes" / "mesh_0.stl") in found.files
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "soft.xml"))
     assert model.nmesh == 1
@@ -236,7 +236,7 @@ def test_a_box_is_pushed_as_in_asrsim(tmp_path):
     box = {"shape": "box", "size": [0.03] * 3, "mass": 0.05, "friction": 0.2, "position": [-0.035, 0.036, 0.015]}
     base = {"position": [0.0, 0.25, 0.03], "rpy": [0.5 * np.pi, 0.0, 0.0]}
     given = scenario("qbmove", preset=0.3, world={"ground": True, "objects": {"box": box}}, base=base, duration=0.7)
-    found = export_mjcf(given, tmp_path / "soft.xml", plot=False)
+    found = export(given, tmp_path / "soft.xml", plot=False)
     assert np.ptp(asrsim.run(given).bodies["box"][:, 0]) > 0.01
     assert found.replay.rms.max() < 5.0
 
@@ -247,22 +247,22 @@ def test_moments_of_a_lamina_survive_the_file(tmp_path):
     flat = 'ixx="0.0001333333333333" ixy="0" ixz="0" iyy="0.0002666666666666" iyz="0" izz="0.0003999999999999"'
     (tmp_path / "robot.urdf").write_text(re.sub(r'ixx="[^/]*', flat, text))
     given = asrsim.make_scenario(tmp_path / "robot.urdf", engine="mujoco", duration=0.1, modes={"*": 6})
-    export_mjcf(given, tmp_path / "soft.xml", plot=False)
+    export(given, tmp_path / "soft.xml", plot=False)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
     assert model.body("link_1").inertia[2] == 0.0003999999999999
 
 
 def test_a_step_that_is_too_long_is_reported(tmp_path):
     stiff = {"spring_stiffness": 5000.0, "max_deflection": 1e3}
-    found = export_mjcf(scenario("sea", parameters={"joint_1": stiff}), tmp_path / "soft.xml", timestep=1e-3, plot=False)
+    found = export(scenario("sea", parameters={"joint_1": stiff}), tmp_path / "soft.xml", step=1e-3, plot=False)
     assert found.replay.diverged_at is not None
     assert any("diverges" in text for text in found.remarks)
 
 
 def test_a_model_that_mujoco_refuses_is_one_error(tmp_path, monkeypatch):
-    monkeypatch.setattr("asrsim.export.motors.TINY", 0.0)
+    monkeypatch.setattr("asrsim.exports.motors.TINY", 0.0)
     with pytest.raises(SimulationError, match=r"MuJoCo cannot load the model: .*mjMINVAL"):
-        export_mjcf(scenario("sea"), tmp_path / "soft.xml", plot=False)
+        export(scenario("sea"), tmp_path / "soft.xml", plot=False)
 
 
 @pytest.mark.parametrize("rods", [RODS, TWO_FREE], ids=["one freedom", "a weightless link"])
@@ -271,7 +271,7 @@ def test_couplings_rotors_and_weightless_links_move_in_mujoco_as_in_asrsim(tmp_p
     path = tmp_path / "rods.urdf"
     path.write_text(urdf(rods))
     keys = {"duration": 1.0, "initial": {"j1": 0.6}, "external_torques": {"j2": 0.5}, "engine": "mujoco"}
-    found = export_mjcf(asrsim.make_scenario(path, **keys), tmp_path / "rods.xml").replay
+    found = export(asrsim.make_scenario(path, **keys), tmp_path / "rods.xml").replay
     assert np.ptp(found.ours) > 0.6
     assert np.abs(found.error).max() < 2.0
     np.testing.assert_allclose(found.theirs[:, 1], -0.7 * found.theirs[:, 0] + 0.3, rtol=0.0, atol=2e-5)

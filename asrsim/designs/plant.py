@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.design.limits import Limits, interval
-from asrsim.design.motion import Piece, joined
+from asrsim.designs.limits import Limits, interval
+from asrsim.designs.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
 from asrsim.identification.parameters import Layout, numbers_of, parameters_of

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from asrsim.design.run import Design, design
+from asrsim.designs.run import Design, design
 
 __all__ = ["Design", "design"]

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.design.limits import located, read_limits
-from asrsim.design.plant import DesignPlant, Reference
-from asrsim.design.search import DESIGN, PRIOR, SMALL, Found, Search
+from asrsim.designs.limits import located, read_limits
+from asrsim.designs.plant import DesignPlant, Reference
+from asrsim.designs.search import DESIGN, PRIOR, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of

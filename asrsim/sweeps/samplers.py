@@ -1,0 +1,93 @@
+"""Samplers: they place the draws of a study in the unit cube (`asrsim sweep --design`).
+
+`SAMPLERS` is the registry. Users add an instance of their own class: `SAMPLERS.add("halton", Halton())` in a plugin file, or an
+entry point in the group "asrsim.samplers".
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from asrsim.registry import Registry
+from asrsim.samples import Array
+
+
+class Sampler(ABC):
+    """One way to place draws. Equal arguments give equal points."""
+
+    title: str
+    """What the sampler is, for the documentation."""
+    blocks: bool = False
+    """Whether the draws are the blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), which give Sobol
+    indices. The keys must be drawn independently of each other then.
+    """
+
+    def samples(self, wanted: int) -> int:
+        """Number of samples for the number that the user wants."""
+        return wanted
+
+    def draws(self, samples: int, dimensions: int) -> int:
+        """Number of draws that so many samples make."""
+        return samples * (dimensions + 2) if self.blocks else samples
+
+    @abstractmethod
+    def points(self, samples: int, dimensions: int, seed: int) -> Array:
+        """Points (draws, dimensions) from 0 to 1; each column is one key."""
+
+
+class Random(Sampler):
+    """Independent draws."""
+
+    title = "independent draws"
+
+    def points(self, samples: int, dimensions: int, seed: int) -> Array:
+        return np.random.default_rng(seed).random((samples, dimensions))
+
+
+class LatinHypercube(Sampler):
+    """One draw in each of n equal parts of every axis."""
+
+    title = "Latin hypercube"
+
+    def points(self, samples: int, dimensions: int, seed: int) -> Array:
+        from scipy.stats import qmc
+
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(samples))
+
+
+class Sobol(Sampler):
+    """Points of a scrambled Sobol sequence, which fill the cube evenly."""
+
+    title = "scrambled Sobol sequence"
+
+    def points(self, samples: int, dimensions: int, seed: int) -> Array:
+        from scipy.stats import qmc
+
+        # Draw up to the next power of two, for which SciPy gives no warning; the first points are the same.
+        power = max(0, math.ceil(math.log2(samples)))
+        return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]
+
+
+class Saltelli(Sobol):
+    """Blocks of Sobol points, from which Sobol indices follow."""
+
+    title = "blocks of Sobol points, samples x (keys + 2) runs, which give Sobol indices"
+    blocks = True
+
+    def samples(self, wanted: int) -> int:
+        """A power of two, as Sobol's sequence needs it."""
+        return 1 << max(1, (wanted - 1).bit_length())
+
+    def points(self, samples: int, dimensions: int, seed: int) -> Array:
+        both = super().points(samples, 2 * dimensions, seed)
+        first, second = both[:, :dimensions], both[:, dimensions:]
+        mixed = np.where(np.eye(dimensions, dtype=bool)[:, None], second, first)
+        return np.concatenate([first, second, *mixed])
+
+
+SAMPLERS: Registry[Sampler] = Registry("sampler", "asrsim.samplers", instance=Sampler)
+for name, sampler in {"random": Random(), "lhs": LatinHypercube(), "sobol": Sobol(), "saltelli": Saltelli()}.items():
+    SAMPLERS.add(name, sampler)

@@ -1,0 +1,42 @@
+"""Samplers of studies: a user's own, and what is wrong with one."""
+
+import numpy as np
+import pytest
+import typer
+from scipy.stats import qmc
+
+from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.sweeps import Table, make_study
+from asrsim.sweeps.samplers import SAMPLERS, Sampler
+from support.paths import ROOT
+
+pytest.importorskip("pyarrow")
+
+
+def test_a_plugin_s_sampler_places_the_draws(tiny, asrsim_command):
+    plugin = ROOT / "examples" / "plugins" / "my_lab.py"
+    done = asrsim_command(
+        "sweep", tiny.scenario, "--over", "arm.mass=uniform(0.2, 0.6)", "--design", "halton", "--samples", "4", "--seed", "5",
+        "--set", "duration=0.02", "--plugin", plugin, "--out", "study", "--workers", "1", "--no-plot", "-q",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    drawn = qmc.Halton(1, rng=5).random(4)[:, 0]
+    np.testing.assert_allclose(Table("study")["arm.mass"], 0.2 + 0.4 * drawn, rtol=1e-12)
+
+
+@pytest.mark.parametrize("points", [np.zeros((3, 1)), np.full((4, 1), 1.5), np.full((4, 1), np.nan)])
+def test_points_outside_the_cube_or_of_another_number_are_refused(tiny, points):
+    class Wrong(Sampler):
+        def points(self, samples, dimensions, seed):
+            return points
+
+    SAMPLERS.add("wrong", Wrong())
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, design="wrong")
+    with pytest.raises(InputError, match=r"must return points from 0 to 1 of shape \(4, 1\).*wrong"):
+        _ = study.table
+
+
+def test_the_help_names_every_sampler():
+    design = next(one for one in typer.main.get_command(app).get_command(None, "sweep").params if one.name == "design")
+    assert [name for name in SAMPLERS if name not in design.help] == []
