@@ -7,27 +7,11 @@ import numpy as np
 import pytest
 
 from asrsim.scenario.data import World, Wrench
-from asrsim.signals import Constant, Sinusoid, Step
-from support.event_driven import EventDriven
-from support.pinocchio_model import PinocchioModel
+from asrsim.signals import Constant, Step
+from support.stopped_arm import LINKS, limit, stopped
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEPS = (1e-3, 2.5e-4)
-
-
-def limit(lower, upper):
-    return f'<limit lower="{lower!r}" upper="{upper!r}" effort="1000" velocity="1000"/>'
-
-
-LINKS = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
-
-
-def stopped(link, friction, lower, upper, *, gravity):
-    """Arm with two equal links, and its independent solution."""
-    levels, lower, upper = (tuple(map(float, pair)) for pair in (friction, lower, upper))
-    robot = chain(*(replace(link, friction=levels[j], limits=limit(lower[j], upper[j])) for j in (0, 1)))
-    model = PinocchioModel(robot.text, ("joint_1", "joint_2"), (0.0, 0.0, -gravity))
-    return robot, EventDriven(model, lambda _: np.array(levels), lower, upper)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -153,44 +137,6 @@ def test_joints_with_friction_move_at_second_order_after_a_jump(engine, friction
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
     assert errors[1] < 3e-6
     assert errors[1] < 0.15 * errors[0]
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("seed", range(6))
-def test_two_joints_with_stops_match_an_event_driven_solution(engine, seed):
-    random = np.random.default_rng(seed)
-    link = Body(mass=random.uniform(0.3, 1.0), reach=0.15, inertia=random.uniform(1e-3, 5e-3), length=0.3)
-    friction = random.uniform(0.0, 0.3), random.choice([0.0, 0.05])
-    lower, upper = (tuple(random.uniform(0.3, 0.6, 2) * (1.0, 0.8)) for _ in (0, 1))
-    robot, truth = stopped(link, friction, (-lower[0], -lower[1]), upper, gravity=9.81)
-    start, speed = random.uniform(-0.15, 0.15, 2), random.uniform(-4.0, 4.0, 2)
-    pushes = [
-        Sinusoid(
-            amplitude=float(random.uniform(0.5, 2.0)),
-            frequency=float(random.uniform(0.5, 2.0)),
-            phase=float(random.uniform(0, 6)),
-        )
-        for _ in (0, 1)
-    ]
-    end = 0.6
-
-    def push(t, q):
-        return np.array([float(signal.values(np.array([t]))[0]) for signal in pushes])
-
-    rows, events = truth.move(start, speed, push, np.array([0.0, end]))
-    there = rows[-1, :2]
-    assert events >= 3
-    errors = []
-    for step in STEPS:
-        result = run(
-            robot, engine=engine, duration=end, step=step, initial=start.tolist(),
-            initial_velocities={"joint_1": float(speed[0]), "joint_2": float(speed[1])},
-            external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
-        )  # fmt: skip
-        errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
-    # Between impacts the order is two. The time of an impact is accurate to a step, and the error may grow afterwards.
-    assert errors[1] < 1.5e-3
-    assert errors[1] < 0.4 * errors[0]
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

@@ -1,13 +1,11 @@
 """Each logged quantity belongs to the time of its row, also where an input of any joint jumps within the step."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.scenario.data import LinkDamping
-from asrsim.signals import Constant, Sinusoid, Step
+from asrsim.signals import Sinusoid, Step
 from validation.models import INSTALLED, Body, chain, column, run
 
 BODIES = chain(
@@ -83,28 +81,3 @@ def test_the_velocity_is_that_of_the_row(engine, late):
     )  # fmt: skip
     truth = 0.4 / inertia * np.maximum(result.samples.time - jump, 0.0)
     assert column(result, "link_velocity") == pytest.approx(truth, abs=1e-12)
-
-
-STRUCK = Body(mass=1.0, reach=0.1, inertia=0.01)
-"""Link of 0.02 kg m^2 about its joint."""
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize("late", [0.1, 0.3, 0.8])
-@pytest.mark.parametrize("pull", [0.0, 1.0, -1.0], ids=["free", "pressed", "pushed back"])
-def test_the_velocity_beside_an_impact_is_that_of_the_row(engine, compiled, late, pull):
-    """A link that moves freely until it strikes its stop rests there, or leaves it from the time of the impact on."""
-    step, speed, acceleration = 1e-3, 3.0, pull / 0.02
-    impact = (20 + late) * step
-    stop = speed * impact + 0.5 * acceleration * impact**2
-    body = replace(STRUCK, limits=f'<limit lower="-9" upper="{stop!r}" effort="99" velocity="99"/>')
-    result = run(
-        chain(body), engine=engine, gravity=0.0, duration=0.03, step=step, compiled=compiled,
-        external={"joint_1": Constant(value=pull)}, initial_velocities={"joint_1": speed},
-    )  # fmt: skip
-    time = result.samples.time
-    truth = np.where(time < impact, speed + acceleration * time, min(acceleration, 0.0) * (time - impact))
-    # The time of the impact is taken from the mean speed of a step, which the torque changes by this part.
-    early = abs(acceleration) * step / (speed + acceleration * impact)
-    assert column(result, "link_velocity") == pytest.approx(truth, abs=1e-9 + abs(acceleration) * early * step)
